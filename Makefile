@@ -1,0 +1,107 @@
+# make run [SCENE=bend5]  install, simulate, record, draw        make test  lint, format, tests
+# make install            .venv with the commands gdfe, sim_node
+# make torture            the numerical torture test             make bench run time against error
+# make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
+# make bags               record bags/ anew and replay them
+# make clean              remove .venv and everything that was built
+
+VENV   := .venv
+BIN    := $(VENV)/bin
+PYTHON ?= python3
+SCENE  ?= bend5
+JOBS   ?= 2
+
+# With a ROS 2 sourced, its rclpy serves and the wheels are left out; the stamp's name remembers which it was.
+ifdef ROS_DISTRO
+FLAVOUR   := ros-$(ROS_DISTRO)
+VENVFLAGS := --system-site-packages
+EXTRAS    := mcap,fast,mesh,plot,sweep
+else
+FLAVOUR   := wheels
+VENVFLAGS :=
+EXTRAS    := ros,mcap,fast,mesh,plot,sweep
+endif
+SOURCES := setup.py setup.cfg pyproject.toml package.xml Makefile
+STAMP   := $(VENV)/.installed-$(FLAVOUR)
+OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
+PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
+
+.PHONY: install run test browser torture bench bench-node bench-skip bags clean
+
+install: $(STAMP)
+
+define CHECK_MACHINE
+if ! $(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null; then
+  echo "gdfe_ros needs Python 3.10 to 3.13, but '$(PYTHON)' is: $$($(PYTHON) --version 2>&1)." >&2
+  echo "Install one of these versions and name it: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2
+  exit 2
+fi
+if [ "$(FLAVOUR)" = wheels ] && [ "$$(uname -sm)" != "Linux x86_64" ]; then
+  echo "ROS 2 comes as Python wheels for Linux x86_64 only; this machine is $$(uname -sm)." >&2
+  echo "Install ROS 2 Jazzy with apt (https://docs.ros.org/en/jazzy/Installation.html), then either" >&2
+  echo "  source /opt/ros/jazzy/setup.bash && make install" >&2
+  echo "or put this directory into the src/ of a workspace and: colcon build --packages-select gdfe_ros" >&2
+  exit 2
+fi
+if [ -n "$(OTHER)" ]; then
+  echo "$(VENV) was made for $(patsubst $(VENV)/.installed-%,%,$(OTHER)), this shell asks for $(FLAVOUR)" >&2
+  echo "(ROS_DISTRO is '$(ROS_DISTRO)'). Run 'make clean' first, or use the shell that it was made in." >&2
+  exit 2
+fi
+endef
+export CHECK_MACHINE
+
+$(STAMP): $(SOURCES)
+	@sh -c "$$CHECK_MACHINE"
+	@echo "installing into $(VENV) ($(FLAVOUR)) ..."
+	@$(PYTHON) -m venv $(VENVFLAGS) $(VENV)
+	@$(PIP) --editable '.[$(EXTRAS)]'
+	@touch $@
+
+# Tools for tests and benchmarks: $(VENV)/.extra-test, $(VENV)/.extra-bench
+$(VENV)/.extra-%: $(STAMP)
+	@echo "installing the extra '$*' ..."
+	@$(PIP) --editable '.[$*]'
+	@touch $@
+
+run: install
+	@$(BIN)/gdfe demo $(SCENE)
+
+# The report's test drives a real Chromium. Where it is missing and cannot be installed, that test fails and says so.
+browser:
+	@if ! command -v chromedriver >/dev/null && [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  echo "installing Chromium for the report's test ..."; \
+	  apt-get -qq update >/dev/null && \
+	  apt-get -qq install -y --no-install-recommends chromium chromium-driver >/dev/null || true; \
+	fi
+
+test: $(VENV)/.extra-test browser
+	@status=0; \
+	$(BIN)/ruff check . || status=1; \
+	$(BIN)/ruff format --check . || status=1; \
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile || status=1; \
+	exit $$status
+
+# Half an hour, most of it three walks of 100 000 steps; TORTURE_WALK_STEPS=1000 shortens them.
+# TORTURE_EXAMPLES=2500 makes the fuzzing of test/torture long: pytest test/torture/test_fuzz_scenes.py
+torture: $(VENV)/.extra-test
+	@$(BIN)/python -m pytest -n $(JOBS) -m torture test/torture test/node
+
+bench-node: install
+	@$(BIN)/python -m gdfe_ros.testing.bench
+
+bench-skip: install
+	@$(BIN)/python -m gdfe_ros.benchmark.savings
+
+bench-sweep: install
+	@$(BIN)/python -m gdfe_ros.benchmark.sweep
+
+bench: $(VENV)/.extra-bench
+	@$(BIN)/gdfe bench
+
+bags: install
+	@$(BIN)/python bags/record.py
+
+clean:
+	rm -rf $(VENV) build install log dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

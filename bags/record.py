@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records the bags of this directory with the shipped node, and replays each: ``make bags``.
+
+Run it after a change that alters results on purpose; tests replay the bags as they are.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Float64MultiArray, Header, String
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.scene import Scene, load_scene
+from gdfe_ros.testing import NodeProcess
+
+HERE = Path(__file__).resolve().parent
+NODE = "/gdfe_sim"
+TOLERANCE = 1e-8
+LIMIT = 5_000_000
+PATIENCE = 60.0
+BEGIN, END = "<!-- made by bags/record.py: -->", "<!-- end -->"
+HEADINGS = (
+    "| bag | what it shows | vertices | steps | cut | not converged | tolerance | elsewhere within | simulated [s] | "
+    "replay [s] |",
+    "|---|---|" + 8 * "--:|",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording:
+    """How one bag is made: the program of a scene, played to the node over topics.
+
+    Attributes:
+        scene: name.
+        steps: into which the program is cut.
+        dt: simulation time of a step [s]; programs are played slower than they are written where it asks for that.
+        shows: what, for the README.
+        within: times the tolerance by which a replay on another processor may differ: ten where the estimate of the
+            solver is one of the distance to the equilibrium; soft slender robots are up to a thousand times farther.
+        overrides: of the scene, beside the tolerance.
+        parameters: of the node, beside lockstep.
+    """
+
+    scene: str
+    steps: int
+    shows: str
+    within: float = 10.0
+    dt: float = 1.0
+    overrides: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
+
+
+RECORDINGS = {
+    "bend5": Recording(
+        scene="bend5",
+        steps=12,
+        shows="Sec. 5.1 of the paper: five segments from 100 to 20 kPa, the right face lifted by 0.20 m",
+    ),
+    "twist90": Recording(
+        scene="twist90", steps=15, shows="Sec. 5.2: a bar of Cheetah and NinjaFlex turned by 90 degrees"
+    ),
+    "tensile": Recording(
+        scene="tensile", steps=15, shows="Sec. 5.3: Cheetah and NinjaFlex in series, stretched by 100 %"
+    ),
+    "tendon_finger": Recording(
+        scene="tendon_finger",
+        steps=16,
+        dt=2.0,
+        shows="a robot with two cables that pull against each other; tensions and lengths on `joint_states`",
+        within=3000.0,
+        overrides={"solver.max_iterations": "10000"},
+    ),
+    "pneunet": Recording(
+        scene="pneunet",
+        steps=8,
+        dt=4.0,
+        shows="a robot curled by air; pressure and volume on `joint_states`, probes at its tip",
+        within=3000.0,
+        overrides={"solver.max_iterations": "10000"},
+    ),
+    "bend5_wall": Recording(
+        scene="bend5",
+        steps=40,
+        dt=0.05,
+        shows="the wall clock at 20 Hz with a deadline of 4 ms that cuts nearly every solve: the bag holds which "
+        "command each step took, and where each solve was cut",
+        overrides={"mesh.bar.cells": "[25, 2, 2]"},
+        parameters={"clock": "wall", "rate": 20.0, "deadline": 0.004, "command_set": [""]},
+    ),
+}
+
+
+class Conductor:
+    """Commands a node over topics, a step at a time; a context manager.
+
+    Args:
+        scene: that the node simulates.
+        alive: whether the node still runs.
+    """
+
+    def __init__(self, scene: Scene, alive: Callable[[], bool]) -> None:
+        self._program, self._alive, self._step = scene.program, alive, -1
+        self._actuators = [actuator.name for actuator in scene.actuators]
+        rclpy.init()
+        self._node = rclpy.create_node("conductor")
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._targets = {
+            name: self._node.create_publisher(PoseStamped, f"{NODE}/handles/{name}/target", 100)
+            for name in scene.program.keyframes
+        }
+        self._commands = self._node.create_publisher(Float64MultiArray, f"{NODE}/commands", 100)
+        state = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._node.create_subscription(String, f"{NODE}/step_record", self._see, state)
+
+    def wait_for_node(self) -> None:
+        """Wait until the node publishes and listens."""
+        topics = [*self._targets.values(), *([self._commands] if self._actuators else [])]
+        self._wait(lambda: self._step >= 0 and all(topic.get_subscription_count() for topic in topics))
+
+    def play(self, moment: float) -> None:
+        """Command what the program says at a moment [s] and wait for the step that consumes it."""
+        count = self._step + 1
+        for name, pose in self._program.handle_poses(moment).items():
+            self._targets[name].publish(pose_stamped(Header(frame_id="base_link"), pose))
+        if self._actuators:
+            values = self._program.actuator_values(moment)
+            self._commands.publish(Float64MultiArray(data=[float(values[name]) for name in self._actuators]))
+        self._wait(lambda: self._step >= count)
+
+    def __enter__(self) -> Conductor:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.shutdown()
+
+    def _see(self, message: String) -> None:
+        self._step = StepRecord.from_json(message.data).step
+
+    def _wait(self, done: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE
+        while not done():
+            if not self._alive() or time.monotonic() > end:
+                raise GdfeError("the node ended, or did not answer")
+            self._executor.spin_once(timeout_sec=0.05)
+
+
+def main() -> int:
+    """Record all, or those named on the command line; return 0 where every replay is bit-identical."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    unknown = sorted(set(sys.argv[1:]) - set(RECORDINGS))
+    if unknown:
+        print(f"no recording {', '.join(unknown)}; recordings: {', '.join(RECORDINGS)}", file=sys.stderr)
+        return 2
+    passed = [make(name) for name in sys.argv[1:] or RECORDINGS]
+    describe()
+    size = sum(file.stat().st_size for file in HERE.glob("*/*"))
+    print(f"{size / 1e6:.2f} MB in all bags; allowed: {LIMIT / 1e6:g} MB")
+    return 0 if all(passed) and size <= LIMIT else 1
+
+
+def describe() -> None:
+    """Replay every bag and write the table of the README."""
+    readme = HERE / "README.md"
+    rows = [row(name) for name in RECORDINGS if (HERE / name).is_dir()]
+    before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
+    _, _, after = rest.partition(END)
+    table = "\n".join(["", "", *HEADINGS, *rows, "", ""])
+    readme.write_text(f"{before}{BEGIN}{table}{END}{after}", encoding="utf-8")
+    print("\n".join(rows))
+
+
+def row(name: str) -> str:
+    """Give what the README says about a bag."""
+    run, recording = BagRun(HERE / name), RECORDINGS[name]
+    report = Replay(run).run()
+    cut = sum(record.cut for record in run.records)
+    missed = sum(not record.converged and not record.cut for record in run.records)
+    cells = (
+        f"`{name}`",
+        recording.shows,
+        f"{run.mesh.n_vertices}",
+        f"{len(run.records)}",
+        f"{cut}",
+        f"{missed}",
+        f"{run.scene.solver.tolerance:g}",
+        f"{recording.within:g}",
+        f"{report.duration:.3g}",
+        f"{report.wall_time:.2g}",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def make(name: str) -> bool:
+    """Record one bag in place of the old one and replay it."""
+    target, fresh = HERE / name, HERE / f".{name}"
+    shutil.rmtree(fresh, ignore_errors=True)
+    record(RECORDINGS[name], fresh / name)
+    report = Replay(BagRun(fresh / name)).run()
+    shutil.rmtree(target, ignore_errors=True)
+    (fresh / name).rename(target)
+    fresh.rmdir()
+    verdict = report.differences.verdict()
+    print(
+        f"{name}: {report.differences.steps} steps, {report.cuts} cut by a deadline; {report.duration:.3g} s of "
+        f"simulation replayed in {report.wall_time:.3g} s: {verdict.value}"
+    )
+    return verdict is Verdict.IDENTICAL
+
+
+def record(recording: Recording, bag: Path) -> None:
+    """Play the scene's program to a node that records.
+
+    Raises:
+        GdfeError: the node ended or did not answer.
+    """
+    overrides = {"solver.tolerance": f"{TOLERANCE:g}", **recording.overrides}
+    scene = load_scene(recording.scene, overrides=overrides)
+    inputs = [f"handles/{name}/target" for name in scene.program.keyframes]
+    parameters = {
+        "scene": recording.scene,
+        "scene_overrides": [f"{key}={value}" for key, value in overrides.items()],
+        "clock": "lockstep",
+        "dt": recording.dt,
+        "command_set": [*inputs, *(["commands"] if scene.actuators else [])],
+        "record": True,
+        "bag_path": str(bag),
+        **recording.parameters,
+    }
+    with NodeProcess(parameters) as node, Conductor(scene, lambda: node.running) as conductor:
+        conductor.wait_for_node()
+        for moment in np.linspace(0.0, scene.program.duration, recording.steps + 1)[1:]:
+            conductor.play(moment)
+        time.sleep(0.2)
+        if node.stop() != 0:
+            raise GdfeError(f"the node ended with status {node.status}:\n{node.log}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What moves a body besides its plates: cables, chambers, growth, loads."""
+
+from __future__ import annotations
+
+from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Growth, Mode
+from gdfe_ros.actuators.embedding import Embedding, embed
+from gdfe_ros.actuators.load import Gravity, Load, PointLoad, SurfaceLoad
+
+__all__ = [
+    "Actuator",
+    "ActuatorState",
+    "Cable",
+    "Chamber",
+    "Embedding",
+    "Gravity",
+    "Growth",
+    "Load",
+    "Mode",
+    "PointLoad",
+    "SurfaceLoad",
+    "embed",
+]

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Actuators as a scene states them, and what they report. SI units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.embedding import Embedding
+
+
+class Mode(str, Enum):
+    """What the command of an actuator means."""
+
+    TENSION = "tension"
+    LENGTH = "length"
+    SHORTENING = "shortening"
+    PRESSURE = "pressure"
+    VOLUME = "volume"
+    GROWTH = "growth"
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the command; empty for a number."""
+        return {"tension": "N", "length": "m", "shortening": "m", "pressure": "Pa", "volume": "m^3"}.get(self.value, "")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Actuator:
+    """What every actuator has.
+
+    Attributes:
+        name: unique in the scene among actuators and loads; part of topic names.
+        mode: what its command means.
+        low, high: range of the command, in the unit of the mode.
+        rate: largest change of the command in a second of simulation time; infinite for none.
+    """
+
+    name: str
+    mode: Mode
+    low: float = -math.inf
+    high: float = math.inf
+    rate: float = math.inf
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cable(Actuator):
+    """A frictionless polyline through material points; it pulls and never pushes.
+
+    Its energy is T L under a commanded tension T. Under a commanded length l it is the least energy with L <= l: slack
+    where the cable is shorter anyway. With a ``stiffness`` k the cable is elastic instead: k/2 (L - l)^2 where L > l.
+
+    Attributes:
+        points: two or more points of the body, from end to end.
+        stiffness: of the whole cable [N/m]; infinite for an inextensible one.
+    """
+
+    points: Embedding
+    stiffness: float = math.inf
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Chamber(Actuator):
+    """A closed surface inside the body filled with a fluid: energy -p V, or a given volume V with the pressure found.
+
+    Attributes:
+        quads: (q, 4) int32 vertices, normals out of the chamber, into the material.
+    """
+
+    quads: NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Growth(Actuator):
+    """Cells that want another size (shape memory, swelling, fibres): F_e = F G^-1, energy det G W(F_e).
+
+    At command c the stretch is G = 1 + c (G_1 - 1); where several growths share a cell, their G - 1 add up.
+
+    Attributes:
+        cells: (k,) int32 cells that grow.
+        stretch: (3, 3) symmetric stretch G_1 at command 1, positive definite.
+    """
+
+    cells: NDArray[np.int32]
+    stretch: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ActuatorState:
+    """What an actuator does at the present equilibrium.
+
+    Attributes:
+        mode: what the command means.
+        command: command in force, in the unit of the mode.
+        extent: length of a cable [m], volume of a chamber [m^3], mean det G of a growth.
+        effort: tension of a cable [N], pressure of a chamber over its surroundings [Pa], 0 for a growth.
+    """
+
+    mode: Mode
+    command: float
+    extent: float
+    effort: float
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the command."""
+        return self.mode.unit
+
+    def readings(self) -> list[tuple[str, float, str]]:
+        """Return what the actuator reports, as (quantity, value, unit)."""
+        if self.mode is Mode.GROWTH:
+            return [("volume over that at rest", self.extent, "")]
+        if self.mode in (Mode.PRESSURE, Mode.VOLUME):
+            return [("volume", self.extent, "m^3"), ("pressure", self.effort, "Pa")]
+        return [("length", self.extent, "m"), ("tension", self.effort, "N")]

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Material points: fixed trilinear weights of the eight corners of the cell that each lies in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.operators import CORNERS
+
+SLACK = 1e-5
+"""Points this far outside of a cell, in its reference coordinates -1 .. 1, still lie on its face."""
+NEIGHBOURS = 64
+NEWTON_STEPS = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Embedding:
+    """Points that move with the body.
+
+    Attributes:
+        corners: (p, 8) int32 vertices of the cell around each point.
+        weights: (p, 8) float64 trilinear weights, each row sums to one.
+    """
+
+    corners: NDArray[np.int32]
+    weights: NDArray[np.float64]
+
+    def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where the points are (p, 3) [m] when the vertices are at ``positions`` (n, 3) [m]."""
+        return np.einsum("pa,pai->pi", self.weights, positions[self.corners])
+
+
+def embed(mesh: HexMesh, points: ArrayLike, *, what: str) -> Embedding:
+    """Find the cell and the weights of each point (p, 3) [m].
+
+    Args:
+        mesh: the body at rest.
+        points: coordinates [m]; on a face shared by cells the weights are the same from either side.
+        what: what to call the points in an error.
+
+    Raises:
+        MeshError: a point lies outside of the body; every such point is named with the nearest point of the body.
+    """
+    points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    corners = mesh.vertices[mesh.cells]
+    tree = cKDTree(mesh.centroids)
+    _, nearest = tree.query(points, k=min(NEIGHBOURS, mesh.n_cells))
+    cells = np.zeros(len(points), dtype=np.int64)
+    weights = np.zeros((len(points), 8))
+    defects = []
+    for i, candidates in enumerate(np.atleast_2d(nearest.reshape(len(points), -1))):
+        reference = _reference(points[i], corners[candidates])
+        beyond = np.abs(reference).max(axis=1)
+        best = int(np.argmin(beyond))
+        weights[i] = _weights(np.clip(reference[best], -1.0, 1.0)[None])[0]
+        cells[i] = candidates[best]
+        if not beyond[best] <= 1.0 + SLACK:
+            found = ", ".join(f"{value:.4g}" for value in weights[i] @ corners[cells[i]])
+            given = ", ".join(f"{value:.4g}" for value in points[i])
+            defects.append(f"point {i} at ({given}) m lies outside of the body; the body is near ({found}) m")
+    if defects:
+        raise MeshError(what, defects)
+    return Embedding(np.ascontiguousarray(mesh.cells[cells], dtype=np.int32), weights)
+
+
+def _weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    return 0.125 * np.prod(1.0 + reference[:, None, :] * CORNERS, axis=2)
+
+
+def _reference(point: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Invert the trilinear map of cells (k, 8, 3) at one point by Newton's method: reference coordinates (k, 3)."""
+    reference = np.zeros((len(corners), 3))
+    for _ in range(NEWTON_STEPS):
+        factors = 1.0 + reference[:, None, :] * CORNERS
+        gap = point - np.einsum("ka,kai->ki", 0.125 * factors.prod(axis=2), corners)
+        local = 0.125 * np.stack(
+            [
+                CORNERS[:, 0] * factors[..., 1] * factors[..., 2],
+                CORNERS[:, 1] * factors[..., 0] * factors[..., 2],
+                CORNERS[:, 2] * factors[..., 0] * factors[..., 1],
+            ],
+            axis=2,
+        )
+        jacobian = np.einsum("kai,kaj->kij", corners, local)
+        reference += np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
+        reference = np.clip(reference, -3.0, 3.0)
+    return reference

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dead loads: forces that keep their size and direction while the body moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.embedding import Embedding
+from gdfe_ros.mesh.operators import CORNERS
+
+GAUSS = 3.0**-0.5
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Gravity:
+    """The weight of every cell.
+
+    Attributes:
+        name: unique in the scene among actuators and loads.
+        acceleration: (3,) [m/s^2].
+        density: (m,) of each cell [kg/m^3].
+    """
+
+    name: str
+    acceleration: NDArray[np.float64]
+    density: NDArray[np.float64]
+
+    def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Return the force at each vertex (n, 3) [N]: each corner's share of the mass is exact for trilinear cells."""
+        corners = rest[cells]
+        share = np.zeros((len(cells), 8))
+        for point in GAUSS * CORNERS:
+            factors = 1.0 + CORNERS * point
+            local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
+            volume = np.linalg.det(np.einsum("eai,aj->eij", corners, local))
+            share += volume[:, None] * 0.125 * factors.prod(axis=1)
+        return _collect(len(rest), cells, (self.density[:, None] * share)[..., None] * self.acceleration)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PointLoad:
+    """A force at a material point.
+
+    Attributes:
+        name: unique in the scene among actuators and loads.
+        point: where it acts, one point.
+        force: (3,) [N].
+    """
+
+    name: str
+    point: Embedding
+    force: NDArray[np.float64]
+
+    def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Return the force at each vertex (n, 3) [N]."""
+        return _collect(len(rest), self.point.corners, self.point.weights[..., None] * self.force)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SurfaceLoad:
+    """A traction on faces, over their area at rest.
+
+    Attributes:
+        name: unique in the scene among actuators and loads.
+        quads: (q, 4) int32 vertices of the faces.
+        traction: (3,) [Pa].
+    """
+
+    name: str
+    quads: NDArray[np.int32]
+    traction: NDArray[np.float64]
+
+    def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Return the force at each vertex (n, 3) [N]."""
+        return _collect(len(rest), self.quads, corner_areas(rest, self.quads)[..., None] * self.traction)
+
+
+Load = Gravity | PointLoad | SurfaceLoad
+
+
+def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the share of each corner in the area of each bilinear quad, (q, 4) [m^2], by 2 x 2 Gauss points."""
+    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    corners = rest[quads]
+    areas = np.zeros(quads.shape)
+    for point in GAUSS * signs:
+        factors = 1.0 + signs * point
+        first = np.einsum("a,qai->qi", 0.25 * signs[:, 0] * factors[:, 1], corners)
+        second = np.einsum("a,qai->qi", 0.25 * signs[:, 1] * factors[:, 0], corners)
+        areas += np.linalg.norm(np.cross(first, second), axis=1)[:, None] * 0.25 * factors.prod(axis=1)
+    return areas
+
+
+def _collect(count: int, owners: NDArray[np.int32], forces: NDArray[np.float64]) -> NDArray[np.float64]:
+    total = np.zeros((count, 3))
+    np.add.at(total, owners.ravel(), forces.reshape(-1, 3))
+    return total

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run: what the bag of a node holds, as arrays."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.recording.decoding import array_decoder
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.scene import Scene, scene_from_text
+
+
+class BagRun:
+    """The run in a bag that a node recorded.
+
+    Args:
+        path: directory of the bag, or one of its MCAP files.
+
+    Raises:
+        RecordingError: no bag there, or not of this package's node.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.reader = BagReader(path)
+        self._decode = array_decoder(self.reader.topics.values())
+        if self.reader.run is None or not self.topics("/step_record"):
+            raise RecordingError(f"bag {path} was not recorded by sim_node; it has {sorted(self.reader.topics)}")
+
+    @property
+    def message_count(self) -> int:
+        """Messages in the bag."""
+        return len(self.reader)
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene that was simulated."""
+        return scene_from_text(self.reader.run.scene, origin=f"of bag {self.reader.path}")
+
+    @property
+    def mesh(self) -> HexMesh:
+        """The rest mesh."""
+        return self.scene.mesh
+
+    @cached_property
+    def records(self) -> list[StepRecord]:
+        """The record of each step, in order."""
+        return [StepRecord.from_json(message.data) for _, message in self.messages("/step_record")]
+
+    def topics(self, ending: str) -> list[str]:
+        """Return the names of the topics that end so, sorted."""
+        return sorted(name for name in self.reader.topics if name.endswith(ending))
+
+    def messages(self, ending: str) -> Iterator[tuple[int, Any]]:
+        """Iterate over log time [ns] and decoded message of the topics that end so."""
+        for message in self.reader.messages(self.topics(ending)):
+            yield message.log_time, self._decode(message.type, message.data)
+
+    def clouds(self, ending: str) -> Iterator[tuple[float, NDArray[np.float32], list[str]]]:
+        """Iterate over the time [s], values (k, c) float32 and column names of the clouds of a topic."""
+        for _, cloud in self.messages(ending):
+            stamp = cloud.header.stamp
+            values = np.frombuffer(cloud.data.tobytes(), dtype="<f4").reshape(cloud.width, -1)
+            yield stamp.sec + 1e-9 * stamp.nanosec, values, [field.name for field in cloud.fields]
+
+    def last_positions(self) -> NDArray[np.float64]:
+        """Return the vertices (n, 3) [m] of the last mesh message."""
+        return _last(self.clouds("/mesh"))[1][:, :3].astype(np.float64)
+
+    def last_strain(self, name: str) -> NDArray[np.float64]:
+        """Return a column (m,) of the last strain message by name, e.g. ``eps_eq``."""
+        _, values, names = _last(self.clouds("/strain"))
+        return values[:, names.index(name)].astype(np.float64)
+
+    def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
+        """Return by handle the last force [N] and moment [N m] that it exerts on the body."""
+        wrenches = {}
+        for topic in self.topics("/wrench"):
+            _, message = _last(self.messages(topic))
+            force, torque = message.wrench.force, message.wrench.torque
+            wrenches[topic.split("/")[-2]] = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
+        return wrenches
+
+
+def _last(items: Iterator[Any]) -> Any:
+    kept = deque(items, maxlen=1)
+    if not kept:
+        raise RecordingError("the bag holds no message of this topic")
+    return kept[0]

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run step by step: what each step consumed, and every array that was published of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.message_values import Values, message_values, record_values
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.decoding import array_decoder
+from gdfe_ros.recording.step_record import StepRecord
+
+RECORD = "step_record"
+_INPUTS = frozenset({"target", "velocity", "actuation", "commands", "trajectory"})
+"""Last parts of topics that the node listens to; what it made of them stands in the step record."""
+_OTHERS = frozenset({"topology", "scene", "markers", "jacobian"})
+"""Topics of the node that are not published once a step."""
+
+StepKey = tuple[int, int]
+"""Stamp [ns] of a step, and how many earlier steps of the run have the same stamp."""
+
+
+@dataclass(frozen=True, eq=False)
+class BagStep:
+    """One step of a recorded run.
+
+    Attributes:
+        record: what it consumed and how it went.
+        key: names it across runs.
+        samples: arrays by topic (without the node's name) and field; ``step_record`` among them.
+    """
+
+    record: StepRecord
+    key: StepKey
+    samples: dict[str, Values] = field(default_factory=dict)
+
+
+def stamp_of(record: StepRecord) -> int:
+    """Give the stamp [ns] of everything that is published of a step."""
+    return round(record.time * 1e9)
+
+
+def step_keys(records: Collection[StepRecord]) -> list[StepKey]:
+    """Name the steps of a run, in order."""
+    seen: Counter[int] = Counter()
+    keys = []
+    for record in records:
+        stamp = stamp_of(record)
+        keys.append((stamp, seen[stamp]))
+        seen[stamp] += 1
+    return keys
+
+
+class BagSteps:
+    """The steps of a bag, read one after the other: a long bag never lies in memory as a whole.
+
+    A step's messages stand together in the bag, around its record, with its log time. Two steps in a row may have the
+    same log time (a reset, a state that is published again): what the first has already belongs to the second.
+
+    Args:
+        run: that was recorded.
+        topics: names without the node's, e.g. ``mesh``; None: all that are published once a step.
+
+    Attributes:
+        topics: that are read.
+        strays: messages met so far, by topic, whose step has no record in the bag (it was dropped or lost).
+    """
+
+    def __init__(self, run: BagRun, *, topics: Collection[str] | None = None) -> None:
+        self.run = run
+        names = {self._short(name): name for name in run.reader.topics}
+        self.topics = {short: name for short, name in names.items() if _is_step_topic(short)}
+        if topics is not None:
+            missing = sorted(set(topics) - set(self.topics))
+            if missing:
+                raise RecordingError(
+                    f"bag {run.reader.path} has no topic {missing}; published once a step are {sorted(self.topics)}"
+                )
+            self.topics = {short: name for short, name in self.topics.items() if short in {*topics, RECORD}}
+        self.strays: Counter[str] = Counter()
+
+    @property
+    def prefix(self) -> str:
+        """Full name of the node that recorded."""
+        return self.run.topics(f"/{RECORD}")[0].removesuffix(f"/{RECORD}")
+
+    def __iter__(self) -> Iterator[BagStep]:
+        decode = array_decoder(self.run.reader.topics.values())
+        keys = iter(step_keys(self.run.records))
+        current, moment, early = None, 0, []
+        self.strays.clear()
+        for message in self.run.reader.messages(list(self.topics.values())):
+            short = self._short(message.topic)
+            content = decode(message.type, message.data)
+            if short == RECORD:
+                if current is not None:
+                    yield current
+                record, moment = StepRecord.from_json(content.data), message.log_time
+                samples = {RECORD: record_values(record), **self._of(moment, early)}
+                current, early = BagStep(record, next(keys), samples), []
+            elif current is None or message.log_time != moment or short in current.samples:
+                early.append((short, message.log_time, content))
+            else:
+                current.samples[short] = message_values(content)
+        if current is not None:
+            yield current
+        self.strays.update(short for short, _, _ in early)
+
+    def _of(self, moment: int, early: list[tuple[str, int, Any]]) -> dict[str, Values]:
+        """Take what came before the record of its step; what is of another time is a stray."""
+        self.strays.update(short for short, time, _ in early if time != moment)
+        return {short: message_values(content) for short, time, content in early if time == moment}
+
+    def _short(self, topic: str) -> str:
+        return topic.removeprefix(f"{self.prefix}/")
+
+
+def _is_step_topic(name: str) -> bool:
+    return not name.startswith("/") and name not in _OTHERS and name.rpartition("/")[2] not in _INPUTS

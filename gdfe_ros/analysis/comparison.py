@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Comparison of two recorded runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.bag_steps import BagStep, BagSteps, StepKey, step_keys
+from gdfe_ros.analysis.difference import Differences
+from gdfe_ros.scene.document import parse_document
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What ``compare_bags`` found.
+
+    Attributes:
+        differences: of the steps that both bags have.
+        only: number of steps that only the first and only the second bag has.
+        scene_changes: by dotted key what the scenes of the first and the second bag say, where that differs.
+    """
+
+    differences: Differences
+    only: tuple[int, int]
+    scene_changes: dict[str, tuple[Any, Any]]
+
+
+def compare_bags(first: str | Path, second: str | Path) -> Comparison:
+    """Compare every array of the steps that two bags have in common; steps are paired by their stamp.
+
+    Raises:
+        RecordingError: a bag cannot be read or was not recorded by this package's node.
+
+    Example:
+        >>> comparison = compare_bags("runs/a", "runs/b")
+        >>> comparison.differences.verdict()
+    """
+    runs = BagRun(first), BagRun(second)
+    keys = [step_keys(run.records) for run in runs]
+    common = set(keys[0]) & set(keys[1])
+    differences = Differences(runs[0].scene)
+    pairs = zip(*(_chosen(run, common) for run in runs), strict=True)
+    waiting: tuple[dict[StepKey, BagStep], dict[StepKey, BagStep]] = {}, {}
+    # A reset puts stamps back, so that equal keys may come in another order.
+    for pair in pairs:
+        for side, step in enumerate(pair):
+            waiting[side][step.key] = step
+        for key in waiting[0].keys() & waiting[1].keys():
+            differences.add(key, waiting[0].pop(key).samples, waiting[1].pop(key).samples)
+    only = len(keys[0]) - len(common), len(keys[1]) - len(common)
+    return Comparison(differences, only, _scene_changes(*runs))
+
+
+def _chosen(run: BagRun, keys: set[StepKey]) -> Iterator[BagStep]:
+    return (step for step in BagSteps(run) if step.key in keys)
+
+
+def _scene_changes(first: BagRun, second: BagRun) -> dict[str, tuple[Any, Any]]:
+    entries = [dict(_entries(parse_document(run.reader.run.scene, heading="scene").data)) for run in (first, second)]
+    keys = [*entries[0], *(key for key in entries[1] if key not in entries[0])]
+    pairs = {key: (entries[0].get(key), entries[1].get(key)) for key in keys}
+    return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def _entries(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Flatten the scene; lists of numbers stay whole."""
+    if isinstance(data, dict):
+        parts = data.items()
+    elif isinstance(data, list) and any(isinstance(item, dict) for item in data):
+        parts = enumerate(data)
+    else:
+        yield path, data
+        return
+    for key, value in parts:
+        yield from _entries(value, f"{path}.{key}" if path else str(key))

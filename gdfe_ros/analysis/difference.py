@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How two runs differ: bit by bit, and by how much."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.analysis.bag_steps import RECORD, StepKey
+from gdfe_ros.analysis.message_values import Values
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.scene import Scene
+
+LENGTHS = frozenset({"x", "y", "z", "ux", "uy", "uz"})
+_RATIOS = ("eps_eq", "J", "omega", "min_det")
+_COSTS = ("iterations", "substeps", "residual", "skipped")
+
+
+class Verdict(Enum):
+    """What a comparison came to."""
+
+    IDENTICAL = "bit-identical"
+    WITHIN = "within the tolerance"
+    DIFFERENT = "different"
+
+
+@dataclass(frozen=True)
+class Place:
+    """One number of a run.
+
+    Attributes:
+        key: of the step.
+        element: vertex, cell or entry.
+        values: in the first and in the second run.
+    """
+
+    key: StepKey
+    element: int
+    values: tuple[float, float]
+
+    @property
+    def stamp(self) -> float:
+        """Simulation time [s]."""
+        return self.key[0] * 1e-9
+
+
+@dataclass(kw_only=True)
+class FieldDifference:
+    """How one field of one topic differs.
+
+    Attributes:
+        topic: without the node's name.
+        field: of its messages.
+        compared: number of arrays.
+        differing: how many of them have a different bit.
+        resized: how many of them have different lengths; these have no differences in numbers.
+        first: the first number that differs.
+        most: the number that differs most; NaN counts as more than anything.
+        scale: largest magnitude in the first run.
+        gaps: largest difference by the tolerance that the step was solved to.
+    """
+
+    topic: str
+    field: str
+    compared: int = 0
+    differing: int = 0
+    resized: int = 0
+    first: Place | None = None
+    most: Place | None = None
+    scale: float = 0.0
+    gaps: dict[float, float] = field(default_factory=dict)
+
+    @property
+    def largest(self) -> float:
+        """Largest difference, in the unit of the field; infinite where one run has no number."""
+        if self.most is None:
+            return 0.0
+        return _gap(*self.most.values)
+
+    def add(self, key: StepKey, first: NDArray[Any], second: NDArray[Any], *, tolerance: float = 0.0) -> None:
+        """Compare two arrays of a step that was solved to a tolerance."""
+        self.compared += 1
+        if first.size and np.isfinite(first).any():
+            self.scale = max(self.scale, float(np.nanmax(np.abs(first), where=np.isfinite(first), initial=0.0)))
+        if first.shape != second.shape:
+            self.resized += 1
+            self.differing += 1
+            return
+        if first.dtype == second.dtype and first.tobytes() == second.tobytes():
+            return
+        self.differing += 1
+        different = np.flatnonzero(_bits(first) != _bits(second))
+        with np.errstate(invalid="ignore"):
+            gaps = np.abs(first.astype(float) - second.astype(float))[different]
+        gaps = np.where(np.isnan(gaps), np.inf, gaps)
+        self.first = self.first or _place(key, different[0], first, second)
+        worst = _place(key, different[np.argmax(gaps)], first, second)
+        gap = _gap(*worst.values)
+        self.gaps[tolerance] = max(gap, self.gaps.get(tolerance, 0.0))
+        if self.most is None or gap > self.largest:
+            self.most = worst
+
+
+class Differences:
+    """Differences of two runs, gathered step by step.
+
+    Args:
+        scene: of the first run; its tolerance, size, shortest edge and stiffness say which differences are small.
+
+    Attributes:
+        fields: by topic and field, in the order met.
+        steps: number of steps compared.
+        unmatched: arrays that only one of the runs has, by topic.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._size, self._tolerance = scene.mesh.size, scene.solver.tolerance
+        self._open = self._tolerance
+        self._gain = scene.mesh.size / _shortest_edge(scene.mesh)
+        low, high = scene.mesh.bounds
+        self._young = max(material.young0 for material in scene.materials.values())
+        self._axial = self._young * float(np.prod(high - low)) / scene.mesh.size
+        self.fields: dict[tuple[str, str], FieldDifference] = {}
+        self.steps = 0
+        self.unmatched: Counter[str] = Counter()
+
+    def add(self, key: StepKey, first: Mapping[str, Values], second: Mapping[str, Values]) -> None:
+        """Compare everything that was published of one step."""
+        self.steps += 1
+        self.unmatched.update(set(first) ^ set(second))
+        tolerance = self._reached(first.get(RECORD, {}))
+        for topic in first:
+            if topic in second:
+                self._add_topic(key, topic, first[topic], second[topic], tolerance)
+
+    def _reached(self, record: Values) -> float:
+        """Give what a step was solved to: the tolerance, or the largest residual since the last that converged."""
+        if "converged" not in record or record["converged"].item():
+            self._open = self._tolerance
+        else:
+            self._open = max(self._open, float(record["residual"].item()))
+        return self._open
+
+    def _add_topic(self, key: StepKey, topic: str, first: Values, second: Values, tolerance: float) -> None:
+        for name in (*first, *(name for name in second if name not in first)):
+            entry = self.fields.setdefault((topic, name), FieldDifference(topic=topic, field=name))
+            none = np.zeros(0)
+            entry.add(key, first.get(name, none), second.get(name, none), tolerance=tolerance)
+
+    @property
+    def differing(self) -> list[FieldDifference]:
+        """Fields that are not bit-identical, in the order of their first difference."""
+        found = [entry for entry in self.fields.values() if entry.differing]
+        return sorted(found, key=lambda entry: entry.first.key if entry.first else (-1, 0))
+
+    @property
+    def compared(self) -> int:
+        """Number of arrays compared."""
+        return sum(entry.compared for entry in self.fields.values())
+
+    def allowed(self, entry: FieldDifference, factor: float, tolerance: float | None = None) -> float:
+        """Give the difference that ``factor`` times the solver's tolerance explains, in the unit of the field.
+
+        Steps that did not converge in the first run, e.g. as a deadline cut them, go on from each other's errors: the
+        largest residual that one of them ended with since the last that converged counts instead of the tolerance
+        (None: the loosest that differed). Whether another run converges there is not judged.
+
+        The tolerance bounds the displacement over the body's size: lengths may differ by that, strains by that
+        over the shortest edge, and moduli, energies and forces by as much of the largest value of their kind. A force
+        may differ by Young's modulus times the mean cross section times the tolerance, too: the axial force of a
+        body that is displaced by so little, however small the forces of its bending are.
+        One unit in the last place of a float32 is added for what is published as such. Iterations and residuals
+        are the cost of a solve, no part of its result, and may differ by anything; velocities of joint states are
+        differences of positions, which are compared themselves.
+        """
+        if (entry.topic == RECORD and entry.field.startswith(_COSTS)) or entry.field == "velocity":
+            return np.inf
+        tolerance = max(entry.gaps, default=self._tolerance) if tolerance is None else tolerance
+        if entry.field == "converged" and tolerance > self._tolerance:
+            return np.inf
+        scale = self._scale(entry)
+        rounding = float(np.finfo(np.float32).eps) * entry.scale
+        return factor * tolerance * scale + rounding if factor > 0.0 else rounding
+
+    def verdict(self, factor: float = 0.0) -> Verdict:
+        """Judge; with a ``factor`` above 0, differences up to so many times the solver's tolerance are allowed."""
+        if not self.differing and not self.unmatched:
+            return Verdict.IDENTICAL
+        if factor <= 0.0 or self.unmatched:
+            return Verdict.DIFFERENT
+        within = all(self._is_within(entry, factor) for entry in self.differing)
+        return Verdict.WITHIN if within else Verdict.DIFFERENT
+
+    def factor_needed(self) -> float:
+        """Give the smallest factor with which all differences are allowed; infinite where there is none."""
+        if self.unmatched:
+            return np.inf
+        return max((self._factor_of(entry) for entry in self.differing), default=0.0)
+
+    def _factor_of(self, entry: FieldDifference) -> float:
+        needed = 0.0
+        if entry.resized and self.allowed(entry, 1.0) < np.inf:
+            return np.inf
+        for tolerance, gap in entry.gaps.items():
+            rounding = self.allowed(entry, 0.0, tolerance)
+            share = self.allowed(entry, 1.0, tolerance) - rounding
+            if gap > rounding:
+                needed = max(needed, (gap - rounding) / share if share > 0.0 else np.inf)
+        return needed
+
+    def _is_within(self, entry: FieldDifference, factor: float) -> bool:
+        if entry.resized:
+            return self.allowed(entry, factor) == np.inf
+        return all(gap <= self.allowed(entry, factor, tolerance) for tolerance, gap in entry.gaps.items())
+
+    def _scale(self, entry: FieldDifference) -> float:
+        if entry.field in LENGTHS or ".position." in entry.field:
+            return self._size
+        if entry.field in _RATIOS or ".orientation." in entry.field:
+            return self._gain
+        scale = self._gain * max(other.scale for other in self._kin(entry))
+        if entry.field == "energy_density":  # W = E eps^2 / 2 changes by sqrt(2 E W) with a strain
+            return max(scale, self._gain * float(np.sqrt(2.0 * self._young * entry.scale)))
+        if ".force." in entry.field or entry.field == "effort":
+            return max(scale, self._axial)
+        return max(scale, self._axial * self._size) if ".torque." in entry.field else scale
+
+    def _kin(self, entry: FieldDifference) -> Iterator[FieldDifference]:
+        """Give the components of the same vector: one that is zero has no scale of its own."""
+        stem = entry.field.rpartition(".")[0]
+        for other in self.fields.values():
+            if other.topic == entry.topic and (other is entry or (stem and other.field.startswith(f"{stem}."))):
+                yield other
+
+
+def _shortest_edge(mesh: HexMesh) -> float:
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    corners = mesh.vertices[mesh.cells]
+    return min(float(np.linalg.norm(corners[:, a] - corners[:, b], axis=1).min()) for a, b in edges)
+
+
+def _bits(values: NDArray[Any]) -> NDArray[np.unsignedinteger]:
+    """View numbers as their bits, widened to double: NaN equals NaN, 0 differs from -0."""
+    return np.ascontiguousarray(values, dtype=np.float64).view(np.uint64)
+
+
+def _place(key: StepKey, element: int, first: NDArray[Any], second: NDArray[Any]) -> Place:
+    return Place(key, int(element), (float(first[element]), float(second[element])))
+
+
+def _gap(first: float, second: float) -> float:
+    gap = abs(first - second)
+    return np.inf if np.isnan(gap) else gap

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Differences of two runs as a table for people."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+from rich.console import Console
+from rich.table import Table
+
+from gdfe_ros.analysis.bag_steps import RECORD
+from gdfe_ros.analysis.difference import Differences, FieldDifference, Place
+
+UNITS = {
+    "x": "m", "y": "m", "z": "m", "ux": "m", "uy": "m", "uz": "m",
+    "tangent": "Pa", "energy_density": "J/m^3", "energy": "J", "position": "m", "force": "N", "torque": "N m",
+}  # fmt: skip
+_VECTORS = {"x": "x y z", "y": "x y z", "z": "x y z", "ux": "ux uy uz", "uy": "ux uy uz", "uz": "ux uy uz"}
+_NARROW = 130
+
+
+def wide_console() -> Console:
+    """Give a console that does not squeeze tables into the 80 columns of a file or pipe."""
+    console = Console(soft_wrap=True)
+    return console if console.is_terminal else Console(soft_wrap=True, width=_NARROW)
+
+
+def difference_table(differences: Differences, *, factor: float) -> Table:
+    """List what differs, the first to differ first; components of a vector share a row that shows the worst.
+
+    Args:
+        differences: of two runs.
+        factor: the limit shown is this times the solver's tolerance; 0: none.
+    """
+    table = Table(title="differences", title_justify="left")
+    for heading in ("topic", "field", "arrays", "first at", "largest", "of", "at"):
+        table.add_column(heading, justify="left" if heading in ("topic", "field") else "right", no_wrap=True)
+    if factor > 0.0:
+        table.add_column("allowed", justify="right")
+    groups: dict[tuple[str, str], list[FieldDifference]] = defaultdict(list)
+    for entry in differences.differing:
+        groups[entry.topic, _vector(entry)].append(entry)
+    for (topic, name), entries in groups.items():
+        row = [topic, name, f"{max(e.differing for e in entries)} of {entries[0].compared}", *_figures(entries)]
+        if factor > 0.0:
+            row.append(f"{max(differences.allowed(entry, factor) for entry in entries):.2e}")
+        table.add_row(*row)
+    return table
+
+
+def unit_of(field: str) -> str:
+    """Give the SI unit of a published field; empty where it has none."""
+    parts = field.split(".")
+    return UNITS.get(field) or (UNITS.get(parts[1], "") if len(parts) > 1 else "")
+
+
+def where(place: Place, topic: str) -> str:
+    """Say when and in which vertex or cell."""
+    kind = {"mesh": "vertex", "strain": "cell"}.get(topic)
+    repeat = f" ({place.key[1] + 1})" if place.key[1] else ""
+    return f"{place.stamp:.9g} s{repeat}" + (f", {kind} {place.element}" if kind else "")
+
+
+def _vector(entry: FieldDifference) -> str:
+    if entry.topic == RECORD:
+        return entry.field
+    return _VECTORS.get(entry.field) or (entry.field.rpartition(".")[0] or entry.field)
+
+
+def _figures(entries: list[FieldDifference]) -> list[str]:
+    numbers = [entry for entry in entries if entry.first is not None and entry.most is not None]
+    if not numbers:
+        return ["", "other length", "", ""]
+    worst = max(numbers, key=lambda entry: entry.largest)
+    first = min((entry.first for entry in numbers), key=lambda place: place.key)
+    return [
+        where(first, worst.topic),
+        f"{worst.largest:.3g} {unit_of(worst.field)}".rstrip(),
+        f"{max(entry.scale for entry in numbers):.3g}",
+        where(worst.most, worst.topic),
+    ]

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run as arrays over steps in one npz file."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from gdfe_ros.analysis.bag_steps import RECORD, BagStep
+from gdfe_ros.mesh import HexMesh
+
+
+def write_npz(steps: Iterable[BagStep], mesh: HexMesh, path: Path) -> int:
+    """Write steps (t) and return their number.
+
+    Keys: ``time`` (t,) [s]; ``X`` (n, 3) rest vertices [m]; ``cells`` (m, 8); ``positions`` (t, n, 3) float32 [m];
+    ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for everything else.
+    A step that lacks a message has NaN there.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    columns: dict[str, dict[int, np.ndarray]] = defaultdict(dict)
+    times = []
+    for number, step in enumerate(steps):
+        times.append(step.record.time)
+        for name, values in _named(step):
+            columns[name][number] = values
+    arrays = {name: _stack(found, len(times)) for name, found in columns.items()}
+    np.savez_compressed(path, time=np.array(times), X=mesh.vertices, cells=mesh.cells, **arrays)
+    return len(times)
+
+
+def _named(step: BagStep) -> Iterable[tuple[str, np.ndarray]]:
+    for topic, fields in step.samples.items():
+        if topic == "mesh":
+            yield "positions", np.stack([fields[axis] for axis in "xyz"], axis=1)
+        else:
+            for name, values in fields.items():
+                if topic == "strain" and name not in "xyz":
+                    yield name, values
+                elif topic != "strain":
+                    yield (f"record/{name}" if topic == RECORD else f"{topic}/{name}"), values
+
+
+def _stack(found: dict[int, np.ndarray], count: int) -> np.ndarray:
+    first = next(iter(found.values()))
+    kind = first.dtype if len(found) == count else np.result_type(first.dtype, np.float32)
+    stacked = np.full((count, *first.shape), np.nan if kind.kind == "f" else 0, dtype=kind)
+    for number, values in found.items():
+        stacked[number] = values
+    return stacked

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a decoded message to named arrays of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.recording.step_record import StepRecord
+
+Values = dict[str, NDArray[Any]]
+"""Arrays (k,) of one message by field name, e.g. ``eps_eq`` or ``wrench.force.x``."""
+
+RECORD_FIELDS = ("converged", "iterations", "substeps", "residual", "energy", "min_det")
+"""Outcomes of a step that two equal runs share; wall times and texts are not among them."""
+
+_DESCRIPTION = frozenset({"header", "layout", "__msgtype__"})
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+
+
+def message_values(message: Any) -> Values:
+    """Give the numbers of a message that ``array_decoder`` decoded.
+
+    Columns of a PointCloud2 come by the names of its fields, numbers of nested messages by their dotted path;
+    headers, layouts and texts are left out.
+    """
+    if hasattr(message, "point_step"):
+        return cloud_values(message)
+    return dict(_leaves("", message))
+
+
+def cloud_values(cloud: Any) -> Values:
+    """Give the columns of a PointCloud2, (width,) of the type that each field has."""
+    order = ">" if cloud.is_bigendian else "<"
+    kind = np.dtype(
+        {
+            "names": [field.name for field in cloud.fields],
+            "formats": [order + _TYPES[field.datatype] for field in cloud.fields],
+            "offsets": [field.offset for field in cloud.fields],
+            "itemsize": cloud.point_step,
+        }
+    )
+    table = np.frombuffer(cloud.data.tobytes(), dtype=kind)
+    return {name: np.ascontiguousarray(table[name]) for name in kind.names}
+
+
+def record_values(record: StepRecord) -> Values:
+    """Give what a replay of a step must reproduce of its record."""
+    values = {name: np.array([getattr(record, name)], dtype=float) for name in RECORD_FIELDS}
+    return values | {f"skipped.{name}": np.array([count], dtype=float) for name, count in record.skipped.items()}
+
+
+def _leaves(path: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+    if isinstance(value, np.ndarray):
+        yield path, value
+    elif isinstance(value, (bool, int, float)):
+        yield path, np.array([value])
+    elif isinstance(value, list):
+        for place, item in enumerate(value):
+            yield from _leaves(f"{path}.{place}", item)
+    elif hasattr(value, "__dataclass_fields__"):
+        for name in value.__dataclass_fields__:
+            if name not in _DESCRIPTION:
+                yield from _leaves(f"{path}.{name}" if path else name, getattr(value, name))

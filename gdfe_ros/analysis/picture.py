@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A picture of a deformed body coloured by an element field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import BinaryIO
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh import HexMesh
+
+VIEW = {"elev": 18.0, "azim": -64.0}
+COLOURS = "viridis"
+LIGHT = np.array([0.35, -0.75, 0.65]) / np.linalg.norm([0.35, -0.75, 0.65])
+SHADE = 0.35
+
+
+def draw_body(
+    path: Path | BinaryIO,
+    mesh: HexMesh,
+    positions: NDArray[np.float64],
+    values: NDArray[np.float64],
+    *,
+    title: str,
+    label: str,
+    limits: tuple[float, float] | None = None,
+    around: NDArray[np.float64] | None = None,
+) -> None:
+    """Draw the surface at ``positions`` (n, 3) [m] coloured by cell ``values`` (m,), over the outline at rest.
+
+    Args:
+        path: PNG file, or a stream.
+        mesh: at rest.
+        positions: of the vertices.
+        values: of the cells.
+        title: above the picture.
+        label: beside the colours.
+        limits: least and largest value of the colours; None: those of ``values``.
+        around: points (k, 3) [m] that the axes include, for pictures on one scale.
+
+    Raises:
+        OSError: the picture cannot be written.
+    """
+    figure = Figure(figsize=(9.0, 5.0), dpi=150)
+    axes = figure.add_axes((0.0, 0.02, 0.88, 0.9), projection="3d")
+    quads = positions[mesh.surface()]
+    colours = matplotlib.colormaps[COLOURS]
+    low, high = limits or (float(values.min()), float(values.max()))
+    norm = matplotlib.colors.Normalize(low, max(high, low + 1e-12))
+    faces = shaded(colours(norm(values[mesh.boundary.cells])), quads)
+    axes.add_collection3d(Poly3DCollection(quads, facecolors=faces, edgecolors=(0, 0, 0, 0.25), linewidths=0.3))
+    axes.add_collection3d(Line3DCollection(_box_edges(mesh.bounds), colors="0.6", linewidths=0.7, linestyles="dashed"))
+    _frame(axes, np.vstack([positions, mesh.bounds, *([] if around is None else [around])]))
+    bar = figure.colorbar(matplotlib.cm.ScalarMappable(norm, colours), cax=figure.add_axes((0.88, 0.2, 0.016, 0.55)))
+    bar.set_label(label)
+    figure.suptitle(title, x=0.04, y=0.96, ha="left", fontsize=12)
+    figure.savefig(path, format="png" if not isinstance(path, Path) else None)
+
+
+def shaded(colours: NDArray[np.float64], quads: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return colours (q, 4) of quads (q, 4, 3) as a light from the upper left leaves them."""
+    normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-300
+    brightness = 1.0 - SHADE + SHADE * np.clip(normals @ LIGHT, -1.0, 1.0)
+    shaded = colours.copy()
+    shaded[:, :3] *= brightness[:, None]
+    return np.clip(shaded, 0.0, 1.0)
+
+
+def _box_edges(bounds: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    corners = np.array([[bounds[(i >> axis) & 1, axis] for axis in range(3)] for i in range(8)])
+    pairs = [(i, i | 1 << axis) for i in range(8) for axis in range(3) if not i >> axis & 1]
+    return [corners[list(pair)] for pair in pairs]
+
+
+def _frame(axes: object, points: NDArray[np.float64]) -> None:
+    low, high = points.min(axis=0), points.max(axis=0)
+    span = np.maximum(high - low, 0.05 * (high - low).max())
+    middle = 0.5 * (low + high)
+    for name, centre, width in zip("xyz", middle, span, strict=True):
+        getattr(axes, f"set_{name}lim")(centre - 0.5 * width, centre + 0.5 * width)
+        getattr(axes, f"set_{name}label")(f"{name} [m]", fontsize=8)
+    axes.set_box_aspect(span, zoom=1.15)
+    axes.tick_params(labelsize=7)
+    axes.locator_params(nbins=5)
+    axes.view_init(**VIEW)

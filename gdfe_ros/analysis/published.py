@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the node would publish of a simulation's present state, as arrays, without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.actuators import ActuatorState, Mode
+from gdfe_ros.analysis.bag_steps import RECORD
+from gdfe_ros.analysis.message_values import Values, record_values
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.result import StepResult
+
+STRAIN_FIELDS = ("eps_eq", "J", "omega", "tangent", "energy_density")
+_OUTCOMES = ("converged", "iterations", "substeps", "residual", "energy", "min_det", "skipped")
+
+
+class Publication:
+    """Gives the arrays of each step's messages, in the types that these have.
+
+    Args:
+        simulation: that is stepped.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._joints: tuple[float, NDArray[np.float64]] | None = None
+
+    def values(self, result: StepResult, record: StepRecord, topics: Collection[str]) -> dict[str, Values]:
+        """Give arrays by topic and field.
+
+        Args:
+            result: of the step just made.
+            record: of the step that it repeats.
+            topics: names without the node's; those that no simulation has are left out of the answer.
+        """
+        makers = self._makers(result, record)
+        return {topic: makers[topic]() for topic in topics if topic in makers}
+
+    def _makers(self, result: StepResult, record: StepRecord) -> dict[str, Callable[[], Values]]:
+        simulation = self._simulation
+        makers: dict[str, Callable[[], Values]] = {
+            "mesh": lambda: _mesh(simulation, result),
+            "strain": lambda: _strain(simulation),
+            RECORD: lambda: _record(result, record),
+        }
+        for name in simulation.handle_names:
+            makers[f"handles/{name}/pose"] = lambda name=name: _handle(simulation, name)
+            makers[f"handles/{name}/wrench"] = lambda name=name: _wrench(result.reactions[name])
+        for name in simulation.scene.probes:
+            makers[f"probe/{name}"] = lambda name=name: _probe(simulation, name, result.positions)
+        if simulation.actuator_names:
+            makers["joint_states"] = lambda: self._joint_states(record.time)
+        return makers
+
+    def _joint_states(self, time: float) -> Values:
+        """Velocities are over the time since the last step, as the node has them."""
+        states = self._simulation.actuator_states().values()
+        positions = np.array([_extent(state) for state in states])
+        velocities = np.zeros(len(positions))
+        if self._joints is not None and time > self._joints[0]:
+            velocities = (positions - self._joints[1]) / (time - self._joints[0])
+        self._joints = (time, positions)
+        efforts = np.array([state.effort for state in states], dtype=np.float64)
+        return {"position": positions, "velocity": velocities, "effort": efforts}
+
+
+def _mesh(simulation: Simulation, result: StepResult) -> Values:
+    shift = result.positions - simulation.mesh.vertices
+    columns = [*result.positions.T, *shift.T]
+    return {name: values.astype("<f4") for name, values in zip(("x", "y", "z", "ux", "uy", "uz"), columns, strict=True)}
+
+
+def _strain(simulation: Simulation) -> Values:
+    fields = simulation.fields()
+    columns = dict(zip("xyz", fields.centroids.T, strict=True)) | {
+        name: getattr(fields, name) for name in STRAIN_FIELDS
+    }
+    return {name: values.astype("<f4") for name, values in columns.items()}
+
+
+def _record(result: StepResult, record: StepRecord) -> Values:
+    outcomes = {name: getattr(result, name) for name in _OUTCOMES}
+    return record_values(StepRecord(step=record.step, begin=record.begin, time=result.time, dt=record.dt, **outcomes))
+
+
+def _handle(simulation: Simulation, name: str) -> Values:
+    pose = simulation.handle_pose(name)
+    return _pose(pose.translation, pose.rotation)
+
+
+def _probe(simulation: Simulation, name: str, positions: NDArray[np.float64]) -> Values:
+    """Give where a material point is, and the rotation that best fits the corners of the cell around it."""
+    point = simulation.scene.probes[name]
+    before, now = simulation.mesh.vertices[point.corners[0]], positions[point.corners[0]]
+    turn, _ = Rotation.align_vectors(now - now.mean(axis=0), before - before.mean(axis=0))
+    return _pose(point.at(positions)[0], turn.as_rotvec())
+
+
+def _pose(translation: Collection[float], rotation: Collection[float]) -> Values:
+    turn = Rotation.from_rotvec(rotation).as_quat()
+    return dict(_entries("pose.position", translation)) | dict(_entries("pose.orientation", turn))
+
+
+def _wrench(reaction: NDArray[np.float64]) -> Values:
+    return dict(_entries("wrench.force", reaction[:3])) | dict(_entries("wrench.torque", reaction[3:]))
+
+
+def _extent(state: ActuatorState) -> float:
+    return state.command if state.mode is Mode.GROWTH else state.extent
+
+
+def _entries(path: str, values: Collection[float]) -> Iterator[tuple[str, np.ndarray]]:
+    for axis, value in zip("xyzw", values, strict=False):
+        yield f"{path}.{axis}", np.array([value], dtype=np.float64)

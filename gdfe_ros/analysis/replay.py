@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run made again, without ROS, and compared with what was published of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
+from gdfe_ros.analysis.difference import Differences
+from gdfe_ros.analysis.published import Publication
+from gdfe_ros.checkpoint import load_state
+from gdfe_ros.errors import GdfeError, RecordingError
+from gdfe_ros.recording.provenance import STATE_FILE
+from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.result import StepResult
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayReport:
+    """What a replay came to.
+
+    Attributes:
+        differences: between the bag (first) and the replay (second).
+        unknown: topics of the bag that the replay does not make, so that they are not compared.
+        strays: messages of the bag that belong to no step that it holds, by topic.
+        cuts: number of steps whose deadline had passed; they were ended at the same place.
+        not_converged: number of other steps that did not converge in the replay.
+        duration: simulation time that was replayed [s].
+        wall_time: that replaying it took, comparing included [s].
+        inexact: number of commands that no message expresses to the last bit; only a replay over topics has them.
+    """
+
+    differences: Differences
+    unknown: tuple[str, ...]
+    strays: Counter[str]
+    cuts: int
+    not_converged: int
+    duration: float
+    wall_time: float
+    inexact: int = 0
+
+
+class Replay:
+    """Takes scene and consumed commands out of a bag and steps them through a ``Simulation``.
+
+    Args:
+        run: that was recorded.
+        overrides: of the scene, by dotted key; then the runs differ, and no solve is cut.
+
+    Raises:
+        RecordingError: the bag does not hold what a replay needs.
+        SceneError: the overrides do not fit the scene.
+
+    Example:
+        >>> report = Replay(BagRun("bags/bend5")).run()
+        >>> report.differences.verdict()
+        <Verdict.IDENTICAL: 'bit-identical'>
+    """
+
+    def __init__(self, run: BagRun, *, overrides: Mapping[str, Any] | None = None) -> None:
+        require_whole(run)
+        self._run, self._changed = run, bool(overrides)
+        origin = f"of bag {run.reader.path}"
+        self.scene = scene_from_text(run.reader.run.scene, origin=origin, overrides=overrides)
+        self.simulation = Simulation(self.scene)
+        self.begin()
+
+    def begin(self) -> None:
+        """Put the simulation into the state that the first step starts from: rest, or the state in the bag.
+
+        Raises:
+            RecordingError: the state is not of this scene and version.
+        """
+        self.simulation.reset()
+        if self._run.records[0].begin is not Begin.LOADED:
+            return
+        try:
+            load_state(self.simulation, self._run.reader.run.files[STATE_FILE])
+        except GdfeError as error:
+            raise RecordingError(f"bag {self._run.reader.path} begins in the middle of a run; {error}") from error
+
+    def run(self) -> ReplayReport:
+        """Replay the whole bag."""
+        started = time.perf_counter()
+        differences = Differences(self._run.scene)
+        steps = BagSteps(self._run)
+        publication, unknown, failed = Publication(self.simulation), set(), 0
+        for step, result in self.steps(steps):
+            made = publication.values(result, step.record, step.samples)
+            unknown |= step.samples.keys() - made.keys()
+            known = {topic: values for topic, values in step.samples.items() if topic in made}
+            differences.add(step.key, known, made)
+            failed += not result.converged and not step.record.cut
+        return ReplayReport(
+            differences,
+            tuple(sorted(unknown)),
+            steps.strays.copy(),
+            0 if self._changed else sum(record.cut_after is not None for record in self._run.records),
+            failed,
+            sum(record.dt for record in self._run.records),
+            time.perf_counter() - started,
+        )
+
+    def steps(self, steps: BagSteps) -> Iterator[tuple[BagStep, StepResult]]:
+        """Make the steps one after the other; yields each recorded step and the result of its repetition."""
+        self.begin()
+        for step in steps:
+            if step.record.begin is Begin.REST:
+                self.simulation.reset()
+            yield step, self._repeat(step.record)
+
+    def _repeat(self, record: StepRecord) -> StepResult:
+        # Where a deadline ended the solve, only a replay of the very same run can end it at the same place.
+        cut_after = None if self._changed else record.cut_after
+        return self.simulation.step(_command(record), dt=record.dt, cut_after=cut_after)
+
+
+def _command(record: StepRecord) -> Command:
+    """Give what a step consumed; the record names its parts as ``Command`` does."""
+    parts = {
+        part.name: getattr(record, part.name) for part in dataclasses.fields(Command) if hasattr(record, part.name)
+    }
+    return Command(**parts)
+
+
+def require_whole(run: BagRun) -> None:
+    """Refuse a bag from which the states of the run do not follow.
+
+    Raises:
+        RecordingError: it holds no steps, lacks some, or lacks the state that one of them went on from.
+    """
+    bag, records = run.reader.path, run.records
+    if not records:
+        raise RecordingError(f"bag {bag} holds no step: there is nothing to replay")
+    first = records[0]
+    stored = first.begin is Begin.LOADED and STATE_FILE in run.reader.run.files
+    if first.begin is not Begin.REST and not stored:
+        raise RecordingError(
+            f"bag {bag} begins with step {first.step}, which went on from a state that the bag does not hold; "
+            "record from the activation on, or after a reset"
+        )
+    for before, after in pairwise(records):
+        if after.begin is Begin.LOADED:
+            raise RecordingError(
+                f"step {after.step} of bag {bag} went on from a state that was loaded from a file, which the bag "
+                "does not hold; gdfe compare and gdfe report read such a bag"
+            )
+        if after.step != before.step + 1 and after.begin is not Begin.REST:
+            raise RecordingError(
+                f"bag {bag} lacks the steps {before.step + 1} to {after.step - 1}: their records were dropped or lost, "
+                "and later states depend on them; gdfe compare and gdfe report read such a bag"
+            )

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One self-contained HTML page about a recorded run."""

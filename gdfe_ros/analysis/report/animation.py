@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The moving surface, packed small enough to lie in a page."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.analysis.bag_steps import BagStep
+from gdfe_ros.analysis.difference_table import unit_of
+from gdfe_ros.mesh import HexMesh
+
+MOST_FRAMES = 400
+BUDGET = 12 << 20
+"""Most bytes of all frames before base64 adds a third."""
+_LEVELS = 65535
+_NOT_COLOURS = frozenset({"x", "y", "z"})
+
+
+@dataclass(eq=False)
+class Animation:
+    """Frames of the surface, gathered by ``add``.
+
+    Args:
+        mesh: at rest.
+        steps: number of steps of the run, from which the thinning follows.
+        fields: published fields of cells and vertices that the surface can be coloured by.
+
+    Attributes:
+        frames: numbers of the steps that are frames.
+    """
+
+    mesh: HexMesh
+    steps: int
+    fields: tuple[tuple[str, str], ...]
+    frames: NDArray[np.int64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        faces = self.mesh.boundary
+        self._vertices, places = np.unique(faces.quads, return_inverse=True)
+        self._quads, self._cells = places.reshape(faces.quads.shape).astype(np.uint32), faces.cells
+        size = 6 * len(self._vertices) + 2 * len(self._quads) * max(1, len(self.fields))
+        count = max(2, min(MOST_FRAMES, BUDGET // size, self.steps))
+        self.frames = np.unique(np.linspace(0, self.steps - 1, count).round().astype(np.int64))
+        self._wanted = set(self.frames.tolist())
+        self._times: list[float] = []
+        self._positions: list[NDArray[np.float32]] = []
+        self._colours: dict[tuple[str, str], list[NDArray[np.float32]]] = {name: [] for name in self.fields}
+
+    def add(self, number: int, step: BagStep) -> None:
+        """Take step ``number`` of the run if it is a frame and has a mesh and every field."""
+        mesh = step.samples.get("mesh")
+        if number not in self._wanted or mesh is None or any(topic not in step.samples for topic, _ in self.fields):
+            return
+        self._times.append(step.record.time)
+        self._positions.append(np.stack([mesh[axis][self._vertices] for axis in "xyz"], axis=1))
+        for topic, name in self.fields:
+            values = step.samples[topic][name]
+            on_quads = values[self._cells] if topic == "strain" else values[self._vertices][self._quads].mean(axis=1)
+            self._colours[topic, name].append(on_quads.astype(np.float32))
+
+    def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
+        """Give the description for the page's script, and arrays in base64 by name.
+
+        Positions and colours are 16-bit levels between the least and the largest value of the run: positions are
+        off by at most 1/131070 of the box that the run fills.
+        """
+        arrays = {"quads": _encode(self._quads)}
+        low, high, levels = _levels(np.array(self._positions).reshape(-1, 3))
+        arrays["positions"] = _encode(levels)
+        description: dict[str, Any] = {
+            "times": self._times,
+            "vertices": len(self._vertices),
+            "quads": len(self._quads),
+            "low": low.tolist(),
+            "high": high.tolist(),
+            "fields": [],
+        }
+        for (topic, name), frames in self._colours.items():
+            least, most, colours = _levels(np.array(frames).reshape(-1, 1))
+            arrays[f"field-{topic}-{name}"] = _encode(colours)
+            entry = {"id": f"field-{topic}-{name}", "name": name, "unit": unit_of(name)}
+            description["fields"].append(entry | {"low": float(least[0]), "high": float(most[0])})
+        return description, arrays
+
+
+def colour_fields(step: BagStep) -> tuple[tuple[str, str], ...]:
+    """Name the published fields that a surface can be coloured by: eps_eq first, then displacements."""
+    found = [(topic, name) for topic in ("strain", "mesh") for name in step.samples.get(topic, {})]
+    return tuple((topic, name) for topic, name in found if name not in _NOT_COLOURS)
+
+
+def _levels(values: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint16]]:
+    """Spread the columns of (k, c) over 16-bit levels; return least, largest and levels."""
+    finite = np.where(np.isfinite(values), values, np.nan)
+    low = np.nan_to_num(np.nanmin(finite, axis=0)).astype(np.float64) if values.size else np.zeros(values.shape[1])
+    high = np.nan_to_num(np.nanmax(finite, axis=0)).astype(np.float64) if values.size else np.ones(values.shape[1])
+    span = np.where(high > low, high - low, 1.0)
+    levels = np.nan_to_num((finite - low) / span * _LEVELS).round()
+    return low, high, levels.astype("<u2")
+
+
+def _encode(values: NDArray[Any]) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Charts over time, as the data and layout that plotly.js draws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators import Mode
+from gdfe_ros.analysis.bag_steps import RECORD
+from gdfe_ros.analysis.difference_table import unit_of
+from gdfe_ros.analysis.report.history import JOINTS, History
+from gdfe_ros.scene import Scene
+
+MOST_POINTS = 3000
+"""Longest series of a chart; longer ones are thinned."""
+COLUMNS, BINS = 300, 48
+_COLOURS = ("#3266ad", "#c2562d", "#2e8b57", "#8455a8", "#a07b1f", "#4b9fb5", "#b0436e", "#6b6f76")
+_AXES = "xyz"
+_CABLE = (Mode.TENSION, Mode.LENGTH, Mode.SHORTENING)
+_CHAMBER = (Mode.PRESSURE, Mode.VOLUME)
+_ACTUATION = (
+    ("Tensions", "N", "effort", _CABLE),
+    ("Lengths of cables", "m", "position", _CABLE),
+    ("Pressures", "Pa", "effort", _CHAMBER),
+    ("Volumes of chambers", "m^3", "position", _CHAMBER),
+    ("Growth", "", "position", (Mode.GROWTH,)),
+)
+
+Chart = dict[str, Any]
+
+
+def all_charts(history: History, scene: Scene, *, dt: float) -> list[Chart]:
+    """Draw everything that a run has; charts without a series are left out.
+
+    Args:
+        history: of the run.
+        scene: that was simulated.
+        dt: simulation time of most steps [s], shown beside the wall times; 0: not shown.
+    """
+    charts = [
+        *_motion(history),
+        _vector_chart(history, "Reaction forces", "wrench.force"),
+        _vector_chart(history, "Reaction moments", "wrench.torque"),
+        *_actuators(history, scene),
+        *_others(history),
+        _strain(history),
+        _lines(history, "Strain energy", "J", {"strain energy": history.responses["step_record", "energy"]}),
+        _lines(history, "Least det F", "", {"least det F": history.responses["step_record", "min_det"]}),
+        _cost(history, "Solver iterations", "a step", {"iterations": history.costs["iterations"]}),
+        _residuals(history, scene.solver.tolerance),
+        _times(history, dt),
+        _cost(history, "Skipped work", "a step", _named(history.costs, "skipped.")),
+    ]
+    return [chart for chart in charts if chart["data"]]
+
+
+def thinning(history: History) -> str:
+    """State how the charts are thinned; empty where they are not."""
+    stride = _stride(len(history.time))
+    if stride == 1:
+        return ""
+    return (
+        f"Charts show every {stride}th of {len(history.time)} steps; of iterations, residuals, times and skipped work "
+        f"the largest value of each {stride} steps"
+    )
+
+
+def _motion(history: History) -> list[Chart]:
+    """Commanded and found position, and commanded rotation, of each plate that was commanded."""
+    charts = []
+    for name, targets in history.targets.items():
+        table = np.array(targets)
+        series = {f"commanded {axis}": table[:, place] for place, axis in enumerate(_AXES)}
+        found = {
+            f"found {axis}": history.responses.get((f"handles/{name}/pose", f"pose.position.{axis}")) for axis in _AXES
+        }
+        series |= {label: values for label, values in found.items() if values is not None}
+        charts.append(_lines(history, f"Position of {name}, from rest", "m", series))
+        if np.any(table[:, 3:]):
+            turns = {f"commanded {axis}": np.rad2deg(table[:, 3 + place]) for place, axis in enumerate(_AXES)}
+            charts.append(_lines(history, f"Rotation vector of {name}", "deg", turns))
+    if history.commands:
+        charts.append(_lines(history, "Commands", "", history.commands))
+    return charts
+
+
+def _vector_chart(history: History, title: str, stem: str) -> Chart:
+    series = {
+        f"{topic.split('/')[1]} {field[-1]}": values
+        for (topic, field), values in history.responses.items()
+        if field.startswith(f"{stem}.")
+    }
+    return _lines(history, title, unit_of(f"{stem}.x"), series)
+
+
+def _actuators(history: History, scene: Scene) -> list[Chart]:
+    """What cables and chambers do: by kind, because newtons and pascals share no axis."""
+    charts = []
+    for title, unit, field, modes in _ACTUATION:
+        series = {
+            actuator.name: history.responses[JOINTS, f"{field}.{place}"]
+            for place, actuator in enumerate(scene.actuators)
+            if actuator.mode in modes and (JOINTS, f"{field}.{place}") in history.responses
+        }
+        charts.append(_lines(history, title, unit, series))
+    return charts
+
+
+def _others(history: History) -> list[Chart]:
+    """One chart for the numbers of every further topic; components of a vector share one."""
+    charts: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for (topic, field), values in history.responses.items():
+        if topic not in (RECORD, JOINTS) and not topic.endswith(("/pose", "/wrench")):
+            stem, _, part = field.rpartition(".")
+            charts.setdefault((topic, stem), {})[part] = values
+    return [
+        _lines(history, f"{topic.replace('/', ' ')}: {stem.rpartition('.')[2]}", unit_of(f"{stem}.x"), series)
+        for (topic, stem), series in charts.items()
+    ]
+
+
+def _strain(history: History) -> Chart:
+    times, edges, shares = history.strain.shares(BINS)
+    if not times.size:
+        return {"title": "", "data": [], "layout": {}}
+    with np.errstate(divide="ignore"):
+        shown = np.log10(100.0 * shares)
+    ticks = [-2, -1, 0, 1, 2]
+    heat = {
+        "type": "heatmap",
+        "x": _numbers(times),
+        "y": _numbers(0.5 * (edges[1:] + edges[:-1])),
+        "z": [_numbers(row) for row in shown],
+        "colorscale": "Viridis",
+        "zmax": 2.0,
+        "zmin": max(-2.0, float(np.log10(100.0 * shares[shares > 0.0].min()))),
+        "colorbar": {
+            "title": {"text": "% of the cells", "side": "right"},
+            "thickness": 12,
+            "tickvals": ticks,
+            "ticktext": [f"{10.0**tick:g}" for tick in ticks],
+        },
+        "hovertemplate": "t = %{x:.4g} s, strain %{y:.4g}<extra></extra>",
+    }
+    return _chart("Equivalent strain over time", "equivalent strain", [heat])
+
+
+def _residuals(history: History, tolerance: float) -> Chart:
+    solved = np.array(history.costs["iterations"]) > 0.0
+    values = np.where(solved, history.costs["residual"], np.nan)
+    chart = _cost(history, "Residual over the body's size", "", {"residual": values})
+    chart["data"] += _level(history, tolerance, "tolerance")
+    chart["layout"]["yaxis"]["type"] = "log"
+    return chart
+
+
+def _times(history: History, dt: float) -> Chart:
+    chart = _cost(history, "Solve time", "[ms]", {"solve time": 1e3 * np.array(history.costs["wall_time"])})
+    if dt > 0.0:
+        chart["data"] += _level(history, 1e3 * dt, "dt: slower than real time above")
+    chart["layout"]["yaxis"]["type"] = "log"
+    return chart
+
+
+def _level(history: History, value: float, name: str) -> list[dict[str, Any]]:
+    ends = [min(history.time), max(history.time)]
+    line = {"color": "#6b6f76", "width": 1, "dash": "dash"}
+    return [{"type": "scatter", "mode": "lines", "name": name, "x": ends, "y": [value, value], "line": line}]
+
+
+def _lines(history: History, title: str, unit: str, series: dict[str, Sequence[float]]) -> Chart:
+    """Draw series over time, thinned to every so-manieth step; those that stay zero are left out."""
+    stride = _stride(len(history.time))
+    kept = slice(stride - 1, None, stride) if stride > 1 else slice(None)
+    moving = {name: np.asarray(values, dtype=float)[kept] for name, values in series.items()}
+    moving = {name: values for name, values in moving.items() if np.nanmax(np.abs(values), initial=0.0) > 0.0}
+    scale = max((np.nanmax(np.abs(values)) for values in moving.values()), default=0.0)
+    # A component that is rounding noise beside the others would only fill the legend.
+    moving = {name: values for name, values in moving.items() if np.nanmax(np.abs(values)) > 1e-9 * scale}
+    return _chart(title, f"[{unit}]" if unit else "", _traces(np.array(history.time)[kept], moving))
+
+
+def _cost(history: History, title: str, label: str, series: dict[str, Sequence[float]]) -> Chart:
+    """Draw costs over time, thinned to the largest of each group of steps."""
+    stride = _stride(len(history.time))
+    starts = np.arange(0, len(history.time), stride)
+    ends = np.minimum(starts + stride, len(history.time)) - 1
+    largest = {name: np.fmax.reduceat(np.asarray(values, dtype=float), starts) for name, values in series.items()}
+    return _chart(title, label, _traces(np.array(history.time)[ends], largest))
+
+
+def _traces(time: NDArray[np.float64], series: dict[str, NDArray[np.float64]]) -> list[dict[str, Any]]:
+    traces = []
+    for place, (name, values) in enumerate(series.items()):
+        line = {"color": _COLOURS[place % len(_COLOURS)], "width": 1.6}
+        if name.startswith("found "):
+            line |= {"dash": "dot", "width": 3, "color": _COLOURS[_AXES.index(name[-1])]}
+        elif name.startswith("commanded "):
+            line["color"] = _COLOURS[_AXES.index(name[-1])]
+        x, y = _numbers(time), _numbers(values)
+        traces.append({"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": line})
+    return traces
+
+
+def _chart(title: str, label: str, data: list[dict[str, Any]]) -> Chart:
+    layout = {
+        "xaxis": {"title": {"text": "simulation time [s]"}},
+        "yaxis": {"title": {"text": label}, "exponentformat": "power"},
+        "showlegend": len(data) > 1,
+    }
+    return {"title": title, "data": data, "layout": layout}
+
+
+def _named(table: dict[str, list[float]], start: str) -> dict[str, list[float]]:
+    return {name.removeprefix(start): values for name, values in table.items() if name.startswith(start)}
+
+
+def _stride(steps: int) -> int:
+    return -(-steps // MOST_POINTS)
+
+
+def _numbers(values: Iterable[float]) -> list[float | None]:
+    """Give seven digits; JSON has no NaN and no infinity."""
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run did over time: one series of numbers for each command, response and cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gdfe_ros.analysis.bag_steps import RECORD, BagStep
+from gdfe_ros.analysis.message_values import Values
+from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
+
+JOINTS = "joint_states"
+COSTS = ("iterations", "substeps", "residual", "wall_time")
+REST = (0.0,) * 6
+
+
+@dataclass(eq=False)
+class History:
+    """Series over the steps of a run, gathered by ``add``.
+
+    Args:
+        strain: takes eps_eq of each step.
+
+    Attributes:
+        time: at the end of each step [s].
+        targets: by handle, translation [m] and rotation vector [rad] in force, six numbers a step.
+        commands: other commands in force, by name; NaN before the first.
+        costs: of each solve: ``iterations, substeps, residual, wall_time`` [s] and ``skipped.<name>``.
+        responses: numbers that were published once a step, by topic and field; NaN where none was.
+        not_converged: times of the steps that did not converge [s].
+        cut: number of steps that a deadline cut.
+    """
+
+    strain: StrainHistogram
+    time: list[float] = field(default_factory=list)
+    targets: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
+    commands: dict[str, list[float]] = field(default_factory=dict)
+    costs: dict[str, list[float]] = field(default_factory=dict)
+    responses: dict[tuple[str, str], list[float]] = field(default_factory=dict)
+    not_converged: list[float] = field(default_factory=list)
+    cut: int = 0
+
+    def add(self, step: BagStep) -> None:
+        """Take the numbers of one step."""
+        record, count = step.record, len(self.time)
+        self.time.append(record.time)
+        self._add_commands(step, count)
+        costs = {name: float(getattr(record, name)) for name in COSTS}
+        costs |= {f"skipped.{name}": float(number) for name, number in record.skipped.items()}
+        _extend(self.costs, costs, count, 0.0)
+        numbers = {(RECORD, "energy"): record.energy, (RECORD, "min_det"): record.min_det}
+        for topic, values in step.samples.items():
+            if topic != RECORD:
+                numbers |= _numbers(topic, values)
+        _extend(self.responses, numbers, count, np.nan)
+        strain = step.samples.get("strain", {}).get("eps_eq")
+        if strain is not None:
+            self.strain.add(count, record.time, strain)
+        if not record.converged:
+            self.not_converged.append(record.time)
+        self.cut += record.cut
+
+    def _add_commands(self, step: BagStep, count: int) -> None:
+        """Carry commands forward: what a step did not consume keeps its last value."""
+        for name, pose in step.record.handles.items():
+            series = self.targets.setdefault(name, [REST] * count)
+            series.append((*pose.translation, *pose.rotation))
+        for group in ("actuators", "loads"):
+            for name, value in getattr(step.record, group, {}).items():
+                self.commands.setdefault(name, [np.nan] * count).append(float(value))
+        for series in (*self.targets.values(), *self.commands.values()):
+            if len(series) == count:
+                series.append(series[-1])
+
+
+def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
+    """Give the numbers of a message that holds only a few; entries of joint states by their place, as ``effort.0``."""
+    found = {}
+    for name, array in values.items():
+        if topic == JOINTS:
+            found |= {(topic, f"{name}.{place}"): float(value) for place, value in enumerate(array)}
+        elif array.size == 1:
+            found[topic, name] = float(array[0])
+    return found
+
+
+def _extend(table: dict, values: Mapping, count: int, missing: float) -> None:
+    """Append one row; a series that begins now, or that has no value now, is filled up."""
+    for name, value in values.items():
+        table.setdefault(name, [missing] * count).append(value)
+    for series in table.values():
+        if len(series) == count:
+            series.append(missing)

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run was and how it went, in rows for people."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.report.history import History
+
+Rows = list[tuple[str, str]]
+
+
+def run_rows(run: BagRun, history: History) -> Rows:
+    """Say how the run went."""
+    costs = {name: np.array(values) for name, values in history.costs.items()}
+    span = max(history.time) - min(history.time)
+    solving = float(costs["wall_time"].sum())
+    solved = costs["wall_time"][costs["iterations"] > 0]
+    times = 1e3 * (solved if solved.size else costs["wall_time"])
+    return [
+        ("steps", f"{len(history.time)}, of which {int((costs['iterations'] > 0).sum())} needed a solve"),
+        ("simulation time", f"{span:.6g} s"),
+        ("solve time", f"{solving:.4g} s, {_ratio(span, solving)}"),
+        ("solve time a step", _times(times)),
+        ("iterations a step", f"mean {costs['iterations'].mean():.3g}, most {costs['iterations'].max():.0f}"),
+        ("largest residual", f"{costs['residual'].max():.3g} of the body's size"),
+        ("converged", _convergence(history)),
+        ("least det F", f"{np.nanmin(history.responses['step_record', 'min_det']):.4g}"),
+        ("messages", _messages(run)),
+    ]
+
+
+def scene_rows(run: BagRun) -> Rows:
+    """Say what was simulated and how."""
+    scene, origin = run.scene, run.reader.run
+    node = origin.settings.get("node", {})
+    rows = [
+        ("scene", scene.name),
+        ("mesh", f"{scene.mesh.n_vertices} vertices, {scene.mesh.n_cells} cells"),
+        ("materials", ", ".join(f"{name} ({type(m).__name__})" for name, m in scene.materials.items())),
+        ("handles", ", ".join(f"{h.name}{' (fixed)' if h.fixed else ''}" for h in scene.handles)),
+        ("policy, tolerance", f"{scene.solver.policy.value}, {scene.solver.tolerance:g}"),
+    ]
+    if node:
+        rows.append(("clock", f"{node.get('clock')}, dt {node.get('dt')} s, deadline {node.get('deadline') or 'none'}"))
+    machine = origin.machine
+    libraries = [f"{key} {machine[key]}" for key in ("python", "numpy", "numba", "cholespy") if key in machine]
+    place = (machine.get("processor", ""), f"{machine.get('cores', '?')} cores", machine.get("platform", ""))
+    return [
+        *rows,
+        ("bag", run.reader.path.resolve().name),
+        ("scene sha256", origin.scene_sha256[:16]),
+        ("gdfe_ros", origin.package_version),
+        ("machine", ", ".join(place)),
+        ("libraries", ", ".join(libraries)),
+    ]
+
+
+def _times(times: NDArray[np.float64]) -> str:
+    median, high, most = np.percentile(times, [50, 95, 100])
+    return f"median {median:.3g}, 95 % {high:.3g}, most {most:.3g} ms"
+
+
+def _ratio(span: float, solving: float) -> str:
+    if solving <= 0.0:
+        return "nothing to solve"
+    if span < solving:
+        return f"{span / solving:.3g} of real time: slower"
+    return f"{span / solving:.3g} times faster than real time"
+
+
+def _convergence(history: History) -> str:
+    failed = len(history.not_converged)
+    if not failed:
+        return "every step"
+    first = ", ".join(f"{time:.6g}" for time in history.not_converged[:5])
+    cut = f"; a deadline cut {history.cut}" if history.cut else ""
+    return f"not {failed} steps{cut}; first at t = {first} s"
+
+
+def _messages(run: BagRun) -> str:
+    dropped = run.reader.notes.get("messages_dropped", "0")
+    recovered = run.reader.notes.get("recovered_from")
+    origin = f", recovered from {recovered}" if recovered else ""
+    return f"{run.message_count}, {dropped} dropped{origin}"

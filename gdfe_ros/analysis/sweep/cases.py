@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cases of a sweep: which overrides, and the name that a case has on disk."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from gdfe_ros.errors import GdfeError
+
+
+@dataclass(frozen=True)
+class Case:
+    """One set of overrides, by dotted key of the scene."""
+
+    overrides: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """Give a name that depends on the overrides only, so that a second sweep finds what the first has done."""
+        text = json.dumps(dict(self.overrides), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def grid_cases(axes: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]] = ({},)) -> list[Case]:
+    """Combine every value of every axis with every row of a list; equal cases are made once."""
+    cases = [
+        Case({**row, **dict(zip(axes, values, strict=True))}) for row in rows for values in product(*axes.values())
+    ]
+    return list({case.name: case for case in cases}.values())
+
+
+def read_axes(entries: Iterable[str]) -> dict[str, list[Any]]:
+    """Read ``KEY=VALUES``: a YAML list, or ``low:high:count`` for evenly spread numbers.
+
+    Raises:
+        GdfeError: an entry is neither.
+
+    Example:
+        >>> read_axes(["materials.e20.young=1e4:4e4:4", "mesh.bar.cells=[[10, 1, 1], [25, 2, 2]]"])
+    """
+    axes = {}
+    for entry in entries:
+        key, separator, text = entry.partition("=")
+        if not separator:
+            raise GdfeError(f"--grid takes KEY=VALUES, got {entry!r}")
+        axes[key.strip()] = _values(key, text.strip())
+    return axes
+
+
+def read_list(path: Path) -> list[dict[str, Any]]:
+    """Read a list of overrides: CSV with keys in its first line, or YAML, a list of mappings.
+
+    Raises:
+        GdfeError: the file does not hold such a list.
+        OSError: it cannot be read.
+    """
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".csv":
+        rows = [{key: yaml.safe_load(value) for key, value in row.items()} for row in csv.DictReader(text.splitlines())]
+    else:
+        rows = yaml.safe_load(text)
+    if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
+        raise GdfeError(f"{path} must hold a list of mappings from dotted keys to values, or CSV with keys on top")
+    return rows
+
+
+def _values(key: str, text: str) -> list[Any]:
+    parts = text.split(":")
+    try:
+        if len(parts) == 3:
+            return np.linspace(float(parts[0]), float(parts[1]), int(parts[2])).tolist()
+        values = yaml.safe_load(text)
+    except (ValueError, yaml.YAMLError) as error:
+        raise GdfeError(f"--grid {key}: {text!r} is no list and no low:high:count: {error}") from error
+    if not isinstance(values, list) or not values:
+        raise GdfeError(f"--grid {key}: {text!r} must be a list such as [1, 2, 3], or low:high:count")
+    return values

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Results of a sweep as one table and one picture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gdfe_ros.analysis.export.table import Row
+
+SHOWN = ("energy", "eps_eq_max", "solve_time")
+_LABELS = {"energy": "strain energy [J]", "eps_eq_max": "largest eps_eq", "solve_time": "solve time [s]"}
+
+
+def flat_row(case: str, overrides: dict[str, Any], result: dict[str, Any]) -> Row:
+    """Give a row of the table: what was set (``set.<key>``, lists as JSON text), then the result."""
+    settings = {f"set.{key}": _plain(value) for key, value in overrides.items()}
+    return {"case": case, **settings, **result}
+
+
+def draw_results(rows: Sequence[Row], path: Path, *, title: str, shown: Sequence[str] = SHOWN) -> None:
+    """Draw quantities over the first varied key, a line for each combination of the others; crosses are failures.
+
+    Raises:
+        OSError: the picture cannot be written.
+    """
+    keys = [key for key in rows[0] if key.startswith("set.") and len({row.get(key) for row in rows}) > 1]
+    first, others = (keys[0], keys[1:]) if keys else ("case", [])
+    figure = Figure(figsize=(4.2 * len(shown), 4.0), dpi=120, layout="constrained")
+    for axes, name in zip(np.atleast_1d(figure.subplots(1, len(shown))), shown, strict=True):
+        _draw(axes, rows, first, others, name)
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    if others and len(labels) <= 12:
+        figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=7)
+    figure.suptitle(title, fontsize=11)
+    figure.savefig(path)
+
+
+def _draw(axes: Axes, rows: Sequence[Row], first: str, others: Sequence[str], name: str) -> None:
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row.get(key) for key in others), []).append(row)
+    numeric = all(isinstance(row.get(first), int | float) for row in rows)
+    order = list(dict.fromkeys(row.get(first) for row in rows))
+    for values, members in groups.items():
+        points = [(row[first] if numeric else order.index(row.get(first)), row.get(name)) for row in members]
+        points = sorted((x, y) for x, y in points if y is not None)
+        label = ", ".join(f"{key.removeprefix('set.')}={value}" for key, value in zip(others, values, strict=True))
+        axes.plot([x for x, _ in points], [y for _, y in points], marker="o", markersize=3, linewidth=1, label=label)
+    failed = [row for row in rows if row.get(name) is None]
+    if failed:
+        places = [row[first] if numeric else order.index(row.get(first)) for row in failed]
+        axes.plot(places, [axes.get_ylim()[0]] * len(places), "rx", label="failed")
+    if not numeric:
+        axes.set_xticks(range(len(order)), [str(value)[:16] for value in order], rotation=30, ha="right", fontsize=7)
+    axes.set_xlabel(first.removeprefix("set."))
+    axes.set_ylabel(_LABELS.get(name, name))
+    axes.grid(alpha=0.3)
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, int | float | str | bool) else json.dumps(value)

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cases spread over the workers of a dask cluster."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+
+import dask
+from distributed import Client, Future, LocalCluster, as_completed
+
+from gdfe_ros.analysis.sweep.case_run import Result, run_cases_in_turn
+from gdfe_ros.analysis.sweep.cases import Case
+
+TASK_SECONDS = 1.0
+"""How long a task should take [s]: short cases are put together, as every task costs the scheduler some milliseconds,
+which it takes from the workers on a machine where they have all cores."""
+_SHARE = 4
+"""The last cases are cut into so many tasks for each thread, so that all threads end at the same time."""
+_SETTINGS = {
+    # Solves run in one thread each; dask's profiler would stop them every 10 ms.
+    "distributed.nanny.pre-spawn-environ": {
+        name: 1 for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+    },
+    "distributed.worker.profile.enabled": False,
+    # The scheduler's own watching of itself: 3 % of a core, which the workers have better use for.
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.worker.memory.monitor-interval": "1s",
+}
+
+
+@contextmanager
+def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
+    """Connect to a user's own scheduler, or start ``workers`` processes of one thread each on this machine.
+
+    A worker that dies is started again, and its cases go to another one.
+    """
+    if scheduler:
+        with Client(scheduler) as client:
+            yield client
+        return
+    with (
+        dask.config.set(_SETTINGS),
+        LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tuple[Case, Result]]:
+    """Run cases and yield each with its result as it is done.
+
+    What goes wrong in a worker, its death included (after four attempts), is the result of that case.
+    """
+    queue = _Queue(client, scene, cases)
+    finished = as_completed(queue.refill())
+    for future in finished:
+        done = list(queue.take(future))
+        for task in queue.refill():  # before the results are kept: workers do not wait for the disk
+            finished.add(task)
+        yield from done
+
+
+class _Queue:
+    """Cases on their way into tasks, and tasks on their way back.
+
+    Cases whose task lost its worker run alone from then on, so that none of them takes others with it again.
+    """
+
+    def __init__(self, client: Client, scene: str, cases: Sequence[Case]) -> None:
+        # Every task carries the scene: what was scattered is lost when all workers die, and the sweep waits for ever.
+        self._client, self._scene = client, scene
+        self._left, self._alone = deque(cases), deque[Case]()
+        self._running: dict[Future, tuple[Case, ...]] = {}
+        self._seconds: float | None = None
+        self._count = 0
+
+    def refill(self) -> list[Future]:
+        """Start a task for each thread that has none, and return them.
+
+        None waits at a worker: dask blames the death of a worker on all tasks that it had been given.
+        """
+        threads = max(1, sum(self._client.nthreads().values()))
+        started = []
+        while (self._alone or self._left) and len(self._running) < threads:
+            started.append(self._submit(self._next(threads)))
+        return started
+
+    def take(self, future: Future) -> Iterator[tuple[Case, Result]]:
+        """Give the cases of a task that is done; where its worker died, they are run once more, one by one."""
+        cases, results, error = self._running.pop(future), [], None
+        try:
+            results = future.result()
+        except CancelledError:  # the results were lost with the worker that held them
+            self._alone.extend(cases)
+        except Exception as failure:  # whatever the task raised, or what says that its workers died
+            error = failure
+        if results:
+            self._seconds = sum(result["elapsed"] for result in results) / len(results)
+            yield from zip(cases, results, strict=True)
+        elif error is not None and len(cases) > 1:
+            self._alone.extend(cases)
+        elif error is not None:
+            yield cases[0], {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+        future.release()
+
+    def _next(self, threads: int) -> list[Case]:
+        """Choose the cases of the next task by how long the last ones took."""
+        if self._alone:
+            return [self._alone.popleft()]
+        count = 1
+        if self._seconds is not None:
+            fair = len(self._left) // (_SHARE * threads)
+            count = max(1, min(fair, round(TASK_SECONDS / max(self._seconds, 1e-6))))
+        return [self._left.popleft() for _ in range(count)]
+
+    def _submit(self, cases: list[Case]) -> Future:
+        overrides = [dict(case.overrides) for case in cases]
+        self._count += 1  # a key that was used before may still be on its way out of the scheduler
+        key = f"gdfe-{cases[0].name}-{self._count}-{len(cases)}"
+        future = self._client.submit(run_cases_in_turn, self._scene, overrides, key=key, pure=False)
+        self._running[future] = tuple(cases)
+        return future

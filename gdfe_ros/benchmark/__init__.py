@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run time against error: the paper's scenes, reference solutions, peers and the comparison."""

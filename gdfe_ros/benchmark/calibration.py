@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The calibration of Sec. 4.2.1: a bar of two shape factors stretched by 100 %, over the ratio R_G of the two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.shape_factor import CALIBRATED_TO, geometric_ratio
+
+LEFT = 0.9
+"""Shape factor of the left half; the right half has ``LEFT`` / R_G."""
+RATIOS = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, CALIBRATED_TO)
+
+
+@dataclass(frozen=True)
+class CalibrationPoint:
+    """One bar: what ratio of stiffness a ratio of shape factors amounts to.
+
+    Attributes:
+        geometric: R_G, ratio of the shape factors.
+        published: R_M that Eq. 7 maps to it.
+        strain: mean eps_eq of the right half over that of the left half.
+        energy: the same of 1/2 eps_eq^2, the strain energy of two halves of equal modulus.
+        converged: every load step did.
+    """
+
+    geometric: float
+    published: float
+    strain: float
+    energy: float
+    converged: bool
+
+
+def calibrate(steps: int) -> list[CalibrationPoint]:
+    """Stretch a bar for each of ``RATIOS`` in ``steps`` load steps with the ``relative`` policy."""
+    return [_point(ratio, steps) for ratio in RATIOS]
+
+
+def published_ratio(geometric: float) -> float:
+    """Invert Eq. 7: the mechanical ratio R_M of a geometric ratio R_G >= 1; 1 below what Eq. 7 gives for R_M = 1."""
+    if geometric <= geometric_ratio(1.0):
+        return 1.0
+    return float(brentq(lambda ratio: float(geometric_ratio(ratio)) - geometric, 1.0, 1e3))
+
+
+def _point(ratio: float, steps: int) -> CalibrationPoint:
+    names = list(load_scene("calibration").materials)
+    overrides = {f"materials.{names[0]}.omega": LEFT, f"materials.{names[1]}.omega": LEFT / ratio}
+    simulation = Simulation(load_scene("calibration", overrides=overrides))
+    results = list(simulation.play(steps))
+    strain, left = simulation.fields().eps_eq, simulation.scene.cell_material == 0
+    means = [float(np.average(values)) for values in (strain[left], strain[~left])]
+    squares = [float(np.average(values**2)) for values in (strain[left], strain[~left])]
+    return CalibrationPoint(
+        ratio,
+        published_ratio(ratio),
+        means[1] / means[0],
+        squares[1] / squares[0],
+        all(result.converged for result in results),
+    )

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Readers of what CalculiX leaves behind: displacements (``.frd``) and reactions (``.dat``)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Nodal = dict[int, tuple[float, float, float]]
+"""Three components for each node number."""
+
+
+def read_displacements(text: str) -> Nodal:
+    """Return the displacements of the last ``DISP`` block of an ASCII ``.frd`` file.
+
+    The format is fixed-width: key ``-1``, node number in 10 columns, then 12 columns a component.
+
+    Raises:
+        ValueError: if there is no such block, or a line of it cannot be read.
+    """
+    blocks = text.split(" -4  DISP")
+    if len(blocks) < 2:
+        raise ValueError("the .frd file holds no block DISP: did the analysis end early?")
+    found: Nodal = {}
+    for line in blocks[-1].splitlines()[1:]:
+        if line.startswith(" -3"):
+            return found
+        if line.startswith(" -1"):
+            found[int(line[3:13])] = (float(line[13:25]), float(line[25:37]), float(line[37:49]))
+    raise ValueError("the block DISP of the .frd file has no end mark: the file is cut off")
+
+
+def read_reactions(text: str) -> Nodal:
+    """Return the nodal forces of the last ``forces`` block of a ``.dat`` file.
+
+    Raises:
+        ValueError: if there is no such block.
+    """
+    lines = text.splitlines()
+    starts = [index for index, line in enumerate(lines) if line.strip().startswith("forces (fx,fy,fz)")]
+    if not starts:
+        raise ValueError("the .dat file holds no forces: did the analysis end early?")
+    found: Nodal = {}
+    for line in lines[starts[-1] + 1 :]:
+        fields = line.split()
+        if not fields:
+            if found:
+                break
+            continue
+        if len(fields) != 4:
+            break
+        found[int(fields[0])] = (float(fields[1]), float(fields[2]), float(fields[3]))
+    return found
+
+
+def count_iterations(text: str) -> int:
+    """Return the number of linear solves that the log of ``ccx`` reports."""
+    return sum(line.strip().startswith("iteration ") for line in text.splitlines())
+
+
+def to_lattice(values: Nodal, *, size: int) -> npt.NDArray[np.float64]:
+    """Return nodal values as an array, shape (size, 3), float64; nodes that are absent are zero.
+
+    Raises:
+        ValueError: if a node number lies outside 1..size.
+    """
+    result = np.zeros((size, 3))
+    for node, value in values.items():
+        if not 1 <= node <= size:
+            raise ValueError(f"node {node} lies outside 1..{size}")
+        result[node - 1] = value
+    return result

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Third part of the benchmark: twist90_uniform from 500 to 100 000 elements, and over Poisson's ratio.
+
+``python -m gdfe_ros.benchmark.scaling CELLS POISSON`` measures one size in a process of its own and prints JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+from time import perf_counter
+from typing import Any
+
+from gdfe_ros.benchmark.peers.peer import PeerError, worker_environment
+
+SIZES = ((20, 5, 5), (40, 10, 10), (80, 20, 20), (116, 30, 30))
+"""500, 4000, 32 000 and 104 400 elements."""
+RATIOS = (0.3, 0.45, 0.49, 0.499, 0.4999)
+TOLERANCE = 1e-4
+_SCENE = "twist90_uniform"
+_TIMEOUT = 900.0
+
+
+def measure_scaling() -> list[dict[str, Any]]:
+    """Measure every size at nu = 0.45, one thread, one fresh process each."""
+    return [_in_process(cells, 0.45) for cells in SIZES]
+
+
+def measure_ratios() -> list[dict[str, Any]]:
+    """Measure 4000 elements over Poisson's ratio."""
+    return [_in_process((40, 10, 10), ratio) for ratio in RATIOS]
+
+
+def _in_process(cells: tuple[int, int, int], poisson: float) -> dict[str, Any]:
+    command = [sys.executable, "-m", "gdfe_ros.benchmark.scaling", ",".join(map(str, cells)), str(poisson)]
+    process = subprocess.run(
+        command, env=worker_environment(1), capture_output=True, text=True, timeout=_TIMEOUT, check=False
+    )
+    if process.returncode != 0:
+        raise PeerError(f"scaling, {cells} cells, nu {poisson}: {process.stderr.strip().splitlines()[-1:]}")
+    return json.loads(process.stdout)
+
+
+def _measure(cells: list[int], poisson: float) -> dict[str, Any]:
+    from gdfe_ros.scene import load_scene
+    from gdfe_ros.simulation import Simulation
+
+    def scene(size: list[int]) -> Any:
+        material = next(iter(load_scene(_SCENE).materials))
+        overrides = {
+            "mesh.bar.cells": size,
+            f"materials.{material}.poisson": poisson,
+            "solver.tolerance": TOLERANCE,
+        }
+        return load_scene(_SCENE, overrides=overrides)
+
+    list(Simulation(scene([20, 4, 4])).play())
+    start = perf_counter()
+    big = scene(cells)
+    loaded = perf_counter()
+    simulation = Simulation(big)
+    built = perf_counter()
+    result = list(simulation.play())[-1]
+    solved = perf_counter()
+    return {
+        "elements": big.mesh.n_cells,
+        "vertices": big.mesh.n_vertices,
+        "poisson": poisson,
+        "time_load": loaded - start,
+        "time_setup": built - loaded,
+        "time_solve": solved - built,
+        "iterations": result.iterations,
+        "time_iteration": (solved - built) / max(result.iterations, 1),
+        "converged": result.converged,
+        "factorisation": result.factorisation,
+        "peak_memory": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps(_measure([int(count) for count in sys.argv[1].split(",")], float(sys.argv[2]))))

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``gdfe``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from gdfe_ros import __version__
+from gdfe_ros.entry import INTERRUPTED, quiet_imports
+from gdfe_ros.errors import GdfeError
+
+COMMANDS = {
+    "solve": "play a scene's program and print and write the result",
+    "demo": "start the node, command it over topics, record, draw",
+    "calibrate": "repeat the calibration of Sec. 4.2.1 beside Eq. 7",
+    "bench": "run time against error beside FElupe, CalculiX and MuJoCo; streaming; scaling",
+    "replay": "make a recorded run again, without ROS or through a node, and compare every published array",
+    "compare": "say whether two recorded runs differ, where and by how much",
+    "recover": "get out of a bag that was cut off what it holds",
+    "export": "write a recorded run for ParaView, numpy or a table program",
+    "report": "write a recorded run as one HTML page that opens offline",
+    "inspect": "say what is in a mesh or surface file and what to fix, and draw it",
+    "sweep": "run a scene with many overrides in parallel",
+}
+BAD_INPUT = 2
+_REMEDY = "install the package's extras: pip install 'gdfe_ros[mcap,fast,mesh,plot,sweep]' (and ros, where no ROS is)"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a subcommand.
+
+    Returns:
+        0; 2 for bad input, after one clear message; 3 where a solve did not converge; 130 when interrupted.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    parser = _parser(given)
+    parsed = parser.parse_args(given)
+    try:
+        return parsed.run(parsed)
+    except (GdfeError, argparse.ArgumentTypeError, ValueError, OSError) as error:
+        print(f"gdfe {parsed.command}: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] == "gdfe_ros":
+            raise
+        print(f"gdfe {parsed.command}: {error}; {_REMEDY}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print(f"gdfe {parsed.command}: interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
+    """Build the parser; only the module of the subcommand that is asked for is imported."""
+    parser = argparse.ArgumentParser(
+        prog="gdfe", description="Soft-robot simulation by geometry-driven finite elements."
+    )
+    parser.add_argument("--version", action="version", version=f"gdfe_ros {__version__}")
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, text in COMMANDS.items():
+        subparser = subparsers.add_parser(name, help=text, description=text)
+        if given and given[0] == name:
+            with quiet_imports(f"gdfe {name}", INTERRUPTED):
+                module = import_module(f"gdfe_ros.commands.{name}")
+            module.add_arguments(subparser)
+            subparser.set_defaults(run=module.run)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a simulation is told to do, checked against its scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gdfe_ros.actuators import Actuator
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.errors import CommandError
+from gdfe_ros.scene.scene import Scene
+
+FARTHEST = 1000.0
+"""Body lengths, and turns, beyond which a pose is refused."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """Absolute targets; what is not named keeps its last target.
+
+    Attributes:
+        handles: pose of each named plate relative to its rest pose.
+        actuators: command of each named actuator in the unit of its mode, e.g. a tension [N]; of a growth, 0 to 1.
+        loads: factor on each named load; 1 where it was never commanded.
+    """
+
+    handles: Mapping[str, Pose] = field(default_factory=dict)
+    actuators: Mapping[str, float] = field(default_factory=dict)
+    loads: Mapping[str, float] = field(default_factory=dict)
+
+
+class Orders:
+    """Commands of a scene: who takes them, and within which limits.
+
+    Args:
+        scene: its handles, actuators and loads.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._handles = {handle.name: handle for handle in scene.handles}
+        self._actuators = {actuator.name: actuator for actuator in scene.actuators}
+        self._loads = {load.name: load for load in scene.loads}
+
+    def handle(self, name: str) -> Handle:
+        """Return a handle.
+
+        Raises:
+            CommandError: no such handle.
+        """
+        if name not in self._handles:
+            raise CommandError(f"no handle {name!r} in scene {self._scene.name!r}; handles: {_list(self._handles)}")
+        return self._handles[name]
+
+    def actuator(self, name: str) -> Actuator:
+        """Return an actuator.
+
+        Raises:
+            CommandError: no such actuator.
+        """
+        if name not in self._actuators:
+            known = _list(self._actuators)
+            raise CommandError(f"no actuator {name!r} in scene {self._scene.name!r}; actuators: {known}")
+        return self._actuators[name]
+
+    def targets(self, command: Command | None, last: Mapping[str, Pose]) -> dict[str, Pose]:
+        """Return the targets of all plates after a command.
+
+        Raises:
+            CommandError: a handle is unknown or fixed, or its target is out of reach.
+        """
+        targets = dict(last)
+        for name, pose in (command.handles if command else {}).items():
+            if self.handle(name).fixed:
+                movable = [handle.name for handle in self._scene.handles if not handle.fixed]
+                raise CommandError(f"handle {name!r} is fixed; handles that move: {_list(movable)}")
+            far = np.linalg.norm(pose.translation) / self._scene.mesh.size
+            turns = np.linalg.norm(pose.rotation) / (2.0 * np.pi)
+            if far > FARTHEST or turns > FARTHEST:
+                raise CommandError(
+                    f"handle {name!r} is commanded {far:.3g} body lengths and {turns:.3g} turns away; at most "
+                    f"{FARTHEST:g} of each are taken: check the units (metres, radians)"
+                )
+            targets[name] = pose
+        return targets
+
+    def values(self, command: Command | None, last: Mapping[str, float]) -> dict[str, float]:
+        """Return the commands of all actuators and loads after a command.
+
+        Raises:
+            CommandError: an actuator or load is unknown, or its command is out of range.
+        """
+        values = dict(last)
+        for name, value in (command.actuators if command else {}).items():
+            actuator = self.actuator(name)
+            if not actuator.low <= value <= actuator.high:
+                unit = f" {actuator.mode.unit}".rstrip()
+                allowed = f"{actuator.low:g} to {actuator.high:g}{unit}"
+                raise CommandError(f"actuator {name!r}: {actuator.mode.value} {value!r}; allowed: {allowed}")
+            values[name] = float(value)
+        for name, value in (command.loads if command else {}).items():
+            if name not in self._loads:
+                raise CommandError(f"no load {name!r} in scene {self._scene.name!r}; loads: {_list(self._loads)}")
+            if not np.isfinite(value):
+                raise CommandError(f"load {name!r}: factor {value!r}; allowed: finite numbers")
+            values[name] = float(value)
+        return values
+
+    def within_rates(self, values: Mapping[str, float], present: Mapping[str, float], dt: float) -> dict[str, float]:
+        """Return what rate limits let through of commands in ``dt`` [s]."""
+        limited = dict(values)
+        for name, actuator in self._actuators.items():
+            if np.isfinite(actuator.rate):
+                reach = actuator.rate * dt
+                limited[name] = float(np.clip(limited[name], present[name] - reach, present[name] + reach))
+        return limited
+
+
+def _list(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"

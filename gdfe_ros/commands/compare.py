@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe compare``: say whether two recorded runs differ, where and by how much."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from gdfe_ros.analysis.comparison import Comparison, compare_bags
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference_table import difference_table, wide_console
+
+DIFFERENT = 1
+_MOST = 20
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("first", type=Path, metavar="A", help="directory of a bag that sim_node recorded")
+    parser.add_argument("second", type=Path, metavar="B", help="another one")
+    parser.add_argument(
+        "--within",
+        type=float,
+        default=0.0,
+        metavar="FACTOR",
+        help="also pass where the difference is up to FACTOR times the solver tolerance of A (default: bit-identical)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compare; return 0 where the runs are equal, else 1."""
+    comparison = compare_bags(arguments.first, arguments.second)
+    differences, console = comparison.differences, wide_console()
+    verdict = differences.verdict(arguments.within)
+    if any(comparison.only) or not differences.steps:
+        verdict = Verdict.DIFFERENT
+    for text in _remarks(comparison):
+        console.print(text, markup=False)
+    if differences.differing:
+        console.print(difference_table(differences, factor=arguments.within))
+    colour = "red" if verdict is Verdict.DIFFERENT else "green"
+    console.print(f"[{colour}]{verdict.value}[/]: {differences.steps} steps, {differences.compared} arrays compared")
+    return DIFFERENT if verdict is Verdict.DIFFERENT else 0
+
+
+def _remarks(comparison: Comparison) -> list[str]:
+    remarks = []
+    if comparison.scene_changes:
+        changes = comparison.scene_changes
+        remarks = ["the scenes differ:", *(f"  {key}: {a} -> {b}" for key, (a, b) in [*changes.items()][:_MOST])]
+        if len(changes) > _MOST:
+            remarks.append(f"  and {len(changes) - _MOST} more keys")
+    for name, count in zip("AB", comparison.only, strict=True):
+        if count:
+            remarks.append(f"{count} steps of {name} have no step with the same stamp in the other bag")
+    if comparison.differences.unmatched:
+        remarks.append(f"arrays that only one bag has: {dict(comparison.differences.unmatched)}")
+    return remarks

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe demo``: a node in its own process, a scene's program played to it over topics, a bag and a picture."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene import Scene, load_scene
+
+NODE = "/gdfe_sim"
+ACTUATION = "actuation"
+PATIENCE = 300.0
+"""Longest wait for an answer of the node [s]; the first one waits for its kernels to be compiled."""
+FAILED = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", nargs="?", default="bend5", help="a name in config/scenes or the path of a YAML file")
+    parser.add_argument("--out", type=Path, help="directory of the bag and the picture (default: runs/<scene>_<time>)")
+    parser.add_argument("--dt", type=float, default=0.01, help="simulation time of a command [s] (default: 0.01)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Play the scene's program; return 0, or 1 where the node did not follow."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    scene = load_scene(arguments.scene)
+    if scene.program is None:
+        raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program'")
+    out = arguments.out or Path("runs") / f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S}"
+    console = Console()
+    status, first, log = _play(scene, str(arguments.scene), out / "bag", arguments.dt)
+    if status != 0:
+        console.print(log)
+        raise GdfeError(f"the node ended with status {status}; its log is above")
+    bag = BagRun(out / "bag")
+    console.print(_table(scene, bag, first))
+    _draw(bag, out / f"{scene.name}.png")
+    console.print(f"bag      {out / 'bag'}\npicture  {out / f'{scene.name}.png'}")
+    return 0 if all(record.converged for record in bag.records) else FAILED
+
+
+def _play(scene: Scene, name: str, bag: Path, dt: float) -> tuple[int, float, str]:
+    """Command the node and stop it; return its exit status, the time to the first step [s] and its log."""
+    from gdfe_ros.testing import NodeProcess
+    from gdfe_ros.testing.link import Link
+
+    topics = _topics(scene)
+    parameters = {
+        "scene": name,
+        "clock": "lockstep",
+        "dt": dt,
+        "record": True,
+        "bag_path": str(bag),
+        "command_set": list(topics),
+    }
+    started = time.perf_counter()
+    duration = scene.program.duration
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with (
+        NodeProcess(parameters) as node,
+        Link(node, NODE, topics, patience=PATIENCE) as link,
+        Progress(*columns, console=Console(stderr=True), transient=True) as progress,
+    ):
+        task = progress.add_task(f"{scene.name}: starting the node", total=duration)
+        # Step 0 is the body at rest; heard later, it would pass for the step of the first command.
+        link.wait_for_step(0)
+        link.wait_for_listener()
+        first = time.perf_counter() - started
+        progress.update(task, description=f"{scene.name}: commanding it over topics")
+        for count, moment in enumerate(np.arange(1, round(duration / dt) + 1) * dt, start=1):
+            link.publish(_messages(scene, moment))
+            link.wait_for_step(count)
+            progress.update(task, completed=moment)
+        return node.stop(), first, node.log
+
+
+def _topics(scene: Scene) -> dict[str, type]:
+    """Give the types of the topics that play the scene's program, by name after the node's."""
+    from geometry_msgs.msg import PoseStamped
+    from sensor_msgs.msg import JointState
+
+    program = scene.program
+    topics: dict[str, type] = {f"handles/{name}/target": PoseStamped for name in program.keyframes}
+    return topics | ({ACTUATION: JointState} if program.actuators or program.loads else {})
+
+
+def _messages(scene: Scene, moment: float) -> dict[str, Any]:
+    """Give one message for each topic, what the program commands at a moment [s]."""
+    from std_msgs.msg import Header
+
+    from gdfe_ros.node.actuator_messages import actuation
+    from gdfe_ros.node.messages import pose_stamped
+
+    program, head = scene.program, Header(frame_id="base_link")
+    poses = program.handle_poses(moment).items()
+    messages = {f"handles/{name}/target": pose_stamped(head, pose) for name, pose in poses}
+    if values := program.actuator_values(moment) | program.load_factors(moment):
+        messages[ACTUATION] = actuation({actuator.name: actuator for actuator in scene.actuators}, values)
+    return messages
+
+
+def _table(scene: Scene, bag: BagRun, first: float) -> Table:
+    records = [record for record in bag.records if record.step > 0]
+    times = np.array([record.wall_time for record in records])
+    last, wrenches = records[-1], bag.last_wrenches()
+    table = Table(title=f"{scene.name}: {scene.description}", title_justify="left", min_width=64)
+    table.add_column("quantity")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    table.add_row("vertices, cells", f"{scene.mesh.n_vertices}, {scene.mesh.n_cells}", "")
+    table.add_row("node start to first step", f"{first:.2f}", "s")
+    table.add_row("steps commanded, taken", f"{round(scene.program.duration / records[0].dt)}, {len(records)}", "")
+    table.add_row("solve time a step, median", f"{1e3 * np.median(times):.2f}", "ms")
+    table.add_row("iterations a step, mean", f"{np.mean([record.iterations for record in records]):.1f}", "")
+    table.add_row("converged", "yes" if all(record.converged for record in records) else "no", "")
+    table.add_row("strain energy", f"{last.energy:.6g}", "J")
+    table.add_row("min det F", f"{last.min_det:.4f}", "")
+    for name, (force, moment) in wrenches.items():
+        table.add_row(f"{name}: force", "  ".join(f"{value:.4g}" for value in force), "N")
+        table.add_row(f"{name}: moment", "  ".join(f"{value:.4g}" for value in moment), "N m")
+    table.add_row("messages in the bag", str(bag.message_count), "")
+    return table
+
+
+def _draw(bag: BagRun, path: Path) -> None:
+    from gdfe_ros.analysis.picture import draw_body
+
+    mesh, positions, strain = bag.mesh, bag.last_positions(), bag.last_strain("eps_eq")
+    title = f"{bag.scene.name} at t = {bag.records[-1].time:g} s, from the bag"
+    draw_body(path, mesh, positions, strain, title=title, label="equivalent strain")

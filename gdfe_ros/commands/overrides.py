@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Overrides of a scene as they stand on the command line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+
+
+def read_overrides(pairs: Iterable[str]) -> dict[str, str]:
+    """Read ``KEY=VALUE`` entries; values stay text, which the scene reads as YAML.
+
+    Raises:
+        argparse.ArgumentTypeError: an entry has no ``=``.
+    """
+    overrides = {}
+    for pair in pairs:
+        key, separator, value = pair.partition("=")
+        if not separator:
+            raise argparse.ArgumentTypeError(f"expected KEY=VALUE, got {pair!r}")
+        overrides[key.strip()] = value.strip()
+    return overrides

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe recover``: get out of a bag that was cut off what it holds."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from gdfe_ros.recording.recovery import RecoveryReport, recover
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("bag", type=Path, help="directory of the bag, or one MCAP file; it is not touched")
+    parser.add_argument("--out", type=Path, help="directory of the new bag (default: beside it, <name>_recovered)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Recover; return 0."""
+    report = recover(arguments.bag, arguments.out)
+    console = Console()
+    console.print(_table(report))
+    for text in _remarks(report):
+        console.print(text)
+    console.print(f"{report.total} messages in {report.path}", soft_wrap=True)
+    return 0
+
+
+def _table(report: RecoveryReport) -> Table:
+    table = Table(title=f"recovered {report.path}", title_justify="left")
+    table.add_column("topic")
+    table.add_column("messages", justify="right")
+    table.add_column("missing before the last one", justify="right")
+    for topic, count in report.messages.items():
+        table.add_row(topic, str(count), str(report.missing.get(topic, 0)))
+    return table
+
+
+def _remarks(report: RecoveryReport) -> list[str]:
+    remarks = [f"{name} was cut off: what was written after its last whole record is lost" for name in report.cut_files]
+    if report.damaged_chunks:
+        remarks.append(f"{report.damaged_chunks} chunks did not match their checksum and were left out")
+    if report.orphans:
+        remarks.append(f"{report.orphans} messages were left out: the declaration of their topic is lost")
+    return remarks or ["the bag was whole"]

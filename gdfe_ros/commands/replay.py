@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe replay``: make a recorded run again, with or without ROS, and compare every array that was published."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference_table import difference_table, wide_console
+from gdfe_ros.analysis.replay import Replay, ReplayReport
+from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.recording.provenance import describe_machine
+from gdfe_ros.solver.settings import Policy
+
+DIFFERENT = 1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="directories of bags that sim_node recorded")
+    parser.add_argument(
+        "--ros", action="store_true", help="through a real sim_node, commanded over topics (default: without ROS)"
+    )
+    parser.add_argument("--policy", choices=[policy.value for policy in Policy], help="instead of the run's")
+    parser.add_argument("--tolerance", type=float, help="of the solver, instead of the run's")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key of the scene in the bag"
+    )
+    parser.add_argument(
+        "--within",
+        type=float,
+        default=0.0,
+        metavar="FACTOR",
+        help="also pass where the difference is up to FACTOR times the solver tolerance of the run: on another machine "
+        "than the recording one the last bits differ (default: only bit-identical passes)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Replay; return 0 where every bag passes, 1 where one differs."""
+    overrides = read_overrides(arguments.set)
+    overrides |= {
+        f"solver.{name}": getattr(arguments, name)
+        for name in ("policy", "tolerance")
+        if getattr(arguments, name) is not None
+    }
+    passed = [_replay(path, overrides, arguments.within, ros=arguments.ros) for path in arguments.bags]
+    return 0 if all(passed) else DIFFERENT
+
+
+def _replay(path: Path, overrides: dict[str, object], factor: float, *, ros: bool) -> bool:
+    run = BagRun(path)
+    report = _repeat_by_node(run, overrides) if ros else Replay(run, overrides=overrides).run()
+    differences, console = report.differences, wide_console()
+    verdict = differences.verdict(factor)
+    if differences.differing:
+        console.print(difference_table(differences, factor=factor))
+        first = min((entry.first.key for entry in differences.differing if entry.first), default=None)
+        if first is not None:
+            console.print(f"first divergent stamp: {1e-9 * first[0]:.9g} s")
+        if factor > 0.0:
+            console.print(f"factor that allows all of it: {differences.factor_needed():.3g}")
+    for text in _remarks(run, report, overrides):
+        console.print(text)
+    colour = "red" if verdict is Verdict.DIFFERENT else "green"
+    console.print(
+        f"[{colour}]{verdict.value}[/]: {path}, {differences.steps} steps, {differences.compared} arrays; "
+        f"{report.duration:.3g} s of simulation in {report.wall_time:.3g} s"
+    )
+    return verdict is not Verdict.DIFFERENT
+
+
+def _repeat_by_node(run: BagRun, overrides: dict[str, object]) -> ReplayReport:
+    from gdfe_ros.testing.node_replay import NodeReplay
+
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    return NodeReplay(run, overrides=overrides).run()
+
+
+def _remarks(run: BagRun, report: ReplayReport, overrides: dict[str, object]) -> list[str]:
+    remarks = [f"changed: {key} = {value}" for key, value in overrides.items()]
+    if report.cuts:
+        remarks.append(f"{report.cuts} solves whose deadline had passed were ended at the same place")
+    if report.not_converged:
+        remarks.append(f"{report.not_converged} steps did not converge in the replay")
+    if report.unknown:
+        remarks.append(f"not compared, because the replay has none of it: {', '.join(report.unknown)}")
+    if report.inexact:
+        remarks.append(f"{report.inexact} targets could not be sent to the last bit: their messages are not in the bag")
+    if report.strays:
+        remarks.append(f"messages whose step is not in the bag: {dict(report.strays)}")
+    if report.differences.unmatched:
+        remarks.append(f"arrays that only one run has: {dict(report.differences.unmatched)}")
+    dropped = run.reader.notes.get("messages_dropped", "0")
+    if dropped != "0":
+        remarks.append(f"{dropped} messages were dropped while the bag was recorded")
+    return remarks + _machines(run)
+
+
+def _machines(run: BagRun) -> list[str]:
+    """Name what differs between the machine that recorded and this one: the last bits depend on it."""
+    there, here = dict(run.reader.run.machine), describe_machine()
+    changes = [f"{name} {there[name]} (here {here.get(name)})" for name in there if there[name] != here.get(name)]
+    return [f"recorded with {'; '.join(changes)}"] if changes else []

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe report``: a recorded run as one HTML page, a picture, and on request a moving picture."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from rich.console import Console
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("bag", type=Path, help="directory of a bag that sim_node recorded")
+    parser.add_argument("--out", type=Path, metavar="FILE.html", help="default: <bag>_report.html beside the bag")
+    parser.add_argument("--gif", type=Path, metavar="FILE.gif", help="also draw the motion")
+    parser.add_argument("--mp4", type=Path, metavar="FILE.mp4", help="also draw the motion, as a video (extra 'video')")
+    parser.add_argument("--frames", type=int, default=40, help="of the moving picture (default: 40)")
+    parser.add_argument("--field", default="eps_eq", help="that pictures are coloured by (default: eps_eq)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the report and its PNG; return 0."""
+    from gdfe_ros.analysis.report.motion import require_video, write_gif, write_mp4
+    from gdfe_ros.analysis.report.pictures import draw_steps, write_png
+    from gdfe_ros.analysis.report.writer import write_report
+
+    if arguments.mp4:
+        require_video()
+    bag = arguments.bag.resolve()
+    out = arguments.out or bag.with_name(f"{bag.stem}_report.html")
+    console, started = Console(soft_wrap=True), time.perf_counter()
+    facts = write_report(bag, out)
+    elapsed = time.perf_counter() - started
+    console.print(
+        f"report   {out}: {facts.steps} steps, {facts.frames} frames, {facts.size / 1e6:.1f} MB in {elapsed:.1f} s"
+    )
+    console.print(f"picture  {write_png(bag, out.with_suffix('.png'), field=arguments.field)}")
+    if arguments.gif or arguments.mp4:
+        pictures = list(draw_steps(bag, field=arguments.field, frames=arguments.frames))
+        for path, write in ((arguments.gif, write_gif), (arguments.mp4, write_mp4)):
+            if path:
+                console.print(f"motion   {write(pictures, path)}")
+    return 0

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe solve``: play a scene's program and print and write the result."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from gdfe_ros.analysis.result_file import write_result
+from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.scene import Scene, load_scene
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.settings import Policy, SolverSettings
+
+NOT_CONVERGED = 3
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", help="a name in config/scenes or the path of a YAML file")
+    parser.add_argument("--policy", choices=[policy.value for policy in Policy], help="instead of the scene's")
+    parser.add_argument("--steps", type=int, help="number of equal load steps (default: chosen by the solver)")
+    parser.add_argument("--tolerance", type=float, help="instead of the scene's")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="override a key, e.g. mesh.bar.cells=[25,2,2]",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE.npz", help="write the result")
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the deformed body")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Solve; return 0, or 3 where a step did not converge."""
+    scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
+    simulation = Simulation(scene, settings=_settings(scene, arguments))
+    for remark in simulation.remarks():
+        Console(stderr=True).print(f"warning: {remark}", style="yellow", highlight=False)
+    simulation.warm_up()
+    started = time.perf_counter()
+    results = _play(simulation)
+    wall_time = time.perf_counter() - started
+    last = results[-1]
+    Console().print(_table(simulation, results, wall_time))
+    if arguments.out:
+        write_result(arguments.out, simulation, last, steps=len(results), wall_time=wall_time)
+    if arguments.picture:
+        _draw(arguments.picture, simulation, last)
+    failed = [result for result in results if not result.converged]
+    for result in failed[:3]:
+        Console(stderr=True).print(f"not converged at t = {result.time:.4g} s: {result.message}", style="red")
+    return NOT_CONVERGED if failed else 0
+
+
+def _settings(scene: Scene, arguments: argparse.Namespace) -> SolverSettings:
+    chosen = {name: getattr(arguments, name) for name in ("policy", "steps", "tolerance")}
+    return dataclasses.replace(scene.solver, **{key: value for key, value in chosen.items() if value is not None})
+
+
+def _play(simulation: Simulation) -> list[StepResult]:
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(simulation.scene.name, total=1.0)
+        return list(simulation.play(progress=lambda done: progress.update(task, completed=done)))
+
+
+def _table(simulation: Simulation, results: list[StepResult], wall_time: float) -> Table:
+    last, mesh = results[-1], simulation.mesh
+    table = Table(title=f"{simulation.scene.name}, policy {last.policy.value}", title_justify="left", min_width=64)
+    table.add_column("quantity")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    table.add_row("vertices, cells", f"{mesh.n_vertices}, {mesh.n_cells}", "")
+    table.add_row("steps", str(len(results)), "")
+    table.add_row("iterations", str(sum(result.iterations for result in results)), "")
+    table.add_row("solve time", f"{wall_time:.3f}", "s")
+    table.add_row("constant matrix", last.factorisation, "")
+    table.add_row("converged", "yes" if all(result.converged for result in results) else "no", "")
+    table.add_row("estimated distance to equilibrium", f"{last.residual:.2e}", "of size")
+    table.add_row("strain energy", f"{last.energy:.6g}", "J")
+    table.add_row("min det F", f"{last.min_det:.4f}", "")
+    for name, reaction in last.reactions.items():
+        table.add_row(f"{name}: force", "  ".join(f"{value:.5g}" for value in _clean(reaction[:3])), "N")
+        table.add_row(f"{name}: moment", "  ".join(f"{value:.5g}" for value in _clean(reaction[3:])), "N m")
+    for name, state in last.actuators.items():
+        table.add_row(f"{name}: command, {state.mode.value}", f"{state.command:.6g}", state.unit)
+        for what, value, unit in state.readings():
+            table.add_row(f"{name}: {what}", f"{value:.6g}", unit)
+    for name, position in simulation.probe_positions().items():
+        table.add_row(f"{name}: position", "  ".join(f"{value:.5g}" for value in position), "m")
+    return table
+
+
+def _clean(values: object) -> list[float]:
+    """Show rounding noise as zero."""
+    largest = max(abs(float(value)) for value in values)
+    return [0.0 if abs(float(value)) < 1e-9 * largest else float(value) for value in values]
+
+
+def _draw(path: Path, simulation: Simulation, result: StepResult) -> None:
+    from gdfe_ros.analysis.picture import draw_body  # matplotlib takes a second to import
+
+    title = f"{simulation.scene.name} at t = {result.time:g} s"
+    fields = simulation.fields()
+    draw_body(path, simulation.mesh, result.positions, fields.eps_eq, title=title, label="equivalent strain")

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe sweep``: a scene with a grid or a list of overrides, in parallel, resumable."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from gdfe_ros.analysis.sweep.archive import Archive
+from gdfe_ros.analysis.sweep.cases import Case, grid_cases, read_axes, read_list
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene import load_scene
+
+FAILED = 1
+_SHOWN = 10
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", help="a name in config/scenes or the path of a YAML file")
+    parser.add_argument(
+        "--grid",
+        action="append",
+        default=[],
+        metavar="KEY=VALUES",
+        help="values of a key of the scene: a YAML list, or low:high:count; several keys are combined",
+    )
+    parser.add_argument("--list", type=Path, metavar="FILE", help="overrides, a case a line: CSV, or a YAML list")
+    parser.add_argument("--out", type=Path, required=True, help="directory of the results; a second run goes on in it")
+    parser.add_argument("--workers", type=int, default=2, help="processes on this machine (default: 2)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of your own dask cluster, instead of --workers")
+    parser.add_argument("--retry", action="store_true", help="run cases that failed in an earlier run again")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Sweep; return 0, or 1 where a case failed or did not converge."""
+    from gdfe_ros.analysis.export.table import write_parquet
+    from gdfe_ros.analysis.sweep.results import draw_results, flat_row
+
+    scene = load_scene(arguments.scene)
+    if scene.program is None:
+        raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program'")
+    cases = _cases(arguments)
+    archive = Archive(arguments.out, scene.source)
+    _complete(arguments, scene.source, cases, archive)
+    rows = [flat_row(case.name, dict(case.overrides), archive.find(case)) for case in cases]
+    write_parquet(rows, arguments.out / "results.parquet")
+    draw_results(rows, arguments.out / "results.png", title=f"{scene.name}: {len(rows)} cases")
+    bad = [row for row in rows if row["status"] != "converged"]
+    console = Console(soft_wrap=True)
+    for row in bad[:_SHOWN]:
+        settings = {key.removeprefix("set."): value for key, value in row.items() if key.startswith("set.")}
+        console.print(f"{row['status']}: {settings}: {row['error']}", style="red", markup=False)
+    console.print(f"{len(rows) - len(bad)} of {len(rows)} cases converged; {arguments.out / 'results.parquet'}")
+    return FAILED if bad else 0
+
+
+def _cases(arguments: argparse.Namespace) -> list[Case]:
+    if not arguments.grid and not arguments.list:
+        raise GdfeError("nothing to vary: give --grid KEY=VALUES or --list FILE")
+    rows = read_list(arguments.list) if arguments.list else [{}]
+    return grid_cases(read_axes(arguments.grid), rows)
+
+
+def _complete(arguments: argparse.Namespace, scene: str, cases: list[Case], archive: Archive) -> None:
+    """Run what is not done yet."""
+    from gdfe_ros.analysis.sweep.runner import connect, run_cases
+
+    left = [case for case in cases if _is_left(archive, case, retry=arguments.retry)]
+    console = Console(stderr=True)
+    if len(left) < len(cases):
+        console.print(f"{len(cases) - len(left)} of {len(cases)} cases are done already")
+    if not left:
+        return
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    with (
+        connect(arguments.scheduler, arguments.workers) as client,
+        Progress(*columns, console=console, transient=True) as progress,
+    ):
+        task = progress.add_task("cases", total=len(left))
+        for case, result in run_cases(client, scene, left):
+            archive.keep(case, result)
+            progress.advance(task)
+
+
+def _is_left(archive: Archive, case: Case, *, retry: bool) -> bool:
+    result = archive.find(case)
+    return result is None or (retry and result["status"] == "failed")

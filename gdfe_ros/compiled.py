@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the kernels are compiled: cached on disk, without the GIL, IEEE division instead of exceptions.
+
+Numba recompiles a kernel when its own file changes, not when a constant or kernel that it imports does: after editing
+one, delete the ``__pycache__`` folders (``make clean``).
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+kernel = njit(cache=True, nogil=True, error_model="numpy")
+"""Decorator of every compiled function that needs no reassociation of sums."""
+
+inlined = njit(nogil=True, error_model="numpy", forceinline=True)
+"""Decorator of the pieces of an element kernel: always inlined, so that structs and tuples stay in registers."""
+
+merged = njit(nogil=True, error_model="numpy", inline="always")
+"""Decorator of a function that is compiled as part of its only caller: no code of its own, which compiles faster."""
+
+vector_kernel = njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+"""Decorator of reductions that may be vectorised; the order of summation is fixed by the binary."""

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A handle: vertices that move together as a rigid plate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Axis(IntEnum):
+    """A world axis (REP-103)."""
+
+    X = 0
+    Y = 1
+    Z = 2
+
+
+@dataclass(frozen=True)
+class Handle:
+    """Vertices moved rigidly by a commanded pose.
+
+    Attributes:
+        name: unique in the scene; part of topic names.
+        vertices: sorted vertex ids (k,) int32.
+        fixed: the plate stays at rest and takes no commands.
+        free: world axes along which the plate slides unloaded; its position there is an unknown.
+        turning: world axes, through the plate's centre, about which it turns without a moment; the components of its
+            rotation vector there are unknowns.
+    """
+
+    name: str
+    vertices: NDArray[np.int32]
+    fixed: bool = False
+    free: tuple[Axis, ...] = ()
+    turning: tuple[Axis, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.fixed and (self.free or self.turning):
+            raise ValueError(f"handle {self.name!r} is fixed and has free axes; drop one of the two")
+
+    def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the mean (3,) [m] of the plate's vertices out of all ``vertices`` (n, 3)."""
+        return vertices[self.vertices].mean(axis=0)

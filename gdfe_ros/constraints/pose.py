@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pose of a plate relative to its rest pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+_ZERO = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Translation and rotation of a plate about its own rest centre.
+
+    Attributes:
+        translation: displacement of the plate's centre [m].
+        rotation: rotation vector [rad]; a vector, so that a program can turn by more than half a turn.
+
+    Raises:
+        ValueError: a component is not a finite number.
+    """
+
+    translation: tuple[float, float, float] = _ZERO
+    rotation: tuple[float, float, float] = _ZERO
+
+    def __post_init__(self) -> None:
+        for name in ("translation", "rotation"):
+            given = getattr(self, name)
+            try:
+                values = tuple(map(float, given))
+            except TypeError:
+                values = ()
+            if len(values) != 3 or not all(map(isfinite, values)):
+                raise ValueError(f"{name} must be three finite numbers, got {given!r}")
+            object.__setattr__(self, name, values)
+
+    def apply(self, points: ArrayLike, centre: ArrayLike) -> NDArray[np.float64]:
+        """Move rest ``points`` (k, 3) [m] with the plate whose rest centre is ``centre`` (3,) [m]."""
+        points, centre = np.asarray(points, dtype=np.float64), np.asarray(centre, dtype=np.float64)
+        if self.rotation == _ZERO:
+            return points + np.asarray(self.translation)
+        turned = Rotation.from_rotvec(self.rotation).apply(points - centre)
+        return turned + centre + np.asarray(self.translation)
+
+    def blend(self, other: Pose, fraction: float) -> Pose:
+        """Interpolate translation and rotation vector linearly: 0 gives this pose, 1 the other."""
+        start, end = (
+            np.array([self.translation, self.rotation]),
+            np.array([other.translation, other.rotation]),
+        )
+        translation, rotation = start + fraction * (end - start)
+        return Pose(tuple(translation), tuple(rotation))

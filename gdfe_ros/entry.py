@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the console scripts call. Light, so that an interrupt while the rest is imported leaves no traceback."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from types import FrameType
+
+INTERRUPTED = 130
+"""Exit status of an interrupted command, as shells have it; that of a node is 0."""
+
+
+def gdfe() -> int:
+    """Run the command ``gdfe``."""
+    with quiet_imports("gdfe", INTERRUPTED):
+        main = import_module("gdfe_ros.cli").main
+    return main()
+
+
+def sim_node() -> int:
+    """Run the simulation node; once it spins, its own handlers take the signals."""
+    with quiet_imports("sim_node", 0):
+        return import_module("gdfe_ros.node.sim_node").main()
+
+
+def tip_tracking() -> int:
+    """Run the example controller."""
+    with quiet_imports("tip_tracking", 0):
+        return import_module("gdfe_ros.examples.tip_tracking").main()
+
+
+@contextmanager
+def quiet_imports(name: str, status: int) -> Iterator[None]:
+    """End the process at once where SIGINT arrives inside: nothing is open yet that would have to be finished.
+
+    KeyboardInterrupt will not do: libraries catch it while they probe what is installed, and go on.
+    """
+
+    def end(number: int, frame: FrameType | None) -> None:
+        os.write(sys.stderr.fileno(), f"{name}: interrupted while starting\n".encode())
+        os._exit(status)
+
+    before = signal.signal(signal.SIGINT, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors that users see: each says what, where, the value, the allowed range and the remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class GdfeError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class DefectsError(GdfeError):
+    """An input with one or more defects, all of them named at once.
+
+    Args:
+        heading: what was examined, e.g. ``scene config/scenes/bar.yaml``.
+        defects: one line of text for each defect.
+    """
+
+    def __init__(self, heading: str, defects: Sequence[str]) -> None:
+        self.heading = heading
+        self.defects = list(defects)
+        count = f"{len(self.defects)} defect" + ("s" if len(self.defects) != 1 else "")
+        super().__init__("\n  - ".join([f"{heading}: {count}", *self.defects]))
+
+
+class MeshError(DefectsError):
+    """A mesh that cannot be simulated."""
+
+
+class SceneError(DefectsError):
+    """A scene file that cannot be read or does not make sense."""
+
+
+class CommandError(GdfeError):
+    """A command that cannot be carried out; the state is unchanged."""
+
+
+class RecordingError(GdfeError):
+    """A bag that cannot be written, read or recovered."""

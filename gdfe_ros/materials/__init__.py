@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stress-strain laws and the paper's materials."""
+
+from gdfe_ros.materials.curve_data import CurveData
+from gdfe_ros.materials.material import Curve, Law, Linear, Material, NeoHookean, Ogden
+from gdfe_ros.materials.presets import PRESETS, preset
+
+__all__ = ["PRESETS", "Curve", "CurveData", "Law", "Linear", "Material", "NeoHookean", "Ogden", "preset"]

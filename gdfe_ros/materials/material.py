@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stress-strain laws as a user states them: immutable, validated, SI units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.materials.curve_data import CurveData
+from gdfe_ros.materials.stability import drucker_remarks
+
+
+class Law(IntEnum):
+    """The stress-strain laws that the solver's kernels know."""
+
+    LINEAR = 0
+    NEO_HOOKEAN = 1
+    CURVE = 2
+    OGDEN = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """What every law has.
+
+    Attributes:
+        poisson: Poisson's ratio at rest, -1 < nu <= 0.5; 0.5 is incompressible.
+        density: mass density [kg/m^3], needed by gravity only.
+        omega: a given shape factor for the ``relative`` policy, 0 < omega <= 1.
+
+    Raises:
+        ValueError: a parameter is out of range.
+    """
+
+    poisson: float
+    density: float | None = None
+    omega: float | None = None
+
+    def __post_init__(self) -> None:
+        if not -1.0 < self.poisson <= 0.5:
+            raise ValueError(f"poisson must lie in -1 < poisson <= 0.5, got {self.poisson!r}; 0.5 is incompressible")
+        if self.density is not None:
+            _within("density", self.density, 0.0, 1e6, "in kg/m^3")
+        if self.omega is not None and not 0.0 < self.omega <= 1.0:
+            raise ValueError(f"omega must lie in 0 < omega <= 1, got {self.omega!r}")
+
+    law = Law.LINEAR
+
+    @property
+    def shear0(self) -> float:
+        """Shear modulus at rest [Pa]."""
+        return self.young0 / (2.0 * (1.0 + self.poisson))
+
+    @property
+    def bulk(self) -> float:
+        """Bulk modulus [Pa], K = 2 mu0 (1 + nu) / (3 (1 - 2 nu)); infinite at nu = 0.5."""
+        if self.poisson == 0.5:
+            return math.inf
+        return 2.0 * self.shear0 * (1.0 + self.poisson) / (3.0 * (1.0 - 2.0 * self.poisson))
+
+    @property
+    def young0(self) -> float:
+        """Young's modulus at rest [Pa], E = 2 mu0 (1 + nu)."""
+        return 2.0 * self.shear0 * (1.0 + self.poisson)
+
+    def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the nominal stress [Pa] of incompressible uniaxial tension at engineering strains."""
+        raise AssertionError(f"{type(self).__name__} states no uniaxial curve")
+
+    def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative [Pa] of :meth:`stress_at`."""
+        raise AssertionError(f"{type(self).__name__} states no uniaxial curve")
+
+    def remarks(self) -> list[str]:
+        """Say what is unusual or unstable about the law; empty where nothing is."""
+        return []
+
+
+@dataclass(frozen=True, kw_only=True)
+class Linear(Material):
+    """Corotated linear law, P = E/(1+nu) (F - lam R) + K (J-1) cof F with lam = tr(R^T F)/3.
+
+    Attributes:
+        young: Young's modulus [Pa].
+    """
+
+    young: float
+    law = Law.LINEAR
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _within("young", self.young, 0.0, 1e13, "in Pa: 1 MPa is 1.0e6")
+
+    @property
+    def young0(self) -> float:
+        """Young's modulus at rest [Pa]."""
+        return self.young
+
+    def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return E e [Pa]."""
+        return self.young * strain
+
+    def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return E [Pa]."""
+        return np.full_like(strain, self.young)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NeoHookean(Linear):
+    """Compressible neo-Hookean law, W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2.
+
+    Attributes:
+        young: Young's modulus at rest [Pa].
+    """
+
+    law = Law.NEO_HOOKEAN
+
+    def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return E/3 (l - l^-2) [Pa] at l = 1 + e."""
+        stretch = 1.0 + strain
+        return self.young / 3.0 * (stretch - stretch**-2.0)
+
+    def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return E/3 (1 + 2 l^-3) [Pa]."""
+        return self.young / 3.0 * (1.0 + 2.0 * (1.0 + strain) ** -3.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ogden(Material):
+    """Ogden's law in Abaqus' convention (Eq. 11) on isochoric stretches.
+
+    W = sum_i 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) + K/2 (J - 1)^2, mu0 = sum_i mu_i.
+
+    Attributes:
+        mu: moduli mu_i [Pa], one to six terms.
+        alpha: exponents alpha_i, non-zero, as many as ``mu``.
+    """
+
+    mu: tuple[float, ...]
+    alpha: tuple[float, ...]
+    law = Law.OGDEN
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1 <= len(self.mu) <= 6 or len(self.mu) != len(self.alpha):
+            raise ValueError(
+                f"mu and alpha must have equal length of 1 to 6 terms, got {len(self.mu)} and {len(self.alpha)}"
+            )
+        if not np.isfinite([*self.mu, *self.alpha]).all() or 0.0 in self.alpha:
+            raise ValueError("mu and alpha must be finite and no alpha zero")
+        if max(abs(alpha) for alpha in self.alpha) > 20.0:
+            raise ValueError(f"alpha must lie in -20 .. 20, got {self.alpha!r}")
+        _within("sum of mu (the shear modulus at rest)", sum(self.mu), 0.0, 1e13, "check units and signs of mu")
+
+    @property
+    def shear0(self) -> float:
+        """Shear modulus at rest [Pa]."""
+        return float(sum(self.mu))
+
+    def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return sum_i 2 mu_i / alpha_i (l^(alpha_i - 1) - l^(-alpha_i/2 - 1)) [Pa] at l = 1 + e."""
+        stretch = 1.0 + np.asarray(strain, dtype=np.float64)
+        terms = (
+            2.0 * mu / alpha * (stretch ** (alpha - 1.0) - stretch ** (-0.5 * alpha - 1.0))
+            for mu, alpha in zip(self.mu, self.alpha, strict=True)
+        )
+        return sum(terms, np.zeros_like(stretch))
+
+    def remarks(self) -> list[str]:
+        """Say in which deformation and from which stretch on the constants are unstable."""
+        return drucker_remarks(self._stiffness)
+
+    def _stiffness(self, stretch: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return d tau / d ln l = sum_i 2 mu_i l^alpha_i [Pa] of a principal stretch."""
+        terms = (2.0 * mu * stretch**alpha for mu, alpha in zip(self.mu, self.alpha, strict=True))
+        return sum(terms, np.zeros_like(stretch))
+
+    def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the derivative [Pa] of :meth:`stress_at`."""
+        stretch = 1.0 + np.asarray(strain, dtype=np.float64)
+        terms = (
+            2.0
+            * mu
+            / alpha
+            * ((alpha - 1.0) * stretch ** (alpha - 2.0) + (0.5 * alpha + 1.0) * stretch ** (-0.5 * alpha - 2.0))
+            for mu, alpha in zip(self.mu, self.alpha, strict=True)
+        )
+        return sum(terms, np.zeros_like(stretch))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve(Material):
+    """A measured uniaxial curve extended by Eq. 5, W = Phi(eps_eq) + K/2 (J - 1)^2.
+
+    ``Phi`` is chosen so that uniaxial tension at J = 1 reproduces the curve exactly (DESIGN 4). ``eps_eq`` has no
+    sign, so compression and shear follow from the tension curve.
+
+    Attributes:
+        data: the measured curve.
+    """
+
+    data: CurveData
+    law = Law.CURVE
+
+    @property
+    def shear0(self) -> float:
+        """Shear modulus at rest [Pa], E0 / 3: the deviatoric part takes nu = 0.5 in Eq. 5."""
+        return self.data.initial_modulus / 3.0
+
+    def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the measured curve [Pa], continued beyond its data."""
+        return self.data.stress_at(strain)
+
+    def tangent_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the slope of the measured curve [Pa], continued beyond its data."""
+        return self.data.tangent_at(strain)
+
+    def remarks(self) -> list[str]:
+        """Say where the measured curve softens or turns negative."""
+        return self.data.remarks()
+
+
+def _within(name: str, value: float, low: float, high: float, remedy: str) -> None:
+    if not low < value < high:
+        raise ValueError(f"{name} must lie in {low:g} < {name} < {high:g}, got {value!r}; {remedy}")

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled energy densities W [J/m^3] and first Piola-Kirchhoff stresses P = dW/dF [Pa] of the laws (DESIGN 4).
+
+A matrix is a tuple of nine floats, row by row; ``k`` is the material's row in the table. Each law is continued below a
+least volume or stretch so that an inverted element is pulled back by a finite force (Stomakhin et al. 2012).
+"""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.materials.table import INTERVALS, OGDEN, PENALTY, POISSON, SHEAR, TERMS, YOUNG
+from gdfe_ros.materials.tensor import (
+    cofactor,
+    cross,
+    determinant,
+    dot,
+    perpendicular,
+    scaled,
+    squared_norm,
+    symmetric_eigen,
+    times,
+)
+
+LEAST_VOLUME = 0.1
+"""J below which the logarithms of the neo-Hookean law go on as parabolas (C2)."""
+LEAST_STRETCH = 0.1
+"""Principal stretch below which Ogden's law goes on to second order (C1)."""
+CURVE_FACTOR = 1.5 / (1.5 * 1.5)
+"""3 / (2 (1 + nu)^2) with nu = 0.5."""
+
+
+@inlined
+def volumetric(j, pressure, table, k):
+    """Return energy and slope of p (J - 1) + kappa/2 (J - 1)^2, pressure positive in tension."""
+    kappa = table.parameters[k, PENALTY]
+    change = j - 1.0
+    return change * (pressure + 0.5 * kappa * change), pressure + kappa * change
+
+
+@inlined
+def logarithmic_volume(j, lame):
+    """Return energy and slope of lambda/2 (ln J)^2, a parabola below the least volume (C2)."""
+    least = max(j, LEAST_VOLUME)
+    below, log = j - least, math.log(least)
+    slope, curvature = lame * log / least, lame * (1.0 - log) / (least * least)
+    return 0.5 * lame * log * log + below * (slope + 0.5 * curvature * below), slope + curvature * below
+
+
+@inlined
+def corotated(f, r, lam, factor, slope, c):
+    """Return factor (F - lam R) + slope cof F."""
+    return (
+        factor * (f[0] - lam * r[0]) + slope * c[0],
+        factor * (f[1] - lam * r[1]) + slope * c[1],
+        factor * (f[2] - lam * r[2]) + slope * c[2],
+        factor * (f[3] - lam * r[3]) + slope * c[3],
+        factor * (f[4] - lam * r[4]) + slope * c[4],
+        factor * (f[5] - lam * r[5]) + slope * c[5],
+        factor * (f[6] - lam * r[6]) + slope * c[6],
+        factor * (f[7] - lam * r[7]) + slope * c[7],
+        factor * (f[8] - lam * r[8]) + slope * c[8],
+    )
+
+
+@inlined
+def linear_factor(table, k):
+    """Return E / (1 + nu) [Pa]; the energy is half of it times |F - lam R|^2."""
+    return table.parameters[k, YOUNG] / (1.0 + table.parameters[k, POISSON])
+
+
+@inlined
+def curve_state(strain, table, k):
+    """Return Phi [J/m^3], the secant modulus Phi'/eps_eq [Pa] and the tangent of the uniaxial curve [Pa]."""
+    position = strain / table.width[k]
+    if position >= INTERVALS:
+        beyond = strain - INTERVALS * table.width[k]
+        value, slope = table.curve[k, INTERVALS, 0], table.curve[k, INTERVALS, 1] / table.width[k]
+        phi = table.curve[k, INTERVALS, 4] + beyond * (value + 0.5 * slope * beyond)
+        return phi, (value + slope * beyond) / strain, table.tangent[k, INTERVALS]
+    i = int(position)
+    t = position - i
+    c0, c1, c2, c3 = table.curve[k, i, 0], table.curve[k, i, 1], table.curve[k, i, 2], table.curve[k, i, 3]
+    phi = table.curve[k, i, 4] + table.width[k] * t * (c0 + t * (c1 / 2.0 + t * (c2 / 3.0 + t * c3 / 4.0)))
+    rise = c1 + t * (c2 + t * c3)
+    secant = rise / table.width[k] if i == 0 else (c0 + t * rise) / strain
+    return phi, secant, (1.0 - t) * table.tangent[k, i] + t * table.tangent[k, i + 1]
+
+
+@inlined
+def neo_hookean(f, pressure, mu, lame, kappa):
+    """Return W and P of mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2 + p (J - 1) + kappa/2 (J - 1)^2.
+
+    Without branches, so that it vectorises: below the least volume the logarithm's terms are parabolas (C2).
+    """
+    c = cofactor(f)
+    j = determinant(f, c)
+    change = j - 1.0
+    least = max(j, LEAST_VOLUME)
+    below = j - least
+    log = math.log(least)
+    rate = (lame * log - mu) / least
+    curvature = (mu + lame * (1.0 - log)) / (least * least)
+    w = 0.5 * mu * (squared_norm(f) - 3.0) + (0.5 * lame * log - mu) * log + below * (rate + 0.5 * curvature * below)
+    w += change * (pressure + 0.5 * kappa * change)
+    return w, corotated(f, f, 0.0, mu, pressure + kappa * change + rate + curvature * below, c)
+
+
+@inlined
+def ogden_powers(l0, l1, l2, table, k, term):
+    """Return mu and alpha of a term and the powers of the three isochoric stretches."""
+    mu, alpha = table.parameters[k, OGDEN + 2 * term], table.parameters[k, OGDEN + 2 * term + 1]
+    n0, n1, n2 = math.log(l0), math.log(l1), math.log(l2)
+    mean = (n0 + n1 + n2) / 3.0
+    e0, e1 = math.exp(alpha * (n0 - mean)), math.exp(alpha * (n1 - mean))
+    return mu, alpha, e0, e1, 1.0 / (e0 * e1)
+
+
+@inlined
+def ogden_terms(l0, l1, l2, table, k):
+    """Return W and its derivatives to the three stretches."""
+    w, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0
+    for term in range(int(table.parameters[k, TERMS])):
+        mu, alpha, e0, e1, e2 = ogden_powers(l0, l1, l2, table, k, term)
+        total = e0 + e1 + e2
+        factor = 2.0 * mu / alpha
+        w += factor / alpha * (total - 3.0)
+        t0 += factor * (e0 - total / 3.0)
+        t1 += factor * (e1 - total / 3.0)
+        t2 += factor * (e2 - total / 3.0)
+    return w, (t0 / l0, t1 / l1, t2 / l2)
+
+
+@kernel
+def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
+    """Return the product of the second derivatives of W with a change (d0, d1, d2) of the stretches."""
+    m0, m1, m2 = 0.0, 0.0, 0.0
+    u0, u1, u2 = d0 / l0, d1 / l1, d2 / l2
+    for term in range(int(table.parameters[k, TERMS])):
+        mu, alpha, e0, e1, e2 = ogden_powers(l0, l1, l2, table, k, term)
+        total = e0 + e1 + e2
+        mean, weighted = (u0 + u1 + u2) / 3.0, (e0 * u0 + e1 * u1 + e2 * u2) / 3.0
+        factor = 2.0 * mu / alpha
+        m0 += 2.0 * mu * (e0 * (u0 - mean) - weighted + total * mean / 3.0) - factor * (e0 - total / 3.0) * u0
+        m1 += 2.0 * mu * (e1 * (u1 - mean) - weighted + total * mean / 3.0) - factor * (e1 - total / 3.0) * u1
+        m2 += 2.0 * mu * (e2 * (u2 - mean) - weighted + total * mean / 3.0) - factor * (e2 - total / 3.0) * u2
+    return m0 / l0, m1 / l1, m2 / l2
+
+
+@inlined
+def ogden_continued(l0, l1, l2, table, k):
+    """Return W and its derivatives to the signed stretches, continued below the least stretch.
+
+    With d_i = min(l_i - l_min, 0) and the law taken at the clamped stretches, W + sum_i W_i d_i + k/2 d_i^2.
+    """
+    c0, c1, c2 = max(l0, LEAST_STRETCH), max(l1, LEAST_STRETCH), max(l2, LEAST_STRETCH)
+    w, g = ogden_terms(c0, c1, c2, table, k)
+    if l2 >= LEAST_STRETCH:
+        return w, g
+    d0, d1, d2 = l0 - c0, l1 - c1, l2 - c2
+    m0, m1, m2 = ogden_mixed(c0, c1, c2, d0, d1, d2, table, k)
+    stiffness = table.parameters[k, SHEAR] / (LEAST_STRETCH * LEAST_STRETCH)
+    w += g[0] * d0 + g[1] * d1 + g[2] * d2 + 0.5 * stiffness * (d0 * d0 + d1 * d1 + d2 * d2)
+    return w, (
+        g[0] + (stiffness * d0 if d0 < 0.0 else m0),
+        g[1] + (stiffness * d1 if d1 < 0.0 else m1),
+        g[2] + (stiffness * d2 if d2 < 0.0 else m2),
+    )
+
+
+@inlined
+def ogden(f, c, j, pressure, table, k):
+    """Return W and P = sum_i dW/dl_i n_i (x) N_i of Ogden's law and the volume term, stretches signed."""
+    (e0, e1, e2), v = symmetric_eigen(
+        f[0] * f[0] + f[3] * f[3] + f[6] * f[6],
+        f[0] * f[1] + f[3] * f[4] + f[6] * f[7],
+        f[0] * f[2] + f[3] * f[5] + f[6] * f[8],
+        f[1] * f[1] + f[4] * f[4] + f[7] * f[7],
+        f[1] * f[2] + f[4] * f[5] + f[7] * f[8],
+        f[2] * f[2] + f[5] * f[5] + f[8] * f[8],
+    )
+    a, b, d = (v[0], v[3], v[6]), (v[1], v[4], v[7]), (v[2], v[5], v[8])
+    if e0 < e1:
+        e0, e1, a, b = e1, e0, b, a
+    if e1 < e2:
+        e1, e2, b, d = e2, e1, d, b
+    if e0 < e1:
+        e0, e1, a, b = e1, e0, b, a
+    d = cross(a, b)
+    l0, l1 = math.sqrt(max(e0, 0.0)), math.sqrt(max(e1, 0.0))
+    u = scaled(times(f, a), 1.0 / max(l0, 1e-150))
+    w = scaled(times(f, b), 1.0 / max(l1, 1e-150))
+    if l1 <= 1e-9 * l0:
+        w = perpendicular(u)
+    n = cross(u, w)
+    l2 = dot(n, times(f, d))
+    energy, g = ogden_continued(l0, l1, l2, table, k)
+    volume_energy, slope = volumetric(j, pressure, table, k)
+    p = (
+        g[0] * u[0] * a[0] + g[1] * w[0] * b[0] + g[2] * n[0] * d[0] + slope * c[0],
+        g[0] * u[0] * a[1] + g[1] * w[0] * b[1] + g[2] * n[0] * d[1] + slope * c[1],
+        g[0] * u[0] * a[2] + g[1] * w[0] * b[2] + g[2] * n[0] * d[2] + slope * c[2],
+        g[0] * u[1] * a[0] + g[1] * w[1] * b[0] + g[2] * n[1] * d[0] + slope * c[3],
+        g[0] * u[1] * a[1] + g[1] * w[1] * b[1] + g[2] * n[1] * d[1] + slope * c[4],
+        g[0] * u[1] * a[2] + g[1] * w[1] * b[2] + g[2] * n[1] * d[2] + slope * c[5],
+        g[0] * u[2] * a[0] + g[1] * w[2] * b[0] + g[2] * n[2] * d[0] + slope * c[6],
+        g[0] * u[2] * a[1] + g[1] * w[2] * b[1] + g[2] * n[2] * d[1] + slope * c[7],
+        g[0] * u[2] * a[2] + g[1] * w[2] * b[2] + g[2] * n[2] * d[2] + slope * c[8],
+    )
+    return energy + volume_energy, p

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Materials packed into arrays for the compiled kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.materials.material import Law, Material, Ogden
+
+INTERVALS = 1024
+"""Intervals of a tabulated curve; their cubic Hermite error is below 1e-9 of the modulus at rest."""
+LARGEST_STRETCH = 11.0
+"""End of the tabulated curves; beyond it Phi' goes on as a straight line in eps_eq."""
+MODERATE_POISSON = 0.45
+"""Up to here the bulk modulus goes into the energy; beyond it a pressure per element carries the volume."""
+SOFTENING_POISSON = 0.475
+"""Poisson's ratio of the bulk modulus beside that pressure for measured curves, whose tangent may fall far below the
+modulus at rest: pressures settle only while this part outweighs what softening takes away. Else 0.45 serves."""
+
+SHEAR, YOUNG, POISSON, BULK, PENALTY, LAME, CARRIED, TERMS, OGDEN = range(9)
+"""Columns of ``MaterialTable.parameters``; Ogden's mu_i and alpha_i alternate from column ``OGDEN`` on."""
+
+
+class MaterialTable(NamedTuple):
+    """One row for each material of a scene.
+
+    Attributes:
+        law: (k,) int32 of :class:`Law`.
+        parameters: (k, 21) float64, columns named above: shear modulus mu0, Young's modulus E0, Poisson's ratio,
+            bulk modulus K, the bulk modulus kappa that is part of the energy, Lame's lambda of the logarithmic
+            neo-Hookean volume term (0 where a pressure carries it), 1 where a pressure per element carries the
+            volume, number of Ogden terms [Pa, -].
+        curve: (k, intervals + 1, 5) float64: on interval i with t = eps_eq/width - i,
+            Phi' = c0 + c1 t + c2 t^2 + c3 t^3 [Pa]; c4 is Phi at t = 0 [J/m^3].
+        tangent: (k, intervals + 1) float64, d sigma / d e [Pa] at the same nodes.
+        width: (k,) float64, width of an interval in eps_eq.
+    """
+
+    law: NDArray[np.int32]
+    parameters: NDArray[np.float64]
+    curve: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    width: NDArray[np.float64]
+
+
+def pack(materials: Sequence[Material]) -> MaterialTable:
+    """Pack materials in the order of their index in the scene."""
+    curves = [_tabulate(material) for material in materials]
+    return MaterialTable(
+        np.array([material.law for material in materials], dtype=np.int32),
+        np.array([_row(material) for material in materials], dtype=np.float64),
+        np.array([curve for curve, _, _ in curves]),
+        np.array([tangent for _, tangent, _ in curves]),
+        np.array([width for _, _, width in curves]),
+    )
+
+
+def carries_pressure(material: Material) -> bool:
+    """Tell whether the volume of this material is kept by a pressure per element."""
+    return material.poisson > MODERATE_POISSON
+
+
+def _row(material: Material) -> NDArray[np.float64]:
+    row = np.zeros(OGDEN + 12)
+    mu, nu = material.shear0, material.poisson
+    row[[SHEAR, YOUNG, POISSON, BULK]] = mu, material.young0, nu, material.bulk
+    if carries_pressure(material):
+        row[CARRIED] = 1.0
+        penalty = SOFTENING_POISSON if material.law is Law.CURVE else MODERATE_POISSON
+        row[PENALTY] = 2.0 * mu * (1.0 + penalty) / (3.0 * (1.0 - 2.0 * penalty))
+    elif material.law is Law.NEO_HOOKEAN:
+        row[LAME] = 2.0 * mu * nu / (1.0 - 2.0 * nu)
+    else:
+        row[PENALTY] = material.bulk
+    if isinstance(material, Ogden):
+        count = len(material.mu)
+        row[TERMS] = count
+        row[OGDEN : OGDEN + 2 * count : 2] = material.mu
+        row[OGDEN + 1 : OGDEN + 2 * count : 2] = material.alpha
+    return row
+
+
+def _tabulate(material: Material) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Sample Phi'(eps_eq) so that uniaxial tension at J = 1 reproduces the material's curve (DESIGN 4)."""
+    width = _equivalent_strain(np.array(LARGEST_STRETCH)) / INTERVALS
+    stretch = _stretch(width * np.arange(INTERVALS + 1))
+    stress, tangent = material.stress_at(stretch - 1.0), material.tangent_at(stretch - 1.0)
+    rate = (1.0 + 0.5 * stretch**-1.5) / 1.5
+    curve = np.zeros((INTERVALS + 1, 5))
+    slope = (tangent + stress * 0.5 * stretch**-2.5 / rate) / rate**2 * width
+    curve[:, :4] = _hermite(stress / rate, slope)
+    area = width * curve[:-1, :4] @ (1.0, 0.5, 1.0 / 3.0, 0.25)
+    curve[1:, 4] = np.cumsum(area)
+    return curve, tangent, float(width)
+
+
+def _hermite(value: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the cubic coefficients (i + 1, 4) on unit intervals; the last row continues as a straight line."""
+    coefficients = np.zeros((len(value), 4))
+    coefficients[:, 0], coefficients[:, 1] = value, slope
+    rise = np.diff(value)
+    coefficients[:-1, 2] = 3.0 * rise - 2.0 * slope[:-1] - slope[1:]
+    coefficients[:-1, 3] = slope[:-1] + slope[1:] - 2.0 * rise
+    return coefficients
+
+
+def _equivalent_strain(stretch: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Eq. 5 with nu = 0.5 for incompressible uniaxial tension."""
+    return (stretch - stretch**-0.5) / 1.5
+
+
+def _stretch(strain: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Invert :func:`_equivalent_strain` by Newton's method; it is concave, so starting high converges."""
+    stretch = 1.0 + 1.5 * strain
+    for _ in range(60):
+        stretch = stretch - (_equivalent_strain(stretch) - strain) * 1.5 / (1.0 + 0.5 * stretch**-1.5)
+    return stretch

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled 3 x 3 kinematics of one element; a matrix is a tuple of nine floats, row by row."""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import inlined
+
+NEWTON_STEPS = 40
+DEGENERATE = 1e-9
+SMALLEST = 1e-30
+"""Keeps the rotation of a collapsed element (F = 0) finite."""
+
+
+@inlined
+def cofactor(f):
+    """Return cof F = J F^-T, the derivative of det F."""
+    return (
+        f[4] * f[8] - f[5] * f[7],
+        f[5] * f[6] - f[3] * f[8],
+        f[3] * f[7] - f[4] * f[6],
+        f[2] * f[7] - f[1] * f[8],
+        f[0] * f[8] - f[2] * f[6],
+        f[1] * f[6] - f[0] * f[7],
+        f[1] * f[5] - f[2] * f[4],
+        f[2] * f[3] - f[0] * f[5],
+        f[0] * f[4] - f[1] * f[3],
+    )
+
+
+@inlined
+def determinant(f, c):
+    """Return J = det F from F and its cofactor."""
+    return f[0] * c[0] + f[1] * c[1] + f[2] * c[2]
+
+
+@inlined
+def squared_norm(f):
+    """Return the squared Frobenius norm."""
+    return (
+        f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
+        + f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
+        + f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
+    )  # fmt: skip
+
+
+@inlined
+def stretch_sum(first, second, jacobian):
+    """Return s = tr(R^T F), the sum of the signed principal stretches.
+
+    s is the largest root of s^4 - 2 I s^2 - 8 J s + I^2 - 4 II with I = |F|^2, II = |cof F|^2, J = det F (the
+    characteristic polynomial of the quaternion form of the polar problem: Higham and Noferini 2016). It is convex to
+    the right of that root, so Newton's method from the upper bound sqrt(3 I) descends to it.
+    """
+    s = math.sqrt(3.0 * first)
+    constant = first * first - 4.0 * second
+    for _ in range(NEWTON_STEPS):
+        square = s * s
+        value = (square - 2.0 * first) * square - 8.0 * jacobian * s + constant
+        slope = 4.0 * (s * (square - first) - 2.0 * jacobian)
+        if slope <= 0.0:
+            break
+        step = value / slope
+        s -= step
+        if step <= 1e-15 * s:
+            break
+    return s
+
+
+@inlined
+def rotation_from_stretch_sum(f, c, first, s, jacobian):
+    """Return the proper rotation R (det +1, stretches signed) as ds/dF, and how far it is from undefined.
+
+    R = ((s^2 + I) F + 2 s cof F - 2 F F^T F) / (s^3 - I s - 2 J). The denominator is (l1 + l2)(l2 + l3)(l3 + l1): it
+    vanishes where two signed stretches cancel and the rotation is not unique; its ratio to I^(3/2) is returned too.
+    """
+    denominator = s * (s * s - first) - 2.0 * jacobian
+    scale = first * math.sqrt(first) + 1e-300
+    margin = denominator / scale
+    safe = max(denominator, DEGENERATE * scale, SMALLEST)
+    b00 = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
+    b01 = f[0] * f[3] + f[1] * f[4] + f[2] * f[5]
+    b02 = f[0] * f[6] + f[1] * f[7] + f[2] * f[8]
+    b11 = f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
+    b12 = f[3] * f[6] + f[4] * f[7] + f[5] * f[8]
+    b22 = f[6] * f[6] + f[7] * f[7] + f[8] * f[8]
+    own, other, cubic = (s * s + first) / safe, 2.0 * s / safe, -2.0 / safe
+    r = (
+        own * f[0] + other * c[0] + cubic * (b00 * f[0] + b01 * f[3] + b02 * f[6]),
+        own * f[1] + other * c[1] + cubic * (b00 * f[1] + b01 * f[4] + b02 * f[7]),
+        own * f[2] + other * c[2] + cubic * (b00 * f[2] + b01 * f[5] + b02 * f[8]),
+        own * f[3] + other * c[3] + cubic * (b01 * f[0] + b11 * f[3] + b12 * f[6]),
+        own * f[4] + other * c[4] + cubic * (b01 * f[1] + b11 * f[4] + b12 * f[7]),
+        own * f[5] + other * c[5] + cubic * (b01 * f[2] + b11 * f[5] + b12 * f[8]),
+        own * f[6] + other * c[6] + cubic * (b02 * f[0] + b12 * f[3] + b22 * f[6]),
+        own * f[7] + other * c[7] + cubic * (b02 * f[1] + b12 * f[4] + b22 * f[7]),
+        own * f[8] + other * c[8] + cubic * (b02 * f[2] + b12 * f[5] + b22 * f[8]),
+    )
+    return r, margin
+
+
+@inlined
+def symmetric_eigen(a00, a01, a02, a11, a12, a22):
+    """Return eigenvalues (3) and eigenvectors (9, columns) of a symmetric matrix by cyclic Jacobi rotations."""
+    v00, v01, v02, v10, v11, v12, v20, v21, v22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
+    for _ in range(12):
+        off = a01 * a01 + a02 * a02 + a12 * a12
+        if off <= 1e-32 * (a00 * a00 + a11 * a11 + a22 * a22):
+            break
+        c, s, t = _jacobi(a00, a11, a01)
+        a00, a11, a01, a02, a12 = a00 - t * a01, a11 + t * a01, 0.0, c * a02 - s * a12, s * a02 + c * a12
+        v00, v01, v10, v11, v20, v21 = (
+            c * v00 - s * v01, s * v00 + c * v01, c * v10 - s * v11, s * v10 + c * v11,
+            c * v20 - s * v21, s * v20 + c * v21,
+        )  # fmt: skip
+        c, s, t = _jacobi(a00, a22, a02)
+        a00, a22, a02, a01, a12 = a00 - t * a02, a22 + t * a02, 0.0, c * a01 - s * a12, s * a01 + c * a12
+        v00, v02, v10, v12, v20, v22 = (
+            c * v00 - s * v02, s * v00 + c * v02, c * v10 - s * v12, s * v10 + c * v12,
+            c * v20 - s * v22, s * v20 + c * v22,
+        )  # fmt: skip
+        c, s, t = _jacobi(a11, a22, a12)
+        a11, a22, a12, a01, a02 = a11 - t * a12, a22 + t * a12, 0.0, c * a01 - s * a02, s * a01 + c * a02
+        v01, v02, v11, v12, v21, v22 = (
+            c * v01 - s * v02, s * v01 + c * v02, c * v11 - s * v12, s * v11 + c * v12,
+            c * v21 - s * v22, s * v21 + c * v22,
+        )  # fmt: skip
+    return (a00, a11, a22), (v00, v01, v02, v10, v11, v12, v20, v21, v22)
+
+
+@inlined
+def _jacobi(app, aqq, apq):
+    """Return cosine, sine and tangent of the rotation that zeroes apq (Golub and Van Loan)."""
+    if apq == 0.0:
+        return 1.0, 0.0, 0.0
+    theta = (aqq - app) / (2.0 * apq)
+    t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(1.0 + theta * theta))
+    c = 1.0 / math.sqrt(1.0 + t * t)
+    return c, t * c, t
+
+
+@inlined
+def times(f, v):
+    """Return F v."""
+    return (
+        f[0] * v[0] + f[1] * v[1] + f[2] * v[2],
+        f[3] * v[0] + f[4] * v[1] + f[5] * v[2],
+        f[6] * v[0] + f[7] * v[1] + f[8] * v[2],
+    )
+
+
+@inlined
+def dot(a, b):
+    """Return a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined
+def cross(a, b):
+    """Return a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inlined
+def scaled(a, factor):
+    """Return factor a."""
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@inlined
+def perpendicular(a):
+    """Return a unit vector normal to a unit vector a."""
+    b = cross(a, (1.0, 0.0, 0.0)) if abs(a[0]) < 0.7 else cross(a, (0.0, 1.0, 0.0))
+    return scaled(b, 1.0 / math.sqrt(dot(b, b) + 1e-300))

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cavities of a mesh: closed inner surfaces that a fluid can fill."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.hexmesh import HexMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Cavity:
+    """A closed surface inside a body.
+
+    Attributes:
+        quads: vertex ids, shape (q, 4), int32, normals out of the cavity, into the material: pressure in the
+            cavity pushes along them.
+        cells: cell behind each quad, shape (q,), int32.
+        volume: volume of the cavity at rest [m^3], > 0.
+        center: mean of its vertices [m], shape (3,).
+    """
+
+    quads: NDArray[np.int32]
+    cells: NDArray[np.int32]
+    volume: float
+    center: NDArray[np.float64]
+
+
+def find_cavities(mesh: HexMesh) -> list[Cavity]:
+    """Return the cavities of a mesh, the largest first.
+
+    The boundary falls into closed pieces. With normals out of the material, the outer ones enclose a positive
+    volume and the cavities a negative one.
+    """
+    quads, owners = mesh.boundary.quads, mesh.boundary.cells
+    piece = surface_pieces(mesh.vertices, quads)
+    found = []
+    for number in range(int(piece.max(initial=-1)) + 1):
+        own = piece == number
+        inner = np.ascontiguousarray(quads[own][:, ::-1])
+        volume = enclosed_volume(mesh.vertices, inner)
+        if volume > 0:
+            center = mesh.vertices[np.unique(inner)].mean(axis=0)
+            found.append(Cavity(inner, owners[own], volume, center))
+    return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
+
+
+def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the edges at which a surface leaks, shape (k, 2), int32; none for a closed, consistent surface.
+
+    In a closed surface each edge runs as often one way as the other.
+
+    Args:
+        quads: vertex ids, shape (q, 4), oriented.
+    """
+    start, end = quads.astype(np.int64), np.roll(quads, -1, axis=1).astype(np.int64)
+    low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()
+    edges, index = np.unique(np.stack([low, high], axis=1), axis=0, return_inverse=True)
+    balance = np.bincount(index.ravel(), np.where((start < end).ravel(), 1, -1), minlength=len(edges))
+    return edges[balance != 0].astype(np.int32)
+
+
+def surface_pieces(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Number the connected pieces of an oriented closed surface, shape (q,), int32.
+
+    Two quads at an edge are connected. Where four or more meet, as between cells that touch at an edge only,
+    those on the two sides of one gap are: nothing passes from one gap to the other.
+
+    Args:
+        vertices: positions [m], shape (n, 3).
+        quads: vertex ids, shape (q, 4), normals out of the material.
+    """
+    start, end = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
+    key = np.minimum(start, end).astype(np.int64) * (int(quads.max(initial=0)) + 1) + np.maximum(start, end)
+    order = np.argsort(key, kind="stable")
+    bounds = np.flatnonzero(np.diff(key[order], prepend=-1, append=-1))
+    sizes = np.diff(bounds)
+    plain = bounds[:-1][sizes == 2]
+    pairs = [np.stack([order[plain], order[plain + 1]], axis=1)]
+    for first, size in zip(bounds[:-1][sizes > 2], sizes[sizes > 2], strict=True):
+        pairs.append(_across_gaps(vertices, quads, order[first : first + size]))
+    joined = np.concatenate(pairs) // 4
+    graph = coo_array((np.ones(len(joined), dtype=np.int8), joined.T), shape=(len(quads), len(quads)))
+    return connected_components(graph, directed=False)[1].astype(np.int32)
+
+
+def _across_gaps(
+    vertices: NDArray[np.float64], quads: NDArray[np.int32], half_edges: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Pair the half edges on the two sides of each gap around an edge.
+
+    Looking along the edge, the material lies to the one side of a quad that runs along it and to the other of
+    one that runs against it: going round, each gap begins with one kind and ends with the other.
+    """
+    quad, corner = half_edges // 4, half_edges % 4
+    begin, end = quads[quad, corner], quads[quad, (corner + 1) % 4]
+    low, high = min(begin[0], end[0]), max(begin[0], end[0])
+    axis = vertices[high] - vertices[low]
+    away = vertices[quads[quad]].mean(axis=1) - vertices[low]
+    across = away - np.outer(away @ axis, axis) / (axis @ axis)
+    side = np.cross(axis, across[0])
+    angle = np.arctan2(across @ side / np.linalg.norm(axis), across @ across[0])
+    ring = np.argsort(angle, kind="stable")
+    along = (begin == low)[ring]
+    following = np.roll(np.arange(len(ring)), -1)
+    opens = along & ~along[following]
+    return np.stack([half_edges[ring[opens]], half_edges[ring[following[opens]]]], axis=1)

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faces of hexahedra: which lie on the boundary, and which way they look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Local vertices of the six faces of a VTK hexahedron, counter-clockwise seen from outside the cell.
+HEX_FACES = np.array(
+    [[0, 4, 7, 3], [1, 2, 6, 5], [0, 1, 5, 4], [3, 7, 6, 2], [0, 3, 2, 1], [4, 5, 6, 7]], dtype=np.int32
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Quads with the cell that each belongs to.
+
+    Attributes:
+        quads: vertex ids, shape (q, 4), int32, VTK quad order, normals out of the owning cell.
+        cells: owning cell of each quad, shape (q,), int32.
+        crowded: cells that share a face with more than one other cell, sorted, int32: in a sound mesh none.
+    """
+
+    quads: NDArray[np.int32]
+    cells: NDArray[np.int32]
+    crowded: NDArray[np.int32]
+
+
+def boundary_faces(cells: NDArray[np.int32]) -> Faces:
+    """Return the faces that belong to exactly one cell.
+
+    Args:
+        cells: vertex ids, shape (m, 8), VTK hexahedron order.
+
+    Returns:
+        The boundary in the order of the cells (deterministic).
+    """
+    quads = cells[:, HEX_FACES].reshape(-1, 4)
+    owners = np.repeat(np.arange(len(cells), dtype=np.int32), 6)
+    group, count = group_quads(quads)
+    sharing = count[group]
+    single = sharing == 1
+    return Faces(
+        quads=np.ascontiguousarray(quads[single]),
+        cells=owners[single],
+        crowded=np.unique(owners[sharing > 2]),
+    )
+
+
+def group_quads(quads: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Number the quads by their vertices, whatever the order of these.
+
+    Args:
+        quads: vertex ids, shape (q, 4).
+
+    Returns:
+        Group of each quad, shape (q,), and number of quads in each group.
+    """
+    if len(quads) == 0:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    low, mid, high, top = np.sort(quads, axis=1).astype(np.int64).T
+    span = int(top.max()) + 1
+    first, second = low * span + mid, high * span + top
+    order = np.lexsort((second, first))
+    new = np.ones(len(quads), dtype=bool)
+    new[1:] = (np.diff(first[order]) != 0) | (np.diff(second[order]) != 0)
+    group = np.empty(len(quads), dtype=np.int64)
+    group[order] = np.cumsum(new) - 1
+    return group, np.bincount(group)
+
+
+def enclosed_volume(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> float:
+    """Return the volume within a closed surface of bilinear quads [m^3], positive for outward normals.
+
+    Half the sum over both ways to cut each quad into triangles, which is exact for a bilinear patch.
+
+    Args:
+        vertices: positions [m], shape (n, 3).
+        quads: vertex ids, shape (q, 4), VTK quad order.
+    """
+    if len(quads) == 0:
+        return 0.0
+    a, b, c, d = np.moveaxis(vertices[quads] - vertices[quads[0, 0]], 1, 0)
+    cuts = ((a, b, c), (a, c, d), (a, b, d), (b, c, d))
+    return float(sum(np.einsum("ij,ij", p, np.cross(q, r)) for p, q, r in cuts) / 12)

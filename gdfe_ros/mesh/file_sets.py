@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Named sets of a mesh file: physical groups, element sets, node sets, whole-number data."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import MeshError
+
+if TYPE_CHECKING:
+    import meshio
+
+Sets = dict[str, NDArray[np.int32]]
+#: Cell or point data with more different values than this number things rather than group them.
+MOST_GROUPS = 256
+
+_PHYSICAL = "gmsh:physical"
+
+
+def named_sets(raw: meshio.Mesh, starts: dict[int, int], heading: str) -> tuple[Sets, Sets]:
+    """Return the cell sets and the vertex sets of a file.
+
+    Args:
+        raw: what meshio read.
+        starts: number of the first cell of each block of hexahedra, by the number of the block.
+        heading: what to call the file in an error.
+
+    Returns:
+        Cell ids (hexahedra only) and vertex ids by name. A group of faces, edges or points gives its
+        vertices; data ``name`` gives the sets ``name_1``, ``name_2``, ... of its values, zero left out.
+
+    Raises:
+        MeshError: a set names blocks in a way that cannot be resolved.
+    """
+    cells: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
+    vertices: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
+    for name, block, ids in _block_groups(raw, heading):
+        if block in starts:
+            cells[name].append(starts[block] + ids)
+        else:
+            vertices[name].append(np.unique(np.asarray(raw.cells[block].data)[ids]))
+    for name, ids in raw.point_sets.items():
+        vertices[str(name)].append(np.asarray(ids, dtype=np.int64))
+    for name, data in raw.point_data.items():
+        for value in _groups(np.asarray(data)):
+            vertices[f"{name}_{value}"].append(np.flatnonzero(np.asarray(data) == value))
+    return _joined(cells), _joined(vertices)
+
+
+def _block_groups(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
+    """Yield name, block number and ids within the block."""
+    for name, per_block in raw.cell_sets.items():
+        if not name or name.startswith("gmsh:"):
+            continue
+        if len(per_block) > len(raw.cells) or any(isinstance(ids, list) for ids in per_block):
+            raise MeshError(heading, [f"set {name!r} is made of other sets; remedy: list its elements by number"])
+        for block, ids in enumerate(per_block):
+            if ids is not None and len(ids):
+                yield name, block, np.asarray(ids, dtype=np.int64)
+    names = {(int(tag), int(dim)): name for name, (tag, dim) in raw.field_data.items()}
+    for key, per_block in raw.cell_data.items():
+        whole = np.concatenate([np.asarray(data).ravel() for data in per_block]) if per_block else np.zeros(0)
+        for value in [] if key == "gmsh:geometrical" else _groups(whole):
+            for block, data in enumerate(per_block):
+                name = f"{key}_{value}"
+                if key == _PHYSICAL:
+                    name = names.get((value, raw.cells[block].dim), f"physical_{value}")
+                ids = np.flatnonzero(np.asarray(data) == value)
+                if len(ids) and not (key == _PHYSICAL and name in raw.cell_sets):
+                    yield name, block, ids
+
+
+def _groups(data: NDArray[np.generic]) -> list[int]:
+    """Return the values that group things: whole numbers, not too many, zero left out."""
+    if data.ndim != 1 or not np.issubdtype(data.dtype, np.integer):
+        return []
+    values = [int(value) for value in np.unique(data) if value]
+    return values if len(values) <= MOST_GROUPS else []
+
+
+def _joined(found: dict[str, list[NDArray[np.int64]]]) -> Sets:
+    return {name: np.unique(np.concatenate(ids)).astype(np.int32) for name, ids in found.items()}

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes made from a few numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.selection import Where, select_cells
+from gdfe_ros.mesh.subset import keep_cells
+
+
+def bar(size: Sequence[float], cells: Sequence[int]) -> HexMesh:
+    """Mesh a straight bar: x from 0 along the length, y and z centred on 0.
+
+    Args:
+        size: length, width, height [m], each > 0.
+        cells: number of cells (nx, ny, nz) along each axis, each >= 1.
+
+    Returns:
+        The mesh; vertex (i, j, k) has the index i + (nx+1) * (j + (ny+1) * k), cell (i, j, k) the index
+        i + nx * (j + ny * k).
+
+    Raises:
+        MeshError: a size is not positive and finite or a count is not a positive whole number.
+
+    Example:
+        >>> bar([0.5, 0.05, 0.05], [50, 5, 5]).n_cells
+        1250
+    """
+    require_sizes("bar", {"size": size})
+    require_counts("bar", {"cells": cells})
+    lower = np.array([0.0, -0.5, -0.5]) * size
+    axes = (low + length * np.arange(n + 1) / n for low, length, n in zip(lower, size, cells, strict=True))
+    return grid(*axes)
+
+
+def grid(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> HexMesh:
+    """Mesh a block between planes.
+
+    Args:
+        x: coordinates of the planes across x [m], strictly ascending, at least two; numbering as for `bar`.
+        y: the same across y.
+        z: the same across z.
+
+    Raises:
+        MeshError: planes are fewer than two, not finite or not strictly ascending.
+    """
+    defects = [
+        f"grid.{name} = {list(planes)!r}: allowed: two or more planes, strictly ascending [m]"
+        for name, planes in {"x": x, "y": y, "z": z}.items()
+        if len(planes) < 2 or not np.all(np.diff(planes) > 0)
+    ]
+    if defects:
+        raise MeshError("cannot mesh this grid", defects)
+    across_z, across_y, across_x = np.meshgrid(z, y, x, indexing="ij")
+    vertices = np.stack([across_x.ravel(), across_y.ravel(), across_z.ravel()], axis=1)
+    return HexMesh(vertices=vertices, cells=grid_cells(len(x) - 1, len(y) - 1, len(z) - 1))
+
+
+def cut(mesh: HexMesh, holes: Sequence[Where]) -> HexMesh:
+    """Take cells out of a mesh: a cavity, a notch, a window.
+
+    Args:
+        mesh: the mesh.
+        holes: the cells of each (by their centroids) go.
+
+    Raises:
+        MeshError: a hole takes no cell or nothing is left; all such holes are named.
+    """
+    keep = np.ones(mesh.n_cells, dtype=bool)
+    defects = []
+    for i, hole in enumerate(holes):
+        cells = select_cells(mesh, hole)
+        keep[cells] = False
+        if len(cells) == 0:
+            defects.append(f"cut {i} ({hole}) takes no cell: no centroid lies there")
+    if not keep.any():
+        defects.append("the cuts leave no cell")
+    if defects:
+        raise MeshError("cannot cut this mesh", defects)
+    return keep_cells(mesh, keep)
+
+
+def grid_cells(nx: int, ny: int, nz: int) -> NDArray[np.int32]:
+    """Return the cells of a structured grid.
+
+    Args:
+        nx: cells along the first axis; ny, nz along the second and third.
+        ny: see nx.
+        nz: see nx.
+
+    Returns:
+        Vertex ids, shape (nx*ny*nz, 8), int32, in the numbering of `bar`.
+    """
+    k, j, i = np.meshgrid(np.arange(nz), np.arange(ny), np.arange(nx), indexing="ij")
+    row, layer = nx + 1, (nx + 1) * (ny + 1)
+    first = (i + row * j + layer * k).ravel()
+    bottom = np.array([0, 1, 1 + row, row])
+    return (first[:, None] + np.concatenate([bottom, bottom + layer])).astype(np.int32)
+
+
+def require_sizes(where: str, sizes: dict[str, float | Sequence[float]]) -> None:
+    """Raise MeshError unless every length is finite and > 0; name all that are not."""
+    defects = [
+        f"{where}.{name} = {value!r}: allowed: finite lengths > 0 [m]"
+        for name, value in sizes.items()
+        if not (np.all(np.isfinite(value)) and np.all(np.asarray(value) > 0))
+    ]
+    if defects:
+        raise MeshError(f"cannot mesh this {where}", defects)
+
+
+def require_counts(where: str, counts: dict[str, int | Sequence[int]]) -> None:
+    """Raise MeshError unless every count is a whole number >= 1; name all that are not."""
+    defects = [
+        f"{where}.{name} = {value!r}: allowed: whole numbers >= 1"
+        for name, value in counts.items()
+        if not (np.issubdtype(np.asarray(value).dtype, np.integer) and np.all(np.asarray(value) >= 1))
+    ]
+    if defects:
+        raise MeshError(f"cannot mesh this {where}", defects)

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hexahedral meshes from files: Gmsh, VTK, Abaqus and what else meshio reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from importlib import import_module
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.file_sets import named_sets
+from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.quality import check_mesh, require_sound
+from gdfe_ros.mesh.subset import keep_cells, merge_vertices
+from gdfe_ros.mesh.units import unit_defects
+
+if TYPE_CHECKING:
+    import meshio
+
+#: Suffixes that the tests cover; meshio reads more.
+SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")
+
+_VOXELS = "voxelise its surface with `mesh: {voxels: {surface: FILE.stl, cell: SIZE}}`"
+#: What to do about cells that are no 8-vertex hexahedra, by the start of meshio's name for them.
+_REMEDIES = {
+    "hexahedron": "mesh it in first order (Gmsh: -order 1, Abaqus: C3D8), or give `first_order: true`",
+    "tetra": f"mesh it with hexahedra (Gmsh: transfinite volumes and Recombine), or {_VOXELS}",
+    "wedge": f"mesh it with hexahedra only, or {_VOXELS}",
+    "pyramid": f"mesh it with hexahedra only, or {_VOXELS}",
+    "polyhedron": f"mesh it with hexahedra only, or {_VOXELS}",
+}
+#: Order of the corners of a VTK voxel in a VTK hexahedron.
+_VOXEL_ORDER = [0, 1, 3, 2, 4, 5, 7, 6]
+
+
+def read_mesh(
+    path: str | Path, *, scale: float | None = None, merge: bool = False, first_order: bool = False
+) -> HexMesh:
+    """Read a mesh of hexahedra.
+
+    Physical groups, element sets and whole-number cell data become `cell_sets`; node sets and groups of
+    faces, edges or points become `vertex_sets`. Vertices that no cell uses are dropped: ids count the others
+    in the order of the file.
+
+    Args:
+        path: a file that meshio reads, e.g. .msh, .vtk, .vtu, .inp.
+        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None takes metres and refuses
+            bodies that cannot be meant so.
+        merge: make vertices at the same place one.
+        first_order: of second-order hexahedra take the eight corners.
+
+    Raises:
+        MeshError: with every defect and its remedy.
+    """
+    mesh, defects = examine_mesh(path, scale=scale, merge=merge, first_order=first_order)
+    if defects:
+        raise MeshError(f"mesh {path}", defects)
+    return mesh
+
+
+def examine_mesh(
+    path: str | Path, *, scale: float | None = None, merge: bool = False, first_order: bool = False
+) -> tuple[HexMesh, list[str]]:
+    """Read a mesh like `read_mesh`, and return it with its defects, none if it is sound.
+
+    Raises:
+        MeshError: there is no mesh of hexahedra to return, with every reason.
+    """
+    path = Path(path)
+    heading = f"mesh {path}"
+    raw = _read(path, heading)
+    defects = _unsuited(raw, first_order)
+    if defects:
+        raise MeshError(heading, defects)
+    mesh = _hexahedra(raw, heading)
+    if not np.isfinite(mesh.vertices).all():
+        return mesh, check_mesh(mesh).defects
+    mesh = keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool))
+    defects = unit_defects(mesh.size, scale)
+    mesh = HexMesh(mesh.vertices * (scale or 1.0), mesh.cells, mesh.cell_sets, mesh.vertex_sets)
+    if merge:
+        mesh = merge_vertices(mesh)
+    return mesh, defects + check_mesh(mesh).defects
+
+
+def _read(path: Path, heading: str) -> meshio.Mesh:
+    try:
+        library = import_module("meshio")
+    except ImportError as error:
+        raise MeshError(heading, ["meshio is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
+    if not path.is_file():
+        raise MeshError(heading, ["there is no such file; paths in a scene start at the folder of the scene"])
+    if path.suffix.lower() not in library.extension_to_filetypes:
+        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
+    said = StringIO()
+    try:
+        with redirect_stdout(said), redirect_stderr(said):
+            return library.read(path)
+    except (Exception, SystemExit) as error:  # meshio's parsers raise anything, and exit, on a broken file
+        reason = " ".join(said.getvalue().split()) or f"{type(error).__name__}: {error}"
+        remedy = "export it again, in ASCII if you can"
+        raise MeshError(heading, [f"cannot be read as {path.suffix}: {reason}; remedy: {remedy}"]) from error
+
+
+def _unsuited(raw: meshio.Mesh, first_order: bool) -> list[str]:
+    counts: dict[str, int] = {}
+    for block in raw.cells:
+        counts[block.type] = counts.get(block.type, 0) + len(block.data)
+    solid = {kind: n for kind, n in counts.items() if _remedy(kind) and n}
+    defects = [
+        f"{n} cells of the kind {kind}; allowed: 8-vertex hexahedra; remedy: {_remedy(kind)}"
+        for kind, n in solid.items()
+        if kind != "hexahedron" and not (first_order and kind.startswith("hexahedron"))
+    ]
+    if not solid and not counts.get("voxel"):
+        flat = {kind: n for kind, n in counts.items() if n}
+        found = ", ".join(f"{n} {kind}" for kind, n in flat.items()) or "no cells at all"
+        remedy = _VOXELS if any(kind.startswith(("triangle", "quad", "polygon")) for kind in flat) else "mesh it"
+        defects.append(f"there are no hexahedra, only: {found}; remedy: {remedy}")
+    if any(np.ndim(block.data) != 2 or np.shape(block.data)[1] < 8 for _, block in _hex_blocks(raw)):
+        defects.append("a cell has fewer vertices than its kind; remedy: the file seems cut off, export it again")
+    if raw.points.ndim != 2 or raw.points.shape[1] != 3:
+        defects.append(f"the points have {raw.points.shape[-1]} coordinates; allowed: 3")
+    return defects
+
+
+def _remedy(kind: str) -> str | None:
+    return next((remedy for start, remedy in _REMEDIES.items() if kind.startswith(start)), None)
+
+
+def _hexahedra(raw: meshio.Mesh, heading: str) -> HexMesh:
+    cells: list[NDArray[Any]] = []
+    starts: dict[int, int] = {}
+    for i, block in _hex_blocks(raw):
+        starts[i] = sum(map(len, cells))
+        corners = _VOXEL_ORDER if block.type == "voxel" else slice(8)
+        cells.append(np.asarray(block.data)[:, corners])
+    stacked = np.concatenate(cells)
+    if stacked.min() < 0 or stacked.max() >= len(raw.points):
+        require_sound(HexMesh(raw.points, stacked), heading)
+    cell_sets, vertex_sets = named_sets(raw, starts, heading)
+    return HexMesh(raw.points, stacked, cell_sets, vertex_sets)
+
+
+def _hex_blocks(raw: meshio.Mesh) -> Iterator[tuple[int, meshio.CellBlock]]:
+    for i, block in enumerate(raw.cells):
+        if block.type.startswith("hexahedron") or block.type == "voxel":
+            yield i, block

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is in a mesh or surface file, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.cavities import Cavity, find_cavities
+from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.importer import examine_mesh
+from gdfe_ros.mesh.quality import QualityReport, check_mesh
+from gdfe_ros.mesh.shells import Shells, shells
+from gdfe_ros.mesh.units import guess_unit
+from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
+
+#: Cells along the longest side that a first voxel mesh may have.
+_FIRST_GRID = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """The findings on one file.
+
+    Attributes:
+        path: the file.
+        facts: what is there, as (name, value) in words, for a table.
+        defects: what to fix, each with its remedy; empty if the file can be used as it is.
+        mesh: the hexahedra, or None for a surface or an unreadable file.
+        cavities: cavities of the hexahedra, the largest first.
+    """
+
+    path: Path
+    facts: list[tuple[str, str]]
+    defects: list[str]
+    mesh: HexMesh | None = None
+    cavities: tuple[Cavity, ...] = ()
+
+
+def inspect_file(path: str | Path, *, scale: float | None = None) -> Inspection:
+    """Look into a file of hexahedra or of a surface; defects of the file are findings and raise nothing.
+
+    Args:
+        path: the file.
+        scale: metres for each unit of the file; None takes metres and judges whether that can be meant.
+    """
+    path = Path(path)
+    try:
+        if path.suffix.lower() in SUFFIXES:
+            return _surface(path, scale)
+        mesh, defects = examine_mesh(path, scale=scale)
+    except MeshError as error:
+        return Inspection(path, [("file", str(path))], error.defects)
+    return inspect_mesh(mesh, path=path, defects=defects)
+
+
+def inspect_mesh(mesh: HexMesh, *, path: Path | None = None, defects: list[str] | None = None) -> Inspection:
+    """Describe a mesh of hexahedra.
+
+    Args:
+        mesh: the mesh.
+        path: where it comes from.
+        defects: its defects if they are known already.
+    """
+    quality = check_mesh(mesh)
+    found = quality.defects if defects is None else defects
+    sound = len(quality.volumes) > 0 and np.isfinite(mesh.vertices).all()
+    cavities = tuple(find_cavities(mesh)) if sound else ()
+    facts = [
+        ("kind", "hexahedra"),
+        ("vertices, cells", f"{mesh.n_vertices}, {mesh.n_cells}"),
+        *_extent(mesh.vertices),
+        *_quality(quality),
+        ("cavities", ", ".join(f"{cavity.volume:.4g} m^3" for cavity in cavities) or "none"),
+        ("cell sets", _sets(mesh.cell_sets)),
+        ("vertex sets", _sets(mesh.vertex_sets)),
+    ]
+    return Inspection(path or Path(), facts, found, mesh, cavities)
+
+
+def _surface(path: Path, scale: float | None) -> Inspection:
+    vertices, triangles, defects = examine_surface(path, scale=scale)
+    facts = [
+        ("kind", "surface, to be filled with `mesh: {voxels: ...}`"),
+        ("vertices, triangles", f"{len(vertices)}, {len(triangles)}"),
+        *_extent(vertices),
+    ]
+    if not defects:
+        facts += _shells(shells(vertices, triangles))
+        facts.append(("a first cell size", f"{np.ptp(vertices, axis=0).max() / _FIRST_GRID:.2g} m"))
+    return Inspection(path, facts, defects)
+
+
+def _extent(vertices: NDArray[np.float64]) -> list[tuple[str, str]]:
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
+    unit = guess_unit(size) if np.isfinite(size) and size > 0 else "unknown"
+    return [("bounds", spans), ("unit, a guess from the size", unit)]
+
+
+def _quality(quality: QualityReport) -> list[tuple[str, str]]:
+    if len(quality.volumes) == 0:
+        return []
+    return [
+        ("volume", f"{quality.volume:.6g} m^3"),
+        ("least scaled Jacobian", f"{quality.min_scaled_jacobian:.3g}"),
+        ("largest aspect ratio", f"{quality.max_aspect:.3g}"),
+        ("inverted or flat cells", str(int((quality.scaled_jacobian <= 0).sum()))),
+        ("disconnected parts", str(quality.parts)),
+    ]
+
+
+def _shells(surface: Shells) -> list[tuple[str, str]]:
+    outer = len(surface.depths) - surface.n_cavities
+    return [
+        ("volume", f"{surface.volume:.6g} m^3"),
+        ("bodies, cavities", f"{outer}, {surface.n_cavities}"),
+    ]
+
+
+def _sets(sets: Mapping[str, NDArray[np.int32]]) -> str:
+    return ", ".join(f"{name} ({len(ids)})" for name, ids in sets.items()) or "none"

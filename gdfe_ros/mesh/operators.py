@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Shape operators of hexahedra, computed once: mean gradient, hourglass vectors, edges (DESIGN 3)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+CORNERS = np.array(
+    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
+    dtype=np.float64,
+)
+"""Reference coordinates (xi, eta, zeta) of the corners in VTK order."""
+
+MODES = np.stack(
+    [
+        CORNERS[:, 1] * CORNERS[:, 2],
+        CORNERS[:, 0] * CORNERS[:, 2],
+        CORNERS[:, 0] * CORNERS[:, 1],
+        CORNERS.prod(axis=1),
+    ]
+)
+"""Corner values (4, 8) of the fields eta zeta, xi zeta, xi eta and xi eta zeta: mode i < 3 lacks axis i."""
+
+PARALLEL = 1e-9
+"""Largest hourglass amplitude, over the shortest edge, of an element that counts as a parallelepiped."""
+
+
+class ShapeOperators(NamedTuple):
+    """Constant operators of every element.
+
+    Attributes:
+        cells: (m, 8) int32 corner vertices, VTK order.
+        volume: (m,) float64 [m^3].
+        gradient: (m, 8, 3) float64 [1/m], exact volume average of the trilinear gradients (Flanagan and
+            Belytschko 1981): the mean deformation gradient is F = sum_a x_a (x) g_a.
+        hourglass: (m, 4, 8) float64, unit vectors gamma_k orthogonal to every linear field.
+        edge_axes: (m, 3, 3) float64, row i is the unit direction of the element's i-th edge at rest.
+        edge_lengths: (m, 3) float64 [m], mean length of the edges along each direction.
+        reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
+        parallel: (m,) bool, the element is a parallelepiped: its operators are sums and differences of corners.
+    """
+
+    cells: NDArray[np.int32]
+    volume: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    hourglass: NDArray[np.float64]
+    edge_axes: NDArray[np.float64]
+    edge_lengths: NDArray[np.float64]
+    reference: NDArray[np.float64]
+    parallel: NDArray[np.bool_]
+
+
+def shape_operators(vertices: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeOperators:
+    """Compute the operators of all elements from rest vertices (n, 3) [m] and cells (m, 8).
+
+    The volume and the mean gradient are integrated with 2 x 2 x 2 Gauss points, exact for trilinear shapes.
+    """
+    corners = vertices[cells]
+    volume = np.zeros(len(cells))
+    weighted = np.zeros((len(cells), 8, 3))
+    for point in CORNERS / np.sqrt(3.0):
+        local = _local_gradients(point)
+        jacobian = np.einsum("eai,aj->eij", corners, local)
+        determinant = np.linalg.det(jacobian)
+        volume += determinant
+        weighted += np.einsum("aj,eji->eai", local, np.linalg.inv(jacobian)) * determinant[:, None, None]
+    gradient = weighted / volume[:, None, None]
+    edges = np.einsum("eai,aj->eji", corners, _local_gradients(np.zeros(3)))
+    lengths = np.linalg.norm(edges, axis=2)
+    bends = np.abs(np.einsum("ka,eai->eki", MODES, corners)).max(axis=(1, 2))
+    return ShapeOperators(
+        np.ascontiguousarray(cells, dtype=np.int32),
+        volume,
+        np.ascontiguousarray(gradient),
+        _hourglass_vectors(corners, gradient),
+        np.ascontiguousarray(edges / lengths[:, :, None]),
+        2.0 * lengths,
+        np.ascontiguousarray(np.linalg.inv(edges.transpose(0, 2, 1))),
+        bends <= PARALLEL * lengths.min(axis=1),
+    )
+
+
+def _local_gradients(point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return dN_a/dxi_j (8, 3) of the trilinear shape functions at a reference point."""
+    factors = 1.0 + CORNERS * point
+    return 0.125 * np.stack(
+        [
+            CORNERS[:, 0] * factors[:, 1] * factors[:, 2],
+            CORNERS[:, 1] * factors[:, 0] * factors[:, 2],
+            CORNERS[:, 2] * factors[:, 0] * factors[:, 1],
+        ],
+        axis=1,
+    )
+
+
+def _hourglass_vectors(corners: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Remove from each mode its linear part and scale it to unit length (Flanagan and Belytschko 1981)."""
+    slopes = np.einsum("ka,eai->eki", MODES, corners)
+    vectors = MODES - np.einsum("eki,eai->eka", slopes, gradient)
+    return np.ascontiguousarray(vectors / np.linalg.norm(vectors, axis=2, keepdims=True))

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mesh as one line of text, so that a scene and a bag carry it whole."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import zipfile
+import zlib
+from io import BytesIO
+
+import numpy as np
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.hexmesh import HexMesh
+
+_CELL_SET, _VERTEX_SET = "cell_set:", "vertex_set:"
+
+
+def pack_mesh(mesh: HexMesh) -> str:
+    """Return the mesh as base64 of a compressed npz archive; exact to the last bit."""
+    arrays = {"vertices": mesh.vertices, "cells": mesh.cells}
+    arrays |= {_CELL_SET + name: ids for name, ids in mesh.cell_sets.items()}
+    arrays |= {_VERTEX_SET + name: ids for name, ids in mesh.vertex_sets.items()}
+    buffer = BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def unpack_mesh(text: str) -> HexMesh:
+    """Return the mesh that `pack_mesh` wrote.
+
+    Raises:
+        MeshError: the text is not such a mesh.
+    """
+    try:
+        archive = np.load(BytesIO(base64.b64decode(text, validate=True)), allow_pickle=False)
+        arrays = {name: archive[name] for name in archive.files}
+        vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
+    except (
+        binascii.Error,
+        ValueError,
+        KeyError,
+        EOFError,
+        OSError,
+        AttributeError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
+        text = f"damaged: {error}; remedy: take the scene from its file or bag again"
+        raise MeshError("the embedded mesh", [text]) from error
+    return HexMesh(
+        vertices,
+        cells,
+        {name.removeprefix(_CELL_SET): ids for name, ids in arrays.items() if name.startswith(_CELL_SET)},
+        {name.removeprefix(_VERTEX_SET): ids for name, ids in arrays.items() if name.startswith(_VERTEX_SET)},
+    )

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Is this mesh fit to be simulated? Every defect, with the ids of the cells and vertices concerned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.shape import aspect_ratios, cell_volumes, scaled_jacobians
+
+#: Vertices closer than this share of the mesh size coincide.
+COINCIDENT = 1e-7
+#: Cells with a smaller scaled Jacobian are flat or inverted at a corner.
+FLAT = 1e-6
+#: Ids listed in one message; the rest is counted.
+LISTED = 10
+
+
+@dataclass(frozen=True, eq=False)
+class QualityReport:
+    """What `check_mesh` found.
+
+    Attributes:
+        scaled_jacobian: per cell the least of its eight corners, in [-1, 1], 1 for a box; shape (m,).
+        aspect: per cell longest over shortest edge; shape (m,).
+        volumes: volume of each cell [m^3]; shape (m,).
+        parts: number of pieces that share no vertex.
+        vertex_part: piece of each vertex, shape (n,), int32, pieces numbered from 0.
+        defects: one line for each kind of defect, empty for a sound mesh.
+
+    The arrays are empty when the cells name vertices that do not exist.
+    """
+
+    scaled_jacobian: NDArray[np.float64]
+    aspect: NDArray[np.float64]
+    volumes: NDArray[np.float64]
+    parts: int
+    vertex_part: NDArray[np.int32]
+    defects: list[str]
+
+    @property
+    def min_scaled_jacobian(self) -> float:
+        """Least scaled Jacobian of the mesh (nan without cells)."""
+        return float(self.scaled_jacobian.min()) if len(self.scaled_jacobian) else float("nan")
+
+    @property
+    def max_aspect(self) -> float:
+        """Largest aspect ratio of the mesh (nan without cells)."""
+        return float(self.aspect.max()) if len(self.aspect) else float("nan")
+
+    @property
+    def volume(self) -> float:
+        """Volume of the body [m^3]."""
+        return float(self.volumes.sum())
+
+
+def check_mesh(mesh: HexMesh) -> QualityReport:
+    """Examine a mesh and name every defect; never raises.
+
+    Args:
+        mesh: the mesh.
+
+    Returns:
+        The report; pieces that share no vertex are counted there and are no defect.
+    """
+    defects = _broken_indices(mesh)
+    if defects:
+        none = np.zeros(0)
+        return QualityReport(none, none, none, 0, np.zeros(0, dtype=np.int32), defects)
+    finite = np.isfinite(mesh.vertices).all(axis=1)
+    defects += _named("vertices with a coordinate that is not finite", ~finite, "repair the file")
+    repeated = (np.diff(np.sort(mesh.cells, axis=1), axis=1) == 0).any(axis=1)
+    defects += _named("cells that name a vertex twice", repeated, "wedges and pyramids need re-meshing")
+    with np.errstate(invalid="ignore", over="ignore"):
+        jacobian, aspect = scaled_jacobians(mesh), aspect_ratios(mesh)
+        volumes = cell_volumes(mesh)
+    if not defects:
+        defects += _misshapen(jacobian, volumes) + _overlaps(mesh) + _vertex_defects(mesh)
+    part = _parts(mesh)
+    return QualityReport(jacobian, aspect, volumes, int(part.max()) + 1, part, defects)
+
+
+def require_sound(mesh: HexMesh, where: str = "mesh") -> QualityReport:
+    """Return the report of `check_mesh`, or raise if it lists a defect.
+
+    Args:
+        mesh: the mesh.
+        where: what to call the mesh in the error, e.g. a file name.
+
+    Raises:
+        MeshError: with every defect.
+    """
+    report = check_mesh(mesh)
+    if report.defects:
+        raise MeshError(where, report.defects)
+    return report
+
+
+def list_ids(ids: NDArray[np.integer]) -> str:
+    """Return ``1, 2, 3 and 7 more``: the first ids and how many follow."""
+    more = f" and {len(ids) - LISTED} more" if len(ids) > LISTED else ""
+    return ", ".join(map(str, ids[:LISTED])) + more
+
+
+def _broken_indices(mesh: HexMesh) -> list[str]:
+    if mesh.n_cells == 0 or mesh.n_vertices == 0:
+        return [f"{mesh.n_vertices} vertices and {mesh.n_cells} cells; allowed: at least one cell"]
+    wrong = ((mesh.cells < 0) | (mesh.cells >= mesh.n_vertices)).any(axis=1)
+    return _named(f"cells that name vertices outside 0 to {mesh.n_vertices - 1}", wrong, "repair the file")
+
+
+def _misshapen(jacobian: NDArray[np.float64], volumes: NDArray[np.float64]) -> list[str]:
+    inside_out = (jacobian < -FLAT) & (volumes < 0)
+    folded = (jacobian < -FLAT) & ~inside_out
+    flat = np.abs(jacobian) <= FLAT
+    if inside_out.all():
+        return ["every cell is inside out; remedy: swap the lower and upper four vertices of each cell"]
+    lowest = f" (scaled Jacobian down to {jacobian.min():.3g}; allowed: > 0)"
+    return (
+        _named("cells that are inside out", inside_out, "order their vertices as VTK does")
+        + _named("cells that are folded at a corner" + lowest, folded, "re-mesh there")
+        + _named("cells that are flat (no volume at a corner)", flat, "re-mesh there")
+    )
+
+
+def _overlaps(mesh: HexMesh) -> list[str]:
+    _, first = np.unique(np.sort(mesh.cells, axis=1), axis=0, return_index=True)
+    again = np.ones(mesh.n_cells, dtype=bool)
+    again[first] = False
+    if again.any():
+        return _named("cells that repeat another cell", again, "remove them")
+    crowded = np.zeros(mesh.n_cells, dtype=bool)
+    crowded[mesh.boundary.crowded] = True
+    return _named("cells that share a face with two or more others", crowded, "re-mesh there")
+
+
+def _vertex_defects(mesh: HexMesh) -> list[str]:
+    used = np.zeros(mesh.n_vertices, dtype=bool)
+    used[mesh.cells] = True
+    pairs = coincident_pairs(mesh.vertices, COINCIDENT * mesh.size)
+    twin = np.zeros(mesh.n_vertices, dtype=bool)
+    twin[pairs] = True
+    return _named("vertices that no cell uses", ~used, "remove them") + _named(
+        f"vertices at the same place as another (within {COINCIDENT:g} of the size)",
+        twin,
+        "merge them (`mesh: {file: ..., merge: true}`), or the body comes apart there",
+    )
+
+
+def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
+    """Find pairs of points closer than a tolerance.
+
+    Sorted along a generic direction, partners are near neighbours: compared with the next, the one after it,
+    and so on until no gap along the direction is small enough.
+
+    Args:
+        points: finite positions [m], shape (n, 3).
+        tolerance: distance [m].
+
+    Returns:
+        Pairs of indices, shape (p, 2), the smaller first.
+    """
+    along = points @ np.array([0.5773, 0.6342, 0.5144])
+    order = np.argsort(along, kind="stable")
+    along = along[order]
+    near, pairs, step = np.arange(len(points)), [], 0
+    while len(near):
+        step += 1
+        near = near[near + step < len(points)]
+        near = near[along[near + step] - along[near] <= tolerance]
+        first, second = order[near], order[near + step]
+        close = np.linalg.norm(points[first] - points[second], axis=1) <= tolerance
+        pairs.append(np.stack([first[close], second[close]], axis=1))
+    return np.sort(np.concatenate(pairs), axis=1) if pairs else np.zeros((0, 2), dtype=np.int64)
+
+
+def _parts(mesh: HexMesh) -> NDArray[np.int32]:
+    row = np.repeat(mesh.cells[:, 0], 7)
+    column = mesh.cells[:, 1:].ravel()
+    shape = (mesh.n_vertices, mesh.n_vertices)
+    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=shape)
+    return connected_components(graph, directed=False)[1].astype(np.int32)
+
+
+def _named(what: str, mask: NDArray[np.bool_], remedy: str) -> list[str]:
+    ids = np.flatnonzero(mask)
+    if len(ids) == 0:
+        return []
+    return [f"{len(ids)} {what}: {list_ids(ids)}; remedy: {remedy}"]

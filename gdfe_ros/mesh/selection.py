@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Selections: which vertices or cells a `where` of a scene means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.hexmesh import HexMesh
+
+#: Points this close to a box or sphere still count as inside, as a share of the mesh size: coordinates such
+#: as 0.1 * 3 are not exact.
+INSIDE_SLACK = 1e-9
+#: Vertices this close to the extreme coordinate lie on a face: imported coordinates may be single precision.
+FACE_SLACK = 1e-6
+
+
+class Side(Enum):
+    """A side of the bounding box: axis and direction."""
+
+    X_LOW = "x-"
+    X_HIGH = "x+"
+    Y_LOW = "y-"
+    Y_HIGH = "y+"
+    Z_LOW = "z-"
+    Z_HIGH = "z+"
+
+
+@dataclass(frozen=True)
+class Face:
+    """Vertices on one side of the bounding box; cells with at least one such vertex."""
+
+    side: Side
+
+
+@dataclass(frozen=True)
+class Box:
+    """Points within closed intervals [m]; None leaves an axis open."""
+
+    x: tuple[float, float] | None = None
+    y: tuple[float, float] | None = None
+    z: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """Points within `radius` [m] of `center` [m]."""
+
+    center: tuple[float, float, float]
+    radius: float
+
+
+@dataclass(frozen=True)
+class Vertices:
+    """Vertices by id; cells of which all eight vertices are named."""
+
+    ids: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells by id; vertices of these cells."""
+
+    ids: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class NamedSet:
+    """A vertex or cell set of the mesh by name; one kind is turned into the other if need be."""
+
+    name: str
+
+
+Where = Face | Box | Sphere | Vertices | Cells | NamedSet
+
+
+def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+    """Return the sorted vertex ids that a selection means (perhaps none).
+
+    Args:
+        mesh: the mesh.
+        where: the selection; boxes and spheres are closed with a slack of 1e-9 of the mesh size.
+
+    Returns:
+        Vertex ids, int32, sorted, unique.
+
+    Raises:
+        MeshError: an id is out of range or a set is unknown.
+    """
+    match where:
+        case Face(side):
+            return _ids(_on_side(mesh, side))
+        case Box() | Sphere():
+            return _ids(_inside(mesh, mesh.vertices, where))
+        case Vertices(ids):
+            return _checked(ids, mesh.n_vertices, "vertex")
+        case Cells(ids):
+            return _vertices_of(mesh, _checked(ids, mesh.n_cells, "cell"))
+        case NamedSet(name) if name in mesh.vertex_sets:
+            return mesh.vertex_sets[name]
+        case NamedSet(name) if name in mesh.cell_sets:
+            return _vertices_of(mesh, mesh.cell_sets[name])
+        case NamedSet(name):
+            raise _unknown_set(mesh, name)
+
+
+def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+    """Return the sorted cell ids that a selection means (perhaps none).
+
+    Boxes and spheres test the cell centroids; see the selection classes for the rest.
+
+    Args:
+        mesh: the mesh.
+        where: the selection.
+
+    Returns:
+        Cell ids, int32, sorted, unique.
+
+    Raises:
+        MeshError: an id is out of range or a set is unknown.
+    """
+    match where:
+        case Face(side):
+            return _ids(_on_side(mesh, side)[mesh.cells].any(axis=1))
+        case Box() | Sphere():
+            return _ids(_inside(mesh, mesh.centroids, where))
+        case Vertices(ids):
+            return _cells_within(mesh, _checked(ids, mesh.n_vertices, "vertex"))
+        case Cells(ids):
+            return _checked(ids, mesh.n_cells, "cell")
+        case NamedSet(name) if name in mesh.cell_sets:
+            return mesh.cell_sets[name]
+        case NamedSet(name) if name in mesh.vertex_sets:
+            return _cells_within(mesh, mesh.vertex_sets[name])
+        case NamedSet(name):
+            raise _unknown_set(mesh, name)
+
+
+def select_faces(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+    """Return the boundary quads of which all four vertices are selected (perhaps none).
+
+    Args:
+        mesh: the mesh.
+        where: the selection, as for `select_vertices`.
+
+    Returns:
+        Vertex ids, shape (q, 4), int32, normals out of the material.
+
+    Raises:
+        MeshError: an id is out of range or a set is unknown.
+    """
+    chosen = np.zeros(mesh.n_vertices, dtype=bool)
+    chosen[select_vertices(mesh, where)] = True
+    quads = mesh.surface()
+    return quads[chosen[quads].all(axis=1)]
+
+
+def _on_side(mesh: HexMesh, side: Side) -> NDArray[np.bool_]:
+    axis, low = "xyz".index(side.value[0]), side.value[1] == "-"
+    coordinate, slack = mesh.vertices[:, axis], FACE_SLACK * mesh.size
+    if low:
+        return coordinate <= mesh.bounds[0, axis] + slack
+    return coordinate >= mesh.bounds[1, axis] - slack
+
+
+def _inside(mesh: HexMesh, points: NDArray[np.float64], where: Box | Sphere) -> NDArray[np.bool_]:
+    slack = INSIDE_SLACK * mesh.size
+    if isinstance(where, Sphere):
+        return np.linalg.norm(points - where.center, axis=1) <= where.radius + slack
+    inside = np.ones(len(points), dtype=bool)
+    for axis, interval in enumerate((where.x, where.y, where.z)):
+        if interval is not None:
+            inside &= (points[:, axis] >= interval[0] - slack) & (points[:, axis] <= interval[1] + slack)
+    return inside
+
+
+def _ids(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    return np.flatnonzero(mask).astype(np.int32)
+
+
+def _checked(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
+    wrong = [i for i in ids if not 0 <= i < count]
+    if wrong:
+        raise MeshError(
+            "the selection does not fit the mesh",
+            [f"{noun} ids {wrong[:10]} do not exist; allowed: 0 to {count - 1}"],
+        )
+    return np.unique(np.asarray(ids, dtype=np.int32))
+
+
+def _vertices_of(mesh: HexMesh, cells: NDArray[np.int32]) -> NDArray[np.int32]:
+    return np.unique(mesh.cells[cells])
+
+
+def _cells_within(mesh: HexMesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
+    chosen = np.zeros(mesh.n_vertices, dtype=bool)
+    chosen[vertices] = True
+    return _ids(chosen[mesh.cells].all(axis=1))
+
+
+def _unknown_set(mesh: HexMesh, name: str) -> MeshError:
+    known = sorted({*mesh.cell_sets, *mesh.vertex_sets})
+    text = f"there are: {', '.join(known)}" if known else "the mesh has no sets; use face, box or ids"
+    return MeshError("the selection does not fit the mesh", [f"set {name!r} does not exist; {text}"])

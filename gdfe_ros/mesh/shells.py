@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Closed triangle surfaces made of nested shells: what is inside by the even-odd rule."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+#: Pairs of a triangle and a column of the grid that are looked at together.
+_CHUNK = 2_000_000
+
+
+@dataclass(frozen=True)
+class Shells:
+    """The connected pieces of a closed surface.
+
+    Attributes:
+        depths: number of other shells around each shell; odd for a cavity.
+        volumes: volume within each shell [m^3], whatever way its triangles face.
+    """
+
+    depths: tuple[int, ...]
+    volumes: tuple[float, ...]
+
+    @property
+    def n_cavities(self) -> int:
+        """Number of shells that bound a cavity."""
+        return sum(depth % 2 for depth in self.depths)
+
+    @property
+    def volume(self) -> float:
+        """Volume of the material [m^3]."""
+        return sum(v * (-1) ** d for v, d in zip(self.volumes, self.depths, strict=True))
+
+
+def shells(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Shells:
+    """Take a closed surface apart.
+
+    Args:
+        vertices: positions [m], shape (n, 3).
+        triangles: vertex ids, shape (t, 3); shells do not cut each other.
+    """
+    n = len(vertices)
+    row, column = triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel()
+    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(n, n))
+    part = connected_components(graph, directed=False)[1][triangles[:, 0]]
+    _, first, shell = np.unique(part, return_index=True, return_inverse=True)
+    a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
+    volumes = np.abs(np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6))
+    depths = []
+    for own, triangle in enumerate(first):
+        point = vertices[triangles[triangle, 0]]
+        corners = vertices[triangles] - point
+        zero = np.zeros(len(corners), dtype=np.int64)
+        above = _pierced(corners, zero, zero) & (_heights(corners, zero, zero) > 0)
+        around = np.bincount(shell[above], minlength=len(first)) % 2
+        around[own] = 0
+        depths.append(int(around.sum()))
+    return Shells(tuple(depths), tuple(float(volume) for volume in volumes))
+
+
+def points_inside(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int]
+) -> NDArray[np.bool_]:
+    """Tell which of the points (i, j, k) lie inside a closed surface.
+
+    Each triangle toggles the points above it in the columns along z that pierce it. An edge of two triangles
+    is evaluated alike in both and belongs to one side of it, so that a column through an edge or a corner
+    crosses the surface once.
+
+    Args:
+        vertices: positions in units of the point spacing, shape (n, 3).
+        triangles: vertex ids of a closed surface, shape (t, 3).
+        count: number of points along each axis.
+
+    Returns:
+        Shape `count`.
+    """
+    toggles = np.zeros((count[0], count[1], count[2] + 1), dtype=np.uint8)
+    corners = vertices[triangles]
+    for which, x, y in _columns(corners, count):
+        hit = _pierced(corners[which], x, y)
+        which, x, y = which[hit], x[hit], y[hit]
+        layer = np.clip(np.ceil(_heights(corners[which], x, y)), 0, count[2]).astype(np.int64)
+        np.add.at(toggles, (x, y, layer), 1)
+    return np.cumsum(toggles[:, :, :-1], axis=2, dtype=np.uint8) % 2 == 1
+
+
+def _columns(
+    corners: NDArray[np.float64], count: tuple[int, int, int]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
+    """Yield triangle, x and y of the columns in the bounding box of each triangle, in chunks."""
+    low = np.maximum(np.ceil(corners[:, :, :2].min(axis=1)), 0).astype(np.int64)
+    high = np.minimum(np.floor(corners[:, :, :2].max(axis=1)), np.array(count[:2]) - 1).astype(np.int64)
+    width = np.maximum(high - low + 1, 0)
+    pairs = width.prod(axis=1)
+    chunk = np.cumsum(pairs) // _CHUNK
+    for number in range(int(chunk[-1]) + 1):
+        members = np.flatnonzero((chunk == number) & (pairs > 0))
+        which = np.repeat(members, pairs[members])
+        place = np.arange(len(which)) - np.repeat(np.cumsum(pairs[members]) - pairs[members], pairs[members])
+        yield which, low[which, 0] + place % width[which, 0], low[which, 1] + place // width[which, 0]
+
+
+def _pierced(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell whether the column (x, y) pierces its triangle: a ray to +x crosses its outline once."""
+    hit = np.zeros(len(corners), dtype=bool)
+    for first, second in ((0, 1), (1, 2), (2, 0)):
+        a, b = corners[:, first, :2], corners[:, second, :2]
+        swap = (a[:, 1] > b[:, 1]) | ((a[:, 1] == b[:, 1]) & (a[:, 0] > b[:, 0]))
+        a, b = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
+        rise = b[:, 1] - a[:, 1]
+        slope = np.divide(b[:, 0] - a[:, 0], rise, out=np.zeros_like(rise), where=rise > 0)
+        hit ^= (a[:, 1] <= y) & (y < b[:, 1]) & (x < a[:, 0] + (y - a[:, 1]) * slope)
+    return hit
+
+
+def _heights(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the height of each triangle at its column, within its corners' heights."""
+    a = corners[:, 0]
+    normal = np.cross(corners[:, 1] - a, corners[:, 2] - a)
+    fall = (x - a[:, 0]) * normal[:, 0] + (y - a[:, 1]) * normal[:, 1]
+    upright = normal[:, 2] == 0.0
+    height = a[:, 2] - np.divide(fall, normal[:, 2], out=np.zeros_like(fall), where=~upright)
+    return np.clip(height, corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1))

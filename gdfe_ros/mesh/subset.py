@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parts of a mesh, and meshes made tight: unused vertices dropped, coincident ones merged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.quality import COINCIDENT, coincident_pairs
+
+
+def keep_cells(mesh: HexMesh, keep: NDArray[np.bool_]) -> HexMesh:
+    """Return the mesh of some cells and the vertices that they use, both in their old order.
+
+    Args:
+        mesh: the mesh.
+        keep: which cells stay, shape (m,).
+    """
+    cells = mesh.cells[keep]
+    used = np.zeros(mesh.n_vertices, dtype=bool)
+    used[cells] = True
+    cell_number, vertex_number = np.cumsum(keep) - 1, np.cumsum(used) - 1
+    return HexMesh(
+        vertices=mesh.vertices[used],
+        cells=vertex_number[cells],
+        cell_sets={name: cell_number[ids[keep[ids]]] for name, ids in mesh.cell_sets.items()},
+        vertex_sets={name: vertex_number[ids[used[ids]]] for name, ids in mesh.vertex_sets.items()},
+    )
+
+
+def merge_vertices(mesh: HexMesh, tolerance: float | None = None) -> HexMesh:
+    """Return the mesh with coincident vertices made one; the first of each group stays.
+
+    Args:
+        mesh: a mesh with finite vertices.
+        tolerance: distance [m] up to which vertices coincide; 1e-7 of the mesh size if left out.
+    """
+    limit = COINCIDENT * mesh.size if tolerance is None else tolerance
+    first, second = coincident_pairs(mesh.vertices, limit).T
+    n = mesh.n_vertices
+    graph = coo_array((np.ones(len(first), dtype=np.int8), (first, second)), shape=(n, n))
+    _, group = connected_components(graph, directed=False)
+    _, leaders, number = np.unique(group, return_index=True, return_inverse=True)
+    order = np.argsort(leaders)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    new = rank[number]
+    return HexMesh(
+        vertices=mesh.vertices[leaders[order]],
+        cells=new[mesh.cells],
+        cell_sets=mesh.cell_sets,
+        vertex_sets={name: new[ids] for name, ids in mesh.vertex_sets.items()},
+    )
+
+
+def join(*meshes: HexMesh) -> HexMesh:
+    """Put meshes into one, in order; sets of one name are united, vertices stay apart (`merge_vertices`)."""
+    vertex_start = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
+    cell_start = np.cumsum([0, *(mesh.n_cells for mesh in meshes)])
+    return HexMesh(
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        cells=np.concatenate([mesh.cells + start for mesh, start in zip(meshes, vertex_start, strict=False)]),
+        cell_sets=_united([mesh.cell_sets for mesh in meshes], cell_start),
+        vertex_sets=_united([mesh.vertex_sets for mesh in meshes], vertex_start),
+    )
+
+
+def _united(sets: list[Mapping[str, NDArray[np.int32]]], starts: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
+    names = dict.fromkeys(name for some in sets for name in some)
+    return {
+        name: np.concatenate([some[name] + start for some, start in zip(sets, starts, strict=False) if name in some])
+        for name in names
+    }

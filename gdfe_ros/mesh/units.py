@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files seldom say their unit of length: a guess, and an error where metres are out of the question."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+#: A soft body longer than this [m] was meant in another unit, unless the scene states a scale.
+LONGEST = 3.0
+#: A soft body shorter than this [m] was scaled down once too often, unless the scene states a scale.
+SHORTEST = 1e-4
+#: Usual units of mesh files and their size in metres.
+UNITS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "inch": 0.0254, "mm": 0.001, "um": 1e-6}
+
+
+def guess_unit(size: float) -> str:
+    """Return the unit in which a body of this diagonal would be closest to a hand's size, 0.1 m.
+
+    Args:
+        size: bounding-box diagonal in the file's own unit, > 0.
+    """
+    return min(("m", "mm", "um"), key=lambda unit: abs(math.log10(size * UNITS[unit] / 0.1)))
+
+
+def unit_defects(size: float, scale: float | None) -> list[str]:
+    """Return a defect if a body cannot be meant in metres and no scale was stated.
+
+    Args:
+        size: bounding-box diagonal in the file's own unit.
+        scale: metres for each unit of the file as the user states it; None if not stated.
+    """
+    if scale is not None or not math.isfinite(size) or size == 0.0 or SHORTEST <= size <= LONGEST:
+        return []
+    unit = guess_unit(size)
+    advice = f"it seems to be in {unit}: give `scale: {UNITS[unit]:g}`" if unit != "m" else "check its unit"
+    return [
+        f"the body's diagonal is {size:g}, which is not in metres for a soft robot (allowed without `scale`: "
+        f"{SHORTEST:g} to {LONGEST:g} m); remedy: {advice}, or `scale: 1.0` if it is in metres"
+    ]

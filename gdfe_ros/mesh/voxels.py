@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies from closed surfaces: the cubes of a grid whose centres lie inside, cavities kept."""
+
+from __future__ import annotations
+
+from contextlib import redirect_stderr, redirect_stdout
+from importlib import import_module
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.cavities import find_cavities
+from gdfe_ros.mesh.generators import grid
+from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.shells import Shells, points_inside, shells
+from gdfe_ros.mesh.subset import keep_cells
+from gdfe_ros.mesh.units import unit_defects
+
+#: Suffixes of surface files.
+SUFFIXES = (".stl", ".obj", ".ply", ".off")
+#: More cubes in the bounding box than this would not fit into memory.
+MOST_CUBES = 50_000_000
+#: The cubes' volume may differ from the surface's by this share before the grid counts as too coarse.
+VOLUME_ERROR = 0.3
+
+
+def read_voxels(surface: str | Path, *, cell: float, scale: float | None = None) -> HexMesh:
+    """Fill a closed surface with cubes.
+
+    Args:
+        surface: an STL, OBJ, PLY or OFF file; nested shells are cavities, whatever way their triangles face.
+        cell: edge of the cubes [m].
+        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None takes metres and refuses
+            bodies that cannot be meant so.
+
+    Returns:
+        The mesh, its grid centred on the bounding box of the surface; vertices and cells run along x first.
+
+    Raises:
+        MeshError: with every defect and its remedy.
+    """
+    vertices, triangles, defects = examine_surface(surface, scale=scale)
+    if defects:
+        raise MeshError(f"surface {surface}", defects)
+    return fill_surface(vertices, triangles, cell=cell, where=f"surface {surface}")
+
+
+def examine_surface(
+    surface: str | Path, *, scale: float | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.int64], list[str]]:
+    """Read a surface file.
+
+    Returns:
+        Vertices [m], shape (n, 3), triangles, shape (t, 3), and the defects that keep it from being filled.
+
+    Raises:
+        MeshError: there is no surface to return, with the reason.
+    """
+    path = Path(surface)
+    vertices, triangles = _read(path, f"surface {path}")
+    defects = _open_edges(vertices, triangles)
+    defects += unit_defects(float(np.linalg.norm(np.ptp(vertices, axis=0))), scale)
+    return vertices * (scale or 1.0), triangles, defects
+
+
+def fill_surface(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, cell: float, where: str = "surface"
+) -> HexMesh:
+    """Fill a closed surface with cubes whose centres lie inside by the even-odd rule.
+
+    Args:
+        vertices: positions [m], shape (n, 3).
+        triangles: vertex ids of a closed surface, shape (t, 3).
+        cell: edge of the cubes [m].
+        where: what to call the surface in an error.
+
+    Raises:
+        MeshError: too many cubes, or the grid is too coarse for the surface.
+    """
+    if not (np.isfinite(cell) and cell > 0):
+        raise MeshError(where, [f"cell = {cell!r}; allowed: edge of the cubes [m] > 0"])
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    count = np.maximum(np.ceil((high - low) / cell - 1e-6), 1)
+    if count.prod() > MOST_CUBES:
+        fitting = cell * (count.prod() / MOST_CUBES) ** (1 / 3)
+        text = f"cell = {cell:g} m gives {count.prod():.3g} cubes; allowed: up to {MOST_CUBES:.3g}"
+        raise MeshError(where, [f"{text}; remedy: a cell of at least {fitting:.2g} m"])
+    nx, ny, nz = count.astype(int)
+    start = (low + high - count * cell) / 2
+    inside = points_inside((vertices - start) / cell - 0.5, triangles, (nx, ny, nz))
+    axes = (origin + cell * np.arange(n + 1) for origin, n in zip(start, (nx, ny, nz), strict=True))
+    mesh = keep_cells(grid(*axes), inside.transpose(2, 1, 0).ravel())
+    defects = _too_coarse(mesh, shells(vertices, triangles), cell)
+    if defects:
+        raise MeshError(where, defects)
+    return mesh
+
+
+def _read(path: Path, heading: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    try:
+        library = import_module("trimesh")
+    except ImportError as error:
+        raise MeshError(heading, ["trimesh is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
+    if not path.is_file():
+        raise MeshError(heading, ["there is no such file; paths in a scene start at the folder of the scene"])
+    if path.suffix.lower() not in SUFFIXES:
+        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
+    try:
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+            surface = library.load(path, force="mesh")
+    except Exception as error:  # trimesh's parsers raise anything on a broken file
+        reason = f"{type(error).__name__}: {error}"
+        raise MeshError(heading, [f"cannot be read as {path.suffix}: {reason}; remedy: export it again"]) from error
+    vertices, triangles = np.asarray(surface.vertices, dtype=np.float64), np.asarray(surface.faces)
+    if len(triangles) == 0:
+        raise MeshError(heading, ["there are no triangles; remedy: export the body's surface"])
+    if not np.isfinite(vertices).all():
+        raise MeshError(heading, ["a coordinate is not finite; remedy: export it again"])
+    return vertices, triangles
+
+
+def _open_edges(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> list[str]:
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, count = np.unique(edges, axis=0, return_counts=True)
+    odd = edges[count % 2 == 1]
+    if len(odd) == 0:
+        return []
+    x, y, z = vertices[odd[0]].mean(axis=0)
+    return [
+        f"the surface is open: {len(odd)} edges belong to an odd number of triangles, the first at "
+        f"({x:.4g}, {y:.4g}, {z:.4g}) in the file's unit; remedy: close the holes (MeshLab: "
+        "Close Holes, Blender: 3D-Print toolbox) or export it as a solid"
+    ]
+
+
+def _too_coarse(mesh: HexMesh, surface: Shells, cell: float) -> list[str]:
+    remedy = "remedy: a smaller cell, at most half the thinnest wall"
+    if mesh.n_cells == 0:
+        return [f"cell = {cell:g} m: no cube's centre lies inside the surface; {remedy}"]
+    share = mesh.n_cells * cell**3 / surface.volume
+    defects = []
+    if abs(share - 1) > VOLUME_ERROR:
+        defects.append(f"cell = {cell:g} m: the cubes have {share:.0%} of the surface's volume; {remedy}")
+    kept = len(find_cavities(mesh))
+    if kept < surface.n_cavities:
+        defects.append(f"cell = {cell:g} m: of {surface.n_cavities} cavities {kept} are left; {remedy}")
+    return defects

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a message that commands actuators and loads to an order, or a refusal that says why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+from gdfe_ros.actuators import Actuator, Mode
+from gdfe_ros.node.orders import ActuatorOrder, TrajectoryOrder
+from gdfe_ros.node.refusals import Reason, Refusal
+
+EFFORTS = (Mode.TENSION, Mode.PRESSURE)
+"""Modes whose command stands in ``effort`` of a JointState; the others' stands in ``position``."""
+
+
+class ActuatorOrders:
+    """Checks messages against the actuators and loads of a scene.
+
+    Args:
+        actuators: in the order that ``~/commands`` has.
+        loads: names of the loads, commanded by a factor.
+    """
+
+    def __init__(self, actuators: Iterable[Actuator], loads: Iterable[str] = ()) -> None:
+        self._actuators: Mapping[str, Actuator] = {actuator.name: actuator for actuator in actuators}
+        self._loads = tuple(loads)
+
+    def from_joint_state(self, message: JointState) -> ActuatorOrder:
+        """Take commands by name: tension [N] and pressure [Pa] from ``effort``, all others from ``position``.
+
+        A load's ``position`` is the factor on it.
+
+        Raises:
+            Refusal: an unknown or repeated name, an array of the wrong size, a value not finite or out of range.
+        """
+        self._require_known(message.name)
+        values = {}
+        for place, name in enumerate(message.name):
+            forced = name in self._actuators and self._actuators[name].mode in EFFORTS
+            field = "effort" if forced else "position"
+            array = getattr(message, field)
+            if len(array) != len(message.name):
+                text = (
+                    f"{field} has {len(array)} entries for {len(message.name)} names; {name!r} is commanded by {field}"
+                )
+                raise Refusal(Reason.WRONG_SIZE, text)
+            values[name] = self._checked(name, array[place])
+        return ActuatorOrder(values)
+
+    def from_array(self, message: Float64MultiArray) -> ActuatorOrder:
+        """Take one command for each actuator, in the scene's order.
+
+        Raises:
+            Refusal: the array has the wrong size, or a value is not finite or out of range.
+        """
+        names = list(self._actuators)
+        if len(message.data) != len(names):
+            text = f"{len(message.data)} values for {len(names)} actuators; allowed: one for each of {', '.join(names)}"
+            raise Refusal(Reason.WRONG_SIZE, text)
+        pairs = zip(names, message.data, strict=True)
+        return ActuatorOrder({name: self._checked(name, value) for name, value in pairs})
+
+    def from_trajectory(self, message: JointTrajectory, *, now: float) -> TrajectoryOrder:
+        """Take the points of a trajectory; only ``positions`` count, whatever the mode.
+
+        Args:
+            message: with a stamp in simulation time; 0: it starts when it is consumed.
+            now: simulation time [s].
+
+        Raises:
+            Refusal: an unknown or repeated name, no points, a point of the wrong size, times that do not ascend, an
+                end in the past, or a value not finite or out of range.
+        """
+        names = tuple(message.joint_names)
+        self._require_known(names)
+        times = np.array([_seconds(point.time_from_start) for point in message.points])
+        if not len(times):
+            raise Refusal(Reason.WRONG_SIZE, "the trajectory has no points")
+        if times[0] < 0.0 or (np.diff(times) <= 0.0).any():
+            raise Refusal(Reason.OUT_OF_ORDER, f"time_from_start {times.tolist()} s must ascend from 0 on")
+        rows = []
+        for place, point in enumerate(message.points):
+            if len(point.positions) != len(names):
+                text = f"point {place} has {len(point.positions)} positions for {len(names)} joint_names"
+                raise Refusal(Reason.WRONG_SIZE, text)
+            rows.append([self._checked(name, value) for name, value in zip(names, point.positions, strict=True)])
+        start = _seconds(message.header.stamp) or None
+        if start is not None and start + times[-1] < now:
+            raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s, it is {now:.9g} s now")
+        return TrajectoryOrder(names, start, times, np.array(rows))
+
+    def _require_known(self, names: Sequence[str]) -> None:
+        unknown = sorted(set(names) - set(self._actuators) - set(self._loads))
+        if unknown or not names:
+            known = ", ".join(self._actuators) or "none"
+            loads = f"; loads: {', '.join(self._loads)}" if self._loads else ""
+            text = f"no actuator {', '.join(unknown) or 'is named'}; actuators: {known}{loads}"
+            raise Refusal(Reason.UNKNOWN, text)
+        if len(set(names)) != len(names):
+            raise Refusal(Reason.MALFORMED, f"names {list(names)} repeat one")
+
+    def _checked(self, name: str, value: float) -> float:
+        if not math.isfinite(value):
+            raise Refusal(Reason.NOT_FINITE, f"{name}: {value!r} is not a finite number")
+        if name in self._loads:
+            return float(value)
+        actuator = self._actuators[name]
+        if not actuator.low <= value <= actuator.high:
+            allowed = f"{actuator.low:g} to {actuator.high:g} {actuator.mode.unit}".rstrip()
+            raise Refusal(Reason.OUT_OF_RANGE, f"{name}: {actuator.mode.value} {value!r}; allowed: {allowed}")
+        return float(value)
+
+
+def _seconds(time: object) -> float:
+    """Convert a Time or Duration message to seconds."""
+    return time.sec + 1e-9 * time.nanosec

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bags of a session: begun, attached to every topic, finished."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode
+
+from gdfe_ros.node.inputs import Inputs
+from gdfe_ros.node.outputs import Outputs
+from gdfe_ros.node.pace import ClockMode
+from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
+from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
+from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.scene.scene import Scene
+
+
+class Bags:
+    """Records every topic of a session.
+
+    Args:
+        node: logs.
+        parameters: name the next bag.
+        inputs: are recorded as they came.
+        outputs: are recorded as they are published.
+
+    Attributes:
+        recorder: of the bag in progress, or of the last one; None before the first.
+        active: whether a bag is being written.
+    """
+
+    def __init__(self, node: LifecycleNode, parameters: Parameters, inputs: Inputs, outputs: Outputs) -> None:
+        self._logger, self._parameters = node.get_logger(), parameters
+        self._inputs, self._outputs = inputs, outputs
+        self.recorder: Recorder | None = None
+        self.active = False
+
+    def begin(self, scene: Scene, *, state: bytes | None, log_time: int) -> str:
+        """Begin a bag and say where it is: at the parameter ``bag_path``, or at ``runs/<scene>_<time>``.
+
+        Under the wall clock a disk that is too slow costs messages (counted, told); otherwise it slows the steps.
+
+        Args:
+            scene: that is simulated.
+            state: that the first step starts from; None: rest.
+            log_time: for the latched topics [ns].
+
+        Raises:
+            RecordingError: the bag cannot be begun.
+        """
+        topics = [*self._inputs.infos, *(channel.info for channel in self._outputs.channels if channel.recorded)]
+        parameters = self._parameters.as_dict()
+        waits = parameters["clock"] != ClockMode.WALL.value
+        self.recorder = Recorder(
+            _directory(scene, parameters["bag_path"]),
+            topics,
+            run=_run_info(scene, parameters, state),
+            queue=QueueOptions(back_pressure=BackPressure.BLOCK if waits else BackPressure.DROP, block_seconds=30.0),
+        )
+        self._attach(self.recorder)
+        self._outputs.publish_scene(log_time)
+        text = f"recording to {self.recorder.path}"
+        self._logger.info(text)
+        return text
+
+    def finish(self) -> str:
+        """Finish the bag and say how it went."""
+        self._attach(None)
+        status = self.recorder.close()
+        text = f"bag {self.recorder.path}: {status.written} messages, {status.dropped_total} dropped"
+        if status.error is None:
+            self._logger.info(text)
+            return text
+        text = f"{text}; {status.error}"
+        self._logger.error(text)
+        return text
+
+    def _attach(self, recorder: Recorder | None) -> None:
+        self._outputs.attach(recorder)
+        self._inputs.recorder = recorder
+        self.active = recorder is not None
+
+
+def _directory(scene: Scene, path: str) -> Path:
+    return Path(path) if path else Path("runs") / f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}"
+
+
+def _run_info(scene: Scene, parameters: Mapping[str, Any], state: bytes | None) -> RunInfo:
+    settings = {**asdict(scene.solver), "policy": scene.solver.policy.value, "node": dict(parameters)}
+    return RunInfo(scene=scene.source, settings=settings, files={} if state is None else {STATE_FILE: state})

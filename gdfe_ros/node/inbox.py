@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands between the thread that receives them and the thread that steps."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Collection
+
+from gdfe_ros.node.orders import Order
+from gdfe_ros.node.refusals import Reason, Refusal
+
+_LIMIT = 10_000
+
+
+class Inbox:
+    """Commands that wait for their step.
+
+    Under the clocks wall and fast the latest command of an input counts. In lockstep none is left out: those
+    of one input wait in the order received, and a step takes one of each (or, without a command set, one).
+
+    Args:
+        changed: notified when a command arrives; its lock guards the inbox.
+        queued: lockstep.
+        command_set: inputs that must each have a command before a step begins; empty: one command is enough.
+    """
+
+    def __init__(self, changed: threading.Condition, *, queued: bool, command_set: Collection[str] = ()) -> None:
+        self._changed = changed
+        self._queued = queued
+        self._set = frozenset(command_set)
+        self._waiting: dict[str, deque[tuple[int, Order]]] = {}
+        self._count = self._number = 0
+
+    def put(self, name: str, order: Order) -> None:
+        """Add an order of the input ``name``.
+
+        Raises:
+            Refusal: ten thousand commands wait already.
+        """
+        with self._changed:
+            queue = self._waiting.setdefault(name, deque())
+            if queue and not self._queued:
+                queue.pop()
+                self._count -= 1
+            if self._count >= _LIMIT:
+                raise Refusal(Reason.QUEUE_FULL, f"{_LIMIT} commands wait for their step; send slower")
+            queue.append((self._number, order))
+            self._number += 1
+            self._count += 1
+            self._changed.notify_all()
+
+    def ready(self) -> bool:
+        """Tell whether a step has something to consume: in lockstep, a whole command set. Needs the lock."""
+        if self._queued and self._set:
+            return all(self._waiting.get(name) for name in self._set)
+        return self._count > 0
+
+    def take(self) -> list[Order]:
+        """Remove and return what the next step consumes, in the order received. Needs the lock."""
+        queues = sorted((queue for queue in self._waiting.values() if queue), key=lambda queue: queue[0][0])
+        if self._queued and not self._set:
+            queues = queues[:1]
+        self._count -= len(queues)
+        return [queue.popleft()[1] for queue in queues]
+
+    def clear(self) -> None:
+        """Drop everything, e.g. at a reset."""
+        with self._changed:
+            self._waiting.clear()
+            self._count = 0

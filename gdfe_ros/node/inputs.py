@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The topics that command a simulation: checked, recorded, and put into the inbox."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode
+from rclpy.serialization import deserialize_message
+
+from gdfe_ros.node import interface
+from gdfe_ros.node.actuator_orders import ActuatorOrders
+from gdfe_ros.node.freshness import Freshness
+from gdfe_ros.node.handle_orders import pose_order, twist_order
+from gdfe_ros.node.inbox import Inbox
+from gdfe_ros.node.orders import Order
+from gdfe_ros.node.qos import interface_class, qos_profile
+from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
+from gdfe_ros.node.specification import TopicSpec
+from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.topic import Qos, TopicInfo
+from gdfe_ros.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Input:
+    """One command topic.
+
+    Attributes:
+        key: name of the topic after the node's; also in ``command_set``.
+        spec: of the topic.
+        check: makes an order of a message, or raises ``Refusal``.
+        stamped: whether the header's stamp says when the command was given.
+    """
+
+    key: str
+    spec: TopicSpec
+    check: Callable[[Any], Order]
+    stamped: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Times:
+    """The times that commands are measured by.
+
+    Attributes:
+        stamp: gives the time on the clock of the commands' stamps [ns].
+        simulation: gives simulation time [s].
+        log: gives the time for the bag [ns].
+        max_age: gives the age that a command may have [s]; 0: any.
+    """
+
+    stamp: Callable[[], int]
+    simulation: Callable[[], float]
+    log: Callable[[], int]
+    max_age: Callable[[], float]
+
+
+class Inputs:
+    """Subscriptions of the command topics.
+
+    Messages come as bytes, so that the bag holds what was sent, also where it was refused.
+
+    Args:
+        node: that subscribes.
+        scene: that is commanded.
+        refusals: counts and warns.
+        times: that commands are measured by.
+
+    Attributes:
+        inbox: takes the commands; None while the node is not active.
+        recorder: of the bag in progress, or None.
+        freshness: of the commands' stamps.
+    """
+
+    def __init__(self, node: LifecycleNode, scene: Scene, refusals: RefusalLog, times: Times) -> None:
+        self._node, self._refusals, self._times = node, refusals, times
+        self.inbox: Inbox | None = None
+        self.recorder: Recorder | None = None
+        self.freshness = Freshness()
+        self._inputs = {item.key: item for item in _inputs(scene, times)}
+        self._subscriptions = {key: self._subscribe(item) for key, item in self._inputs.items()}
+
+    @property
+    def keys(self) -> list[str]:
+        """What a command set may name."""
+        return list(self._inputs)
+
+    @property
+    def infos(self) -> list[TopicInfo]:
+        """Describe the topics for a bag."""
+        return [
+            TopicInfo(
+                name=subscription.topic_name,
+                type=self._inputs[key].spec.type,
+                qos=Qos.from_rclpy(qos_profile(self._inputs[key].spec.delivery)),
+            )
+            for key, subscription in self._subscriptions.items()
+        ]
+
+    def destroy(self) -> None:
+        """Take the topics off the graph."""
+        for subscription in self._subscriptions.values():
+            self._node.destroy_subscription(subscription)
+
+    def _subscribe(self, item: Input) -> Any:
+        topic = self._node.resolve_topic_name(f"~/{item.key}")
+        kind = interface_class(item.spec.type)
+        receive = partial(self._receive, item, topic, kind)
+        return self._node.create_subscription(kind, topic, receive, qos_profile(item.spec.delivery), raw=True)
+
+    def _receive(self, item: Input, topic: str, kind: type, data: bytes) -> None:
+        if self.recorder is not None:
+            self.recorder.record(topic, data, self._times.log())
+        try:
+            self._take(item, topic, kind, data)
+        except Refusal as refusal:
+            self._refusals.refuse(topic, refusal)
+        else:
+            self._refusals.take()
+
+    def _take(self, item: Input, topic: str, kind: type, data: bytes) -> None:
+        if self.inbox is None:
+            raise Refusal(Reason.INACTIVE, "the node is not active; it takes commands after `activate`")
+        try:
+            message = deserialize_message(data, kind)
+        except Exception as error:  # what rclpy raises here is not documented
+            raise Refusal(Reason.MALFORMED, f"the bytes are no {item.spec.type}: {error!r}") from error
+        order = item.check(message)
+        if item.stamped:
+            times = self._times
+            self.freshness.check(topic, message.header.stamp, now=times.stamp(), max_age=times.max_age())
+        self.inbox.put(item.key, order)
+
+
+def _inputs(scene: Scene, times: Times) -> Iterator[Input]:
+    """List what a scene can be commanded by; fixed handles refuse, so that who commands one is told."""
+    size = scene.mesh.size
+    for handle in scene.handles:
+        for spec, check in ((interface.TARGET, pose_order), (interface.VELOCITY, twist_order)):
+            key = spec.name.removeprefix("~/").format(handle=handle.name)
+            yield Input(key, spec, partial(check, handle=handle, size=size), stamped=True)
+    if scene.actuators or scene.loads:
+        orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads])
+        yield Input("actuation", interface.ACTUATION, orders.from_joint_state, stamped=True)
+        if scene.actuators:
+            yield Input("commands", interface.ACTUATOR_COMMANDS, orders.from_array, stamped=False)
+
+        def follow(message: Any) -> Order:
+            return orders.from_trajectory(message, now=times.simulation())
+
+        yield Input("trajectory", interface.TRAJECTORY, follow, stamped=False)

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The body's surface as a triangle marker for RViz and Foxglove.
+
+A marker holds lists of Point and ColorRGBA objects; filling and serialising 10 000 of them takes 17 ms: a template.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+from geometry_msgs.msg import Point
+from numpy.typing import NDArray
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker
+
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.node.template import Template
+
+# The colour map viridis at equal distances, from dark violet over green to yellow.
+_COLOURS = np.array(
+    [
+        [0.267, 0.005, 0.329],
+        [0.283, 0.141, 0.458],
+        [0.254, 0.265, 0.530],
+        [0.207, 0.372, 0.553],
+        [0.164, 0.471, 0.558],
+        [0.128, 0.567, 0.551],
+        [0.135, 0.659, 0.518],
+        [0.267, 0.749, 0.441],
+        [0.478, 0.821, 0.318],
+        [0.741, 0.873, 0.150],
+        [0.993, 0.906, 0.144],
+    ]
+)
+_PROBE = -1.2345678901234567e300
+_COLOUR_PROBE = -1.2345678e30
+
+
+class SurfaceMarker:
+    """Serialised markers of a mesh's surface.
+
+    Args:
+        mesh: the body at rest.
+        frame_id: of its coordinates.
+    """
+
+    def __init__(self, mesh: HexMesh, frame_id: str) -> None:
+        quads = mesh.boundary.quads
+        self._corners = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1)
+        self._cells = np.repeat(mesh.boundary.cells, 6)
+        count = len(self._corners)
+        self._template = Template(_marker(count, frame_id))
+        self._points = self._template.view(struct.pack("<d", _PROBE), (count, 3), "<f8")
+        self._colours = self._template.view(struct.pack("<f", _COLOUR_PROBE), (count, 4), "<f4")
+
+    def pack(self, seconds: float, positions: NDArray[np.float64], values: NDArray[np.float64]) -> bytes:
+        """Serialise the marker.
+
+        Args:
+            seconds: simulation time [s].
+            positions: of the vertices (n, 3) [m].
+            values: of the cells (m,), shown by colour from the least to the largest.
+        """
+        self._points[:] = positions[self._corners]
+        self._colours[:, :3] = colour(values)[self._cells]
+        self._colours[:, 3] = 1.0
+        return self._template.stamped(seconds)
+
+
+def colour(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Give red, green and blue (m, 3), 0 to 1, of values (m,) between their least and their largest."""
+    low, span = values.min(), np.ptp(values)
+    place = (values - low) / span if span > 0.0 else np.zeros_like(values)
+    grid = np.linspace(0.0, 1.0, len(_COLOURS))
+    return np.stack([np.interp(place, grid, channel) for channel in _COLOURS.T], axis=1)
+
+
+def _marker(count: int, frame_id: str) -> Marker:
+    """Make a marker whose first point and first colour can be found in its bytes."""
+    marker = Marker(header=Header(frame_id=frame_id), ns="surface", type=Marker.TRIANGLE_LIST, action=Marker.ADD)
+    marker.scale.x = marker.scale.y = marker.scale.z = 1.0
+    marker.color.a = 1.0
+    marker.points = [Point() for _ in range(count)]
+    marker.colors = [ColorRGBA() for _ in range(count)]
+    marker.points[0].x = _PROBE
+    marker.colors[0].r = _COLOUR_PROBE
+    return marker

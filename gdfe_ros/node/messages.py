@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Packing of arrays and results into ROS messages.
+
+``PointCloud2`` holds float32: RViz accepts nothing else for x, y, z. Bytes go in as ``array.array``, the one
+form that is fast with and without rclpy's field checks.
+"""
+
+from __future__ import annotations
+
+import array
+from collections.abc import Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import (
+    Point,
+    PoseStamped,
+    Quaternion,
+    Vector3,
+    Wrench,
+    WrenchStamped,
+)
+from geometry_msgs.msg import (
+    Pose as PoseMessage,
+)
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout
+
+from gdfe_ros.actuators import Embedding
+from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.fields import ElementFields
+
+MESH_FIELDS = ("x", "y", "z", "ux", "uy", "uz")
+STRAIN_FIELDS = ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "energy_density")
+
+
+def stamp(seconds: float) -> Time:
+    """Round simulation time [s] to nanoseconds."""
+    nanoseconds = to_nanoseconds(seconds)
+    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+
+
+def to_nanoseconds(seconds: float) -> int:
+    """Round a time [s] to nanoseconds."""
+    return round(seconds * 1e9)
+
+
+def header(seconds: float, frame_id: str) -> Header:
+    """Make a header with simulation time [s]."""
+    return Header(stamp=stamp(seconds), frame_id=frame_id)
+
+
+def mesh_cloud(head: Header, positions: NDArray[np.float64], rest: NDArray[np.float64]) -> PointCloud2:
+    """Pack current vertices (n, 3) [m] and their displacements from ``rest`` (n, 3) [m]."""
+    values = np.empty((len(rest), 6), dtype="<f4")
+    values[:, :3] = positions
+    values[:, 3:] = positions - rest
+    return _cloud(head, MESH_FIELDS, values)
+
+
+def strain_cloud(head: Header, fields: ElementFields) -> PointCloud2:
+    """Pack the element fields, one point for each cell."""
+    values = np.empty((len(fields.J), 8), dtype="<f4")
+    values[:, :3] = fields.centroids
+    for column, name in enumerate(STRAIN_FIELDS[3:], start=3):
+        values[:, column] = getattr(fields, name)
+    return _cloud(head, STRAIN_FIELDS, values)
+
+
+def pose_stamped(head: Header, pose: Pose) -> PoseStamped:
+    """Pack a pose relative to rest; its rotation vector becomes a unit quaternion."""
+    x, y, z, w = map(float, Rotation.from_rotvec(pose.rotation).as_quat())
+    px, py, pz = pose.translation
+    return PoseStamped(
+        header=head,
+        pose=PoseMessage(position=Point(x=px, y=py, z=pz), orientation=Quaternion(x=x, y=y, z=z, w=w)),
+    )
+
+
+def material_pose(point: Embedding, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> Pose:
+    """Return where a material point is [m], and the rotation that best fits the corners of the cell around it."""
+    corners = point.corners[0]
+    before, now = rest[corners], positions[corners]
+    turn, _ = Rotation.align_vectors(now - now.mean(axis=0), before - before.mean(axis=0))
+    return Pose(tuple(point.at(positions)[0]), tuple(turn.as_rotvec()))
+
+
+def wrench_stamped(head: Header, reaction: NDArray[np.float64]) -> WrenchStamped:
+    """Pack a reaction (6,): force [N], then moment [N m]."""
+    fx, fy, fz, mx, my, mz = map(float, reaction)
+    wrench = Wrench(force=Vector3(x=fx, y=fy, z=fz), torque=Vector3(x=mx, y=my, z=mz))
+    return WrenchStamped(header=head, wrench=wrench)
+
+
+def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
+    """Pack the cells (m, 8), row by row."""
+    count, corners = cells.shape
+    data = array.array("i")
+    data.frombytes(np.ascontiguousarray(cells, dtype=np.int32).tobytes())
+    dimensions = [
+        MultiArrayDimension(label="cells", size=count, stride=count * corners),
+        MultiArrayDimension(label="corners", size=corners, stride=corners),
+    ]
+    return Int32MultiArray(layout=MultiArrayLayout(dim=dimensions, data_offset=0), data=data)
+
+
+def _cloud(head: Header, names: Sequence[str], values: NDArray[np.float32]) -> PointCloud2:
+    data = array.array("B")
+    data.frombytes(values.tobytes())
+    count, width = values.shape
+    return PointCloud2(
+        header=head,
+        height=1,
+        width=count,
+        fields=[
+            PointField(name=name, offset=4 * place, datatype=PointField.FLOAT32, count=1)
+            for place, name in enumerate(names)
+        ],
+        is_bigendian=False,
+        point_step=4 * width,
+        row_step=4 * width * count,
+        data=data,
+        is_dense=True,
+    )

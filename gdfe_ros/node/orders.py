@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checked commands on their way to the step that consumes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints import Pose, nearest_turn
+
+
+@dataclass(frozen=True)
+class PoseOrder:
+    """A target of a plate; which turn its quaternion means depends on the target before it.
+
+    Attributes:
+        handle: name.
+        translation: from rest [m].
+        quaternion: x, y, z, w, of unit length.
+    """
+
+    handle: str
+    translation: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+
+    def after(self, last: Pose) -> Pose:
+        """Choose the turn nearest to the last target's."""
+        return Pose(self.translation, nearest_turn(self.quaternion, last))
+
+
+@dataclass(frozen=True)
+class TwistOrder:
+    """A velocity of a plate's target, in force until another command or its time is over.
+
+    Attributes:
+        handle: name.
+        linear: of the plate's centre [m/s].
+        angular: about the plate's centre, world axes [rad/s].
+    """
+
+    handle: str
+    linear: tuple[float, float, float]
+    angular: tuple[float, float, float]
+
+    @property
+    def still(self) -> bool:
+        """Whether it stops the plate."""
+        return not any((*self.linear, *self.angular))
+
+    def after(self, last: Pose, dt: float) -> Pose:
+        """Move the last target on for a time ``dt`` [s]; turns add up beyond 180 degrees."""
+        translation = np.array(last.translation) + dt * np.array(self.linear)
+        turn = dt * np.array(self.angular)
+        rotation = Rotation.from_rotvec(turn) * Rotation.from_rotvec(last.rotation)
+        expected = Pose(rotation=tuple(np.array(last.rotation) + turn))
+        return Pose(tuple(translation), nearest_turn(rotation.as_quat(), expected))
+
+
+@dataclass(frozen=True)
+class ActuatorOrder:
+    """Commands of actuators by name, in the unit of each one's mode, and factors of loads."""
+
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryOrder:
+    """Commands of actuators and loads over time, linear between the points.
+
+    Attributes:
+        names: of the actuators and loads.
+        start: simulation time of the time 0 [s]; None: the step that consumes it.
+        times: (k,) ascending, from the start [s].
+        values: (k, len(names)) in the units of the modes.
+    """
+
+    names: tuple[str, ...]
+    start: float | None
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+
+Order = PoseOrder | TwistOrder | ActuatorOrder | TrajectoryOrder

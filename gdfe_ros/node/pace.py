@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When the next step begins, and how much simulation time it covers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+
+class ClockMode(str, Enum):
+    """What makes a step begin."""
+
+    WALL = "wall"
+    FAST = "fast"
+    LOCKSTEP = "lockstep"
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Values in force of the parameters that pace the steps.
+
+    Attributes:
+        rate: steps a second of wall time [Hz].
+        dt: simulation time of a step [s].
+        heartbeat: interval of steps while there is nothing to do [s]; 0: none.
+        ticking: keep stepping while there is nothing to do.
+    """
+
+    rate: float
+    dt: float
+    heartbeat: float
+    ticking: bool
+
+
+class Pace(Protocol):
+    """Decides when to step.
+
+    Attributes:
+        overruns: steps that should have begun while an earlier one was still running.
+    """
+
+    overruns: int
+
+    def delay(self, *, pending: bool, settled: bool) -> float | None:
+        """Give the wall time to wait [s]: 0 to step now, None to wait for something to happen."""
+
+    def begin(self) -> float:
+        """Note that a step begins now and give the simulation time that it covers [s]."""
+
+    def restart(self) -> None:
+        """Forget the wall time that passed, e.g. in a pause."""
+
+
+class WallPace:
+    """Steps at a rate of wall time; while there is nothing to do, only heartbeats.
+
+    A pause of n periods is one step of n dt, so that simulation time keeps up with the wall. A step that takes
+    longer than its period is an overrun: the next one begins at once, and simulation time falls behind.
+
+    Args:
+        timing: gives the values in force.
+        now: monotonic clock [s].
+    """
+
+    def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
+        self._timing, self._now = timing, now
+        self.overruns = 0
+        self.restart()
+
+    def delay(self, *, pending: bool, settled: bool) -> float | None:
+        """Wait for the grid of the rate, or for the heartbeat where nothing is to be done."""
+        timing, now = self._timing(), self._now()
+        if pending or not settled or timing.ticking:
+            return max(0.0, self._due - now)
+        self._idle = True
+        return max(0.0, self._last + timing.heartbeat - now) if timing.heartbeat else None
+
+    def begin(self) -> float:
+        """Advance the grid and count what was missed."""
+        timing, now = self._timing(), self._now()
+        period, late = 1.0 / timing.rate, now - self._due
+        periods = 1
+        if self._idle:
+            periods = max(1, round((now - self._last) / period))
+        elif late >= period:
+            self.overruns += int(late / period)
+        self._due = now + period if self._idle or late >= period else self._due + period
+        self._last, self._idle = now, False
+        return periods * timing.dt
+
+    def restart(self) -> None:
+        """Begin the grid now."""
+        self._last = self._due = self._now()
+        self._idle = False
+
+
+class FastPace:
+    """Steps without waiting as long as there is something to do; then only heartbeats.
+
+    Args:
+        timing: gives the values in force.
+        now: monotonic clock [s].
+    """
+
+    def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
+        self._timing, self._now = timing, now
+        self.overruns = 0
+        self.restart()
+
+    def delay(self, *, pending: bool, settled: bool) -> float | None:
+        """Wait only where there is nothing to do."""
+        timing = self._timing()
+        if pending or not settled or timing.ticking:
+            return 0.0
+        return max(0.0, self._last + timing.heartbeat - self._now()) if timing.heartbeat else None
+
+    def begin(self) -> float:
+        """Cover one dt."""
+        self._last = self._now()
+        return self._timing().dt
+
+    def restart(self) -> None:
+        """Begin the heartbeat's interval now."""
+        self._last = self._now()
+
+
+class LockstepPace:
+    """Steps when a command set is there, never otherwise.
+
+    Args:
+        timing: gives the values in force.
+    """
+
+    def __init__(self, timing: Callable[[], Timing]) -> None:
+        self._timing = timing
+        self.overruns = 0
+
+    def delay(self, *, pending: bool, settled: bool) -> float | None:
+        """Wait for a command set, whatever the last step came to."""
+        return 0.0 if pending else None
+
+    def begin(self) -> float:
+        """Cover one dt."""
+        return self._timing().dt
+
+    def restart(self) -> None:
+        """Do nothing: wall time plays no part."""
+
+
+def make_pace(mode: ClockMode, timing: Callable[[], Timing]) -> Pace:
+    """Make the pace of a clock mode."""
+    kinds = {ClockMode.WALL: WallPace, ClockMode.FAST: FastPace, ClockMode.LOCKSTEP: LockstepPace}
+    return kinds[mode](timing)

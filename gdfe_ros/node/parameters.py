@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Declaration and validation of the node's parameters, from the interface table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.lifecycle import LifecycleNode
+from rclpy.parameter import Parameter
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface import PARAMETERS
+from gdfe_ros.node.specification import Change, ParameterSpec
+
+_OPEN = {
+    Change.ALWAYS: ("unconfigured", "inactive", "active"),
+    Change.INACTIVE: ("unconfigured", "inactive"),
+    Change.UNCONFIGURED: ("unconfigured",),
+    Change.START: (),
+}
+
+
+class Parameters:
+    """The parameters of one node: ``parameters["rate"]`` is the value in force.
+
+    Args:
+        node: that declares them; values from the command line and from files apply.
+    """
+
+    def __init__(self, node: LifecycleNode) -> None:
+        self._node = node
+        self._specs = {spec.name: spec for spec in PARAMETERS}
+        for spec in PARAMETERS:
+            node.declare_parameter(spec.name, spec.default, _descriptor(spec))
+        self._values = {spec.name: node.get_parameter(spec.name).value for spec in PARAMETERS}
+        for spec in PARAMETERS:
+            _require_allowed(spec, self._values[spec.name])
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._keep)
+
+    def __getitem__(self, name: str) -> Any:
+        # Read several times a step: from here, not through rclpy.
+        value = self._values[name]
+        return float(value) if isinstance(self._specs[name].default, float) else value
+
+    def entries(self, name: str) -> list[str]:
+        """Give a list of strings without its empty entries (ROS cannot declare an empty list)."""
+        return [entry for entry in self[name] if entry.strip()]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Give all values, e.g. for the bag."""
+        return {name: self[name] for name in self._specs}
+
+    def _keep(self, changes: Iterable[Parameter]) -> None:
+        self._values |= {change.name: change.value for change in changes if change.name in self._specs}
+
+    def _check(self, changes: Iterable[Parameter]) -> SetParametersResult:
+        state = self._node.lifecycle_state
+        for change in changes:
+            spec = self._specs.get(change.name)
+            if spec is None:
+                continue
+            try:
+                _require_allowed(spec, change.value)
+            except GdfeError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            if state not in _OPEN[spec.change] and change.value != self[spec.name]:
+                reason = f"{spec.name} can be changed {spec.change.value}; the node is {state}"
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+
+def _require_allowed(spec: ParameterSpec, value: Any) -> None:
+    """Check what rclpy does not: choices, and doubles, which may also come as integers (rate:=100)."""
+    if isinstance(spec.default, float):
+        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        allowed = number and spec.least <= value <= spec.most
+    else:
+        allowed = not spec.choices or value in spec.choices
+    if not allowed:
+        unit = f" {spec.unit}" if spec.unit else ""
+        raise GdfeError(f"parameter {spec.name} is {value!r}; allowed: {spec.allowed}{unit}")
+
+
+def _descriptor(spec: ParameterSpec) -> ParameterDescriptor:
+    unit = f" [{spec.unit}]" if spec.unit else ""
+    descriptor = ParameterDescriptor(
+        description=f"{spec.meaning}{unit}",
+        additional_constraints="; ".join(filter(None, [spec.allowed, f"changed {spec.change.value}"])),
+        read_only=spec.change is Change.START,
+        dynamic_typing=isinstance(spec.default, float),
+    )
+    if spec.least is not None:
+        if isinstance(spec.default, float):
+            bounds = FloatingPointRange(from_value=float(spec.least), to_value=float(spec.most))
+            descriptor.floating_point_range = [bounds]
+        else:
+            descriptor.integer_range = [IntegerRange(from_value=int(spec.least), to_value=int(spec.most))]
+    return descriptor

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the node's parameters to a simulation that is ready to step at full speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.scene.loader import load_scene
+from gdfe_ros.simulation import Simulation
+
+
+def prepare(parameters: Parameters) -> Simulation:
+    """Load the scene with its overrides, factor, and compile.
+
+    Raises:
+        GdfeError: every defect of the scene or of the overrides.
+    """
+    overrides = _overrides(parameters.entries("scene_overrides"))
+    simulation = Simulation(load_scene(parameters["scene"], overrides=overrides))
+    simulation.warm_up()
+    return simulation
+
+
+def _overrides(entries: list[str]) -> Mapping[str, str]:
+    pairs = [entry.partition("=") for entry in entries]
+    wrong = [entry for entry, (_, equals, _) in zip(entries, pairs, strict=True) if not equals]
+    if wrong:
+        raise GdfeError(
+            f"parameter scene_overrides holds {wrong}; each entry must be key=value, e.g. solver.tolerance=1e-6"
+        )
+    return {key.strip(): value.strip() for key, _, value in pairs}

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A process around a node: signals, executor, an orderly end."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from gdfe_ros.errors import GdfeError
+
+_WAIT = 0.5
+"""Longest wait of the executor [s]; a signal ends it at once."""
+_BAD_START = 2
+_INSIST = 2.0
+"""Time after the first signal [s] from which on another one ends the process at once."""
+
+
+def make_executor(context: rclpy.Context | None = None) -> Executor:
+    """Give the executor that needs least time: EventsExecutor where rclpy has it and it starts, else multi-threaded.
+
+    It asks for a standard error with a file descriptor, which a captured one (a test's, a notebook's) may lack.
+    """
+    try:
+        from rclpy.experimental import EventsExecutor
+
+        return EventsExecutor(context=context)
+    except (ImportError, io.UnsupportedOperation):
+        return MultiThreadedExecutor(num_threads=2, context=context)
+
+
+def run(make_node: Callable[[threading.Event], Any], args: list[str] | None = None) -> int:
+    """Spin one node; see ``run_all``."""
+    return run_all(lambda stopping: [make_node(stopping)], args)
+
+
+def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[str] | None = None) -> int:
+    """Spin nodes until SIGINT, SIGTERM or a shutdown of ROS, then close them in order.
+
+    rclpy's own signal handlers would take the topics away while the threads still publish.
+
+    Args:
+        make_nodes: makes them, of an event that is set by a signal; each must have ``close``.
+        args: of the command line; None: the process's.
+
+    Returns:
+        Exit status: 0, or 2 where a parameter has a value that is not allowed.
+    """
+    stopping = threading.Event()
+    _catch_signals(stopping)
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        nodes = make_nodes(stopping)
+    except (GdfeError, InvalidParameterTypeException, InvalidParameterValueException) as error:
+        print(f"{Path(sys.argv[0]).stem}: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return _BAD_START
+    executor = make_executor()
+    for node in nodes:
+        executor.add_node(node)
+    try:
+        # EventsExecutor.spin never returns; spin_once in a loop costs no more.
+        while rclpy.ok() and not stopping.is_set():
+            executor.spin_once(timeout_sec=_WAIT)
+    except ExternalShutdownException:
+        pass
+    finally:
+        for node in nodes:
+            node.close()
+            executor.remove_node(node)
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _catch_signals(stopping: threading.Event) -> None:
+    """Have SIGINT and SIGTERM set an event; a later one, if that took too long, ends the process as it is.
+
+    Compiling kernels or a long solve is not given up at once. Signals in quick succession are one: a terminal sends
+    SIGINT to every process of its group, and a launch may send it again.
+    """
+    first: list[float] = []
+
+    def catch(number: int, frame: FrameType | None) -> None:
+        now = time.monotonic()
+        if first and now > first[0] + _INSIST:
+            os.write(sys.stderr.fileno(), b"ended at once; `gdfe recover` completes a bag that was cut off\n")
+            os._exit(128 + number)
+        if not first:
+            first.append(now)
+            stopping.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, catch)

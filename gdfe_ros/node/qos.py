@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""rclpy's objects for the names in the interface: quality of service and message classes."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from gdfe_ros.node.specification import Delivery
+
+_PROFILES = {
+    # Transient local: who asks for it misses no step while discovery is under way; others notice nothing.
+    Delivery.STATE: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 10),
+    Delivery.COMMAND: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 1000),
+    Delivery.LATCHED: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
+    Delivery.CLOCK: (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE, 1),
+}
+
+
+def qos_profile(delivery: Delivery) -> QoSProfile:
+    """Give the profile that a purpose asks for."""
+    reliability, durability, depth = _PROFILES[delivery]
+    return QoSProfile(reliability=reliability, durability=durability, history=HistoryPolicy.KEEP_LAST, depth=depth)
+
+
+def interface_class(type_name: str) -> type[Any]:
+    """Import a message or service class by its ROS name, ``package/msg/Name``."""
+    package, kind, name = type_name.split("/")
+    return getattr(import_module(f"{package}.{kind}"), name)

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node's interface as Markdown: the section of README, generated so that it cannot drift.
+
+``python -m gdfe_ros.node.reference`` prints it. No ROS is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from gdfe_ros.node.interface import COMMANDS, MODULUS, OUTPUTS, PARAMETERS, SERVICES
+from gdfe_ros.node.specification import ParameterSpec, TopicSpec
+
+
+def markdown() -> str:
+    """Return the tables of parameters, topics and services."""
+    parts = [
+        "### Topics in",
+        _table(("topic", "type", "meaning", "QoS"), map(_topic, COMMANDS)),
+        "### Topics out",
+        _table(("topic", "type", "meaning", "QoS"), map(_topic, OUTPUTS)),
+        "### Services",
+        _table(
+            ("service", "type", "meaning"),
+            ((f"`{spec.name}`", f"`{spec.type}`", spec.meaning) for spec in SERVICES),
+        ),
+        "### Parameters",
+        _table(
+            ("parameter", "type", "default", "unit", "allowed", "meaning", "changed"),
+            map(_parameter, (*PARAMETERS, MODULUS)),
+        ),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _topic(spec: TopicSpec) -> Sequence[str]:
+    return f"`{spec.name.replace('{', '<').replace('}', '>')}`", f"`{spec.type}`", spec.meaning, spec.delivery.value
+
+
+def _parameter(spec: ParameterSpec) -> Sequence[str]:
+    default = str(spec.default).lower() if spec.kind == "bool" else str(spec.default)
+    default = "" if spec.default in ("", [""]) else f"`{default}`"
+    return (
+        f"`{spec.name.replace('{', '<').replace('}', '>')}`",
+        spec.kind,
+        default,
+        spec.unit,
+        spec.allowed,
+        spec.meaning,
+        spec.change.value,
+    )
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that were not carried out: why, how many, and a warning now and then."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from enum import Enum
+
+from gdfe_ros.errors import GdfeError
+
+_INTERVAL = 5.0
+"""Shortest time between two warnings about one input for one reason [s]."""
+
+
+class Reason(Enum):
+    """Why a command is refused; the key under which /diagnostics counts it."""
+
+    MALFORMED = "malformed"
+    NOT_FINITE = "not finite"
+    NOT_UNIT = "quaternion not of unit length"
+    TOO_FAR = "too far"
+    TOO_FAST = "too fast"
+    OUT_OF_RANGE = "out of range"
+    WRONG_SIZE = "wrong size"
+    FIXED = "handle is fixed"
+    UNKNOWN = "unknown name"
+    INACTIVE = "node is not active"
+    STALE = "stale"
+    OUT_OF_ORDER = "out of order"
+    QUEUE_FULL = "queue is full"
+
+
+class Refusal(GdfeError):
+    """A command that changes nothing.
+
+    Args:
+        reason: for counting.
+        text: what is wrong and what is allowed.
+    """
+
+    def __init__(self, reason: Reason, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
+
+
+class RefusalLog:
+    """Counts commands taken and refused; warns at most once in five seconds for each input and reason.
+
+    Args:
+        warn: takes the text of a warning.
+    """
+
+    def __init__(self, warn: Callable[[str], object]) -> None:
+        self._warn = warn
+        self._lock = threading.Lock()
+        self._taken = 0
+        self._refused: Counter[Reason] = Counter()
+        self._quiet: dict[tuple[str, Reason], tuple[float, int]] = {}
+
+    def take(self) -> None:
+        """Count a command that was taken."""
+        with self._lock:
+            self._taken += 1
+
+    def refuse(self, source: str, refusal: Refusal) -> None:
+        """Count a refused command from ``source`` (a topic), and say so if it is time to."""
+        key, now = (source, refusal.reason), time.monotonic()
+        with self._lock:
+            self._refused[refusal.reason] += 1
+            until, unsaid = self._quiet.get(key, (0.0, 0))
+            if now < until:
+                self._quiet[key] = (until, unsaid + 1)
+                return
+            self._quiet[key] = (now + _INTERVAL, 0)
+        more = f" ({unsaid} more like it since the last warning)" if unsaid else ""
+        self._warn(f"command on {source} refused: {refusal}{more}")
+
+    def counts(self) -> dict[str, int]:
+        """Give what /diagnostics shows: commands taken, refused, and refused for each reason so far."""
+        with self._lock:
+            by_reason = {f"refused: {reason.value}": count for reason, count in self._refused.items()}
+            return {"commands taken": self._taken, "commands refused": self._refused.total(), **by_reason}

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node's services: each carries something out between two steps and says how it went."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode
+from std_srvs.srv import SetBool, Trigger
+
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node import interface
+from gdfe_ros.node.pace import ClockMode
+from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.qos import interface_class
+from gdfe_ros.node.session import Session
+from gdfe_ros.recording.step_record import Begin
+
+
+class Services:
+    """Answers services; what cannot be done is answered with ``success: false`` and the reason.
+
+    Args:
+        node: that offers them.
+        parameters: of the node.
+        session: gives what runs, or None.
+        interrupted: set when the process is asked to end: many steps stop short.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        parameters: Parameters,
+        session: Callable[[], Session | None],
+        interrupted: threading.Event,
+    ) -> None:
+        self._node, self._parameters, self._find, self._interrupted = node, parameters, session, interrupted
+        actions = {
+            interface.RESET: self._reset,
+            interface.PAUSE: self._pause,
+            interface.STEP: self._step,
+            interface.RECORD: self._record,
+            interface.SAVE_STATE: self._save_state,
+            interface.LOAD_STATE: self._load_state,
+            interface.COMPUTE_JACOBIAN: self._compute_jacobian,
+        }
+        for spec, action in actions.items():
+            node.create_service(interface_class(spec.type), spec.name, _answer(action))
+
+    def _session(self) -> Session:
+        session = self._find()
+        if session is None:
+            raise GdfeError("the node is unconfigured; call the transition `configure` first")
+        return session
+
+    def _active(self) -> Session:
+        session = self._session()
+        if not session.stepper.running:
+            raise GdfeError("the node is not active; call the transition `activate` first")
+        return session
+
+    def _reset(self, request: Trigger.Request) -> str:
+        session = self._session()
+        session.stepper.reset()
+        session.inputs.freshness.reset()
+        session.flush()
+        return "at rest, time 0"
+
+    def _pause(self, request: SetBool.Request) -> str:
+        session = self._active()
+        session.stepper.pause(request.data)
+        return "paused" if request.data else "running"
+
+    def _step(self, request: Trigger.Request) -> str:
+        session = self._active()
+        if session.mode is not ClockMode.LOCKSTEP and not session.stepper.paused:
+            raise GdfeError(f"clock {session.mode.value} is running; pause it with ~/pause, or use clock lockstep")
+        count = self._parameters["step_count"]
+        for done in range(count):
+            if self._interrupted.is_set():
+                raise GdfeError(f"the node is ending; {done} of {count} steps were made")
+            session.stepper.advance()
+        session.flush()
+        return f"{count} steps, time {session.simulation.time:.9g} s"
+
+    def _record(self, request: SetBool.Request) -> str:
+        return self._active().record(request.data)
+
+    def _save_state(self, request: Trigger.Request) -> str:
+        session, path = self._session(), self._state_path()
+        data = session.stepper.call(lambda: save_state(session.simulation))
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        except OSError as error:
+            raise GdfeError(f"state_path {path} cannot be written: {error}") from error
+        return f"state at time {session.simulation.time:.9g} s in {path}"
+
+    def _load_state(self, request: Trigger.Request) -> str:
+        session, path = self._session(), self._state_path()
+        if session.bags.active:
+            raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise GdfeError(f"state_path {path} cannot be read: {error}") from error
+
+        def load() -> None:
+            load_state(session.simulation, data)
+            session.stepper.restart(Begin.LOADED)
+
+        session.stepper.call(load)
+        session.flush()
+        return f"state of {path}, time {session.simulation.time:.9g} s"
+
+    def _state_path(self) -> Path:
+        if not self._parameters["state_path"]:
+            raise GdfeError("parameter state_path is empty; set it to the file of the state")
+        return Path(self._parameters["state_path"])
+
+    def _compute_jacobian(self, request: Trigger.Request) -> str:
+        session = self._active()
+        scene = session.scene
+        if not scene.actuators or not scene.probes:
+            missing = "actuators" if not scene.actuators else "probes"
+            raise GdfeError(f"scene {scene.name!r} has no {missing}; ~/jacobian is d probe / d actuator")
+        values = session.stepper.call(session.simulation.jacobian)
+        session.outputs.publish_jacobian(values, session.stepper.log_time)
+        return f"{len(scene.probes)} probes, {len(scene.actuators)} actuators"
+
+
+def _answer(action: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
+    """Make a service callback of an action that returns a message or raises."""
+
+    def callback(request: Any, response: Any) -> Any:
+        try:
+            response.message = action(request)
+            response.success = True
+        except GdfeError as error:
+            response.message, response.success = str(error), False
+        return response
+
+    return callback

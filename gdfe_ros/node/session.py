@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the node holds from configure to cleanup: a simulation, its topics, and the threads that run it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from rclpy.lifecycle import LifecycleNode
+
+from gdfe_ros.checkpoint import save_state
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.bag import Bags
+from gdfe_ros.node.courier import Courier
+from gdfe_ros.node.drive import Drive
+from gdfe_ros.node.inbox import Inbox
+from gdfe_ros.node.inputs import Inputs, Times
+from gdfe_ros.node.interface import MODULUS
+from gdfe_ros.node.messages import to_nanoseconds
+from gdfe_ros.node.moduli import Moduli
+from gdfe_ros.node.outputs import MarkerChoice, Outputs
+from gdfe_ros.node.pace import ClockMode, Pace, Timing, make_pace
+from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.preparation import prepare
+from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
+from gdfe_ros.node.step import Step
+from gdfe_ros.node.stepper import Hooks, Stepper
+from gdfe_ros.node.strays import Strays
+from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Command, Simulation
+
+_LONG = 1e9
+"""Time [s] in which every rate limit lets every command through."""
+
+
+class Session:
+    """A configured simulation with its topics; ``start`` and ``stop`` are activate and deactivate.
+
+    Args:
+        node: owns the topics.
+        parameters: of the node.
+        refusals: counts refused commands.
+        failed: called in a background thread with an exception that stepping or publishing ended with.
+
+    Raises:
+        GdfeError: the scene cannot be simulated.
+
+    Attributes:
+        simulation: touched by the stepper's thread only while active.
+        stepper: makes the steps.
+        inputs: take the commands.
+        outputs: publish the steps.
+        bags: record both.
+        strays: looks for commands to nobody.
+        mode: what makes a step begin.
+        pace: of the steps; None while not active.
+        courier: publishes; None while not active.
+        last: the step made last, or None.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        parameters: Parameters,
+        refusals: RefusalLog,
+        *,
+        failed: Callable[[Exception], None],
+    ) -> None:
+        self._node, self._parameters, self._refusals, self._failed = node, parameters, refusals, failed
+        self.simulation = prepare(parameters)
+        timeout = partial(parameters.__getitem__, "velocity_timeout")
+        drive = Drive(self.simulation, timeout=timeout, refuse=refusals.refuse)
+        self.stepper = Stepper(self.simulation, drive, self._hooks())
+        self.inputs = Inputs(node, self.scene, refusals, self._times())
+        self.outputs = Outputs(
+            node,
+            self.scene,
+            frame_id=parameters["frame_id"],
+            publish_clock=parameters["publish_clock"],
+            markers=lambda: MarkerChoice(rate=parameters["marker_rate"], field=parameters["marker_field"]),
+        )
+        self.bags = Bags(node, parameters, self.inputs, self.outputs)
+        self._moduli = Moduli(node, self.scene, locked=self._locked, changed=self._change_moduli)
+        self.strays = Strays(node, self.simulation.handle_names, refusals)
+        self.mode = ClockMode.WALL
+        self.pace: Pace | None = None
+        self.courier: Courier | None = None
+        self.last: Step | None = None
+        self.outputs.publish_scene(0)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that is simulated."""
+        return self.simulation.scene
+
+    def start(self) -> None:
+        """Start the threads; the present state is published at once.
+
+        Raises:
+            GdfeError: the bag cannot be begun, or ``command_set`` names something that cannot be commanded.
+        """
+        self.mode, command_set = ClockMode(self._parameters["clock"]), self._command_set()
+        if self._parameters["record"]:
+            self._begin_bag()
+        self.pace = make_pace(self.mode, self._timing)
+        inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
+        self.courier = Courier(self.outputs.publish_step, self._failed)
+        # Before the first state is published: who has seen it may command.
+        self.inputs.inbox = inbox
+        self.stepper.start(self.pace, inbox)
+
+    def stop(self) -> None:
+        """End the threads after the step in progress, publish what waits, and finish the bag."""
+        self.inputs.inbox = None
+        self.stepper.stop()
+        if self.courier is not None:
+            self.courier.stop()
+        self.courier = self.pace = None
+        if self.bags.active:
+            self.bags.finish()
+
+    def destroy(self) -> None:
+        """Stop, and take topics and parameters away."""
+        self.stop()
+        self._moduli.destroy()
+        self.inputs.destroy()
+        self.outputs.destroy()
+
+    def flush(self) -> None:
+        """Wait until every step made so far is published and recorded."""
+        if self.courier is not None:
+            self.courier.flush()
+
+    def record(self, wanted: bool) -> str:
+        """Begin or finish a bag while active, and say where it is or how it went.
+
+        Raises:
+            GdfeError: it is so already, or the bag cannot be begun.
+        """
+        if wanted == self.bags.active:
+            raise GdfeError(f"the node is {'recording' if wanted else 'not recording'} already")
+        return self.stepper.call(self._switch_bag)
+
+    def _switch_bag(self) -> str:
+        self.flush()
+        if self.bags.active:
+            return self.bags.finish()
+        text = self._begin_bag()
+        self.stepper.repeat(self.stepper.begin)
+        return text
+
+    def _begin_bag(self) -> str:
+        """Begin a bag between two steps; where that is not at rest, the bag holds the state."""
+        state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
+        text = self.bags.begin(self.scene, state=state, log_time=self.stepper.log_time)
+        if state is not None:
+            self.stepper.begin = Begin.LOADED
+        return text
+
+    def _deliver(self, step: Step) -> None:
+        """Hand a step to the other thread, but for one that nobody wants."""
+        self.last = step
+        if step.wanted:
+            self.courier.put(step)
+
+    def _locked(self) -> str:
+        """Say why the body cannot be changed now."""
+        return "a bag is being written, and a replay could not follow; finish it first" if self.bags.active else ""
+
+    def _change_moduli(self, moduli: Mapping[str, float]) -> None:
+        """Go on with a simulation of other moduli, under the commands in force."""
+        overrides = {MODULUS.name.format(material=name): young for name, young in moduli.items()}
+        changed = Simulation(scene_from_text(self.scene.source, origin=self.scene.name, overrides=overrides))
+
+        def swap() -> None:
+            old = self.simulation
+            handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
+            actuators = {name: old.commands[name] for name in old.actuator_names}
+            loads = {load.name: old.commands[load.name] for load in old.scene.loads}
+            changed.step(Command(handles=handles, actuators=actuators, loads=loads), dt=_LONG)
+            changed.time = old.time
+            self.simulation = changed
+            self.outputs.replace(changed.scene, self.stepper.log_time)
+            self.stepper.replace(changed)
+
+        self.stepper.call(swap)
+
+    def _hooks(self) -> Hooks:
+        value = self._parameters.__getitem__
+        return Hooks(
+            deadline=partial(value, "deadline"),
+            cut_after=partial(value, "cut_after"),
+            stride=partial(value, "dt"),
+            demand=lambda: self.outputs.demand(),
+            deliver=self._deliver,
+            refused=lambda error: self._refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error))),
+            failed=self._failed,
+        )
+
+    def _times(self) -> Times:
+        return Times(
+            stamp=self._now,
+            simulation=lambda: self.simulation.time,
+            log=lambda: self.stepper.log_time,
+            max_age=partial(self._parameters.__getitem__, "command_max_age"),
+        )
+
+    def _timing(self) -> Timing:
+        values = self._parameters
+        return Timing(values["rate"], values["dt"], values["heartbeat"], values["publish_clock"])
+
+    def _now(self) -> int:
+        if self._parameters["publish_clock"]:
+            return to_nanoseconds(self.simulation.time)
+        return self._node.get_clock().now().nanoseconds
+
+    def _command_set(self) -> list[str]:
+        keys = self._parameters.entries("command_set")
+        unknown = sorted(set(keys) - set(self.inputs.keys))
+        if unknown:
+            raise GdfeError(
+                f"parameter command_set names {', '.join(unknown)}; the inputs of scene {self.scene.name!r} are "
+                f"{', '.join(self.inputs.keys) or 'none'}"
+            )
+        return keys

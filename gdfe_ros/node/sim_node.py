@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The lifecycle node ``gdfe_sim``: transitions, and what they start and stop."""
+
+from __future__ import annotations
+
+import threading
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.diagnostics import Diagnostics
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.refusals import RefusalLog
+from gdfe_ros.node.services import Services
+from gdfe_ros.node.session import Session
+
+_DIAGNOSTICS_PERIOD = 1.0
+
+
+class SimNode(LifecycleNode):
+    """A soft-robot simulation on topics.
+
+    Add it to any executor of rclpy; one of several threads runs its callbacks one at a time. ``close`` before
+    ``destroy_node`` finishes a bag.
+
+    Args:
+        interrupted: set when the process is asked to end, so that a long service stops short.
+        options: of ``rclpy.node.Node``: ``namespace``, ``context``, ``parameter_overrides``, ...
+
+    Raises:
+        GdfeError: a parameter has a value that is not allowed.
+    """
+
+    def __init__(self, interrupted: threading.Event | None = None, **options: Any) -> None:
+        super().__init__(NODE_NAME, **options)
+        self._session: Session | None = None
+        self._problem = ""
+        self._settings = Parameters(self)
+        logger = self.get_logger()
+        self._refusals = RefusalLog(logger.warning)
+        self._diagnostics = Diagnostics(self, self._refusals)
+        self._answers = Services(self, self._settings, lambda: self._session, interrupted or threading.Event())
+        # Steady: with use_sim_time the ROS clock may stand still.
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
+        self._starter = None
+        if self._settings["autostart"]:
+            self._starter = self.create_timer(0.0, self._autostart, clock=self._steady)
+
+    @property
+    def lifecycle_state(self) -> str:
+        """Label of the lifecycle state, e.g. ``active``."""
+        return self._state_machine.current_state[1]
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Load the scene, factor, compile, open the topics; where it fails, log everything that is wrong."""
+        return self._attempt("configure", self._configure)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start stepping."""
+        super().on_activate(state)
+        outcome = self._attempt("activate", self._activate)
+        if outcome is not TransitionCallbackReturn.SUCCESS:
+            super().on_deactivate(state)
+        return outcome
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop stepping and finish the bag; the state stays. After a failure: go to error processing."""
+        self._session.stop()
+        super().on_deactivate(state)
+        return TransitionCallbackReturn.ERROR if self._problem else TransitionCallbackReturn.SUCCESS
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Drop the simulation and close its topics."""
+        self.close()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Finish the bag and drop the simulation."""
+        self.close()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Drop the simulation; the node is unconfigured again and can be configured anew."""
+        self.close()
+        return TransitionCallbackReturn.SUCCESS
+
+    def close(self) -> None:
+        """End the threads, finish the bag, drop the simulation; safe to call at any time."""
+        session, self._session = self._session, None
+        if session is not None:
+            session.destroy()
+
+    def _configure(self) -> None:
+        self.get_logger().info(
+            f"configuring scene {self._settings['scene']!r}; kernels that no scene has used before are compiled first, "
+            "which may take a minute"
+        )
+        self._session = Session(self, self._settings, self._refusals, failed=self._fail)
+        mesh = self._session.scene.mesh
+        self.get_logger().info(
+            f"scene {self._session.scene.name!r}: {mesh.n_vertices} vertices, {mesh.n_cells} cells, "
+            f"handles {', '.join(self._session.simulation.handle_names)}"
+        )
+
+    def _activate(self) -> None:
+        self._session.start()
+        fixed = tuple(f"handles/{handle.name}/" for handle in self._session.scene.handles if handle.fixed)
+        inputs = ", ".join(f"~/{key}" for key in self._session.inputs.keys if not key.startswith(fixed))
+        self.get_logger().info(f"active, clock {self._session.mode.value}; takes commands on {inputs or 'no topic'}")
+
+    def _attempt(self, name: str, action: Callable[[], None]) -> TransitionCallbackReturn:
+        """Carry out a transition; rclpy swallows exceptions, so they are logged here."""
+        try:
+            action()
+        except GdfeError as error:
+            self._problem = f"{name} failed: {error}"
+            self.get_logger().error(self._problem)
+            return TransitionCallbackReturn.FAILURE
+        except Exception as error:
+            self._problem = f"{name} failed: {error!r}"
+            self.get_logger().error(f"{self._problem}\n{traceback.format_exc()}")
+            return TransitionCallbackReturn.ERROR
+        self._problem = ""
+        return TransitionCallbackReturn.SUCCESS
+
+    def _autostart(self) -> None:
+        starter, self._starter = self._starter, None
+        if starter is None:  # EventsExecutor may have queued the timer's callback more than once
+            return
+        self.destroy_timer(starter)
+        if self.trigger_configure() is not TransitionCallbackReturn.SUCCESS:
+            self.get_logger().error(
+                "autostart failed; the node stays up, unconfigured. Set the parameters right, then: "
+                f"ros2 lifecycle set {self.get_fully_qualified_name()} configure (and activate)"
+            )
+        elif self.trigger_activate() is not TransitionCallbackReturn.SUCCESS:
+            self.get_logger().error("autostart: the node is configured, but could not be activated")
+
+    def _fail(self, error: Exception) -> None:
+        """Note, in a background thread, what ended it; the executor's thread then cleans up."""
+        self._problem = f"stepping failed: {error!r}"
+        text = "".join(traceback.format_exception(error))
+        self.get_logger().error(f"{self._problem}\n{text}")
+        if self.executor is not None:
+            self.executor.create_task(self._stop_after_failure)
+
+    def _stop_after_failure(self) -> None:
+        if self.lifecycle_state == "active":
+            self.trigger_deactivate()
+
+    def _report(self) -> None:
+        if self._session is not None:
+            self._session.strays.look()
+        self._diagnostics.publish(self._session, self.lifecycle_state, self._problem)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node until SIGINT or SIGTERM; the entry point of ``sim_node``."""
+    from gdfe_ros.node.process import run
+
+    return run(SimNode, args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an entry of the node's interface says about itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Change(Enum):
+    """When a parameter may be changed."""
+
+    START = "only at start"
+    UNCONFIGURED = "while unconfigured"
+    INACTIVE = "while not active"
+    ALWAYS = "at any time"
+
+
+class Delivery(Enum):
+    """Quality of service, by purpose."""
+
+    STATE = "reliable, transient local, last 10"
+    COMMAND = "reliable, volatile, last 1000"
+    LATCHED = "reliable, transient local, last 1"
+    CLOCK = "best effort, volatile, last 1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterSpec:
+    """One parameter; the ROS descriptor and the row of README follow from it.
+
+    Attributes:
+        name: of the parameter.
+        default: its type is the parameter's type.
+        meaning: one sentence.
+        unit: SI unit; empty for text and switches.
+        least: smallest value allowed; None: no bound.
+        most: largest value allowed.
+        choices: texts allowed; empty: any.
+        change: when it may be changed.
+    """
+
+    name: str
+    default: bool | int | float | str | list[str]
+    meaning: str
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+    choices: tuple[str, ...] = ()
+    change: Change = Change.ALWAYS
+
+    @property
+    def kind(self) -> str:
+        """Name of the type for people."""
+        if isinstance(self.default, list):
+            return "list of strings"
+        return {bool: "bool", int: "integer", float: "double", str: "string"}[type(self.default)]
+
+    @property
+    def allowed(self) -> str:
+        """The values allowed, for people; empty: any of the type."""
+        if self.choices:
+            return ", ".join(self.choices)
+        return "" if self.least is None else f"{self.least:g} to {self.most:g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopicSpec:
+    """One topic, or one for each handle or probe where the name holds ``{handle}`` or ``{probe}``.
+
+    Attributes:
+        name: as in rclpy: ``~/`` stands for the node's full name.
+        type: ROS type, e.g. ``sensor_msgs/msg/PointCloud2``.
+        meaning: what it carries, with units.
+        delivery: quality of service.
+        recorded: whether bags hold it.
+    """
+
+    name: str
+    type: str
+    meaning: str
+    delivery: Delivery = Delivery.STATE
+    recorded: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServiceSpec:
+    """One service: name, ROS type, what it does."""
+
+    name: str
+    type: str
+    meaning: str

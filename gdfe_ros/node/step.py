@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A step on its way from the solver to the topics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from gdfe_ros.actuators import ActuatorState
+from gdfe_ros.constraints import Pose
+from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.fields import ElementFields
+from gdfe_ros.solver.result import StepResult
+
+_OUTCOME = (
+    "converged", "iterations", "substeps", "residual", "energy", "min_det", "wall_time", "skipped", "message",
+    "cut_after",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demand:
+    """What somebody wants of a step beyond its result; the default is all.
+
+    Attributes:
+        messages: any message at all.
+        fields: element fields.
+        poses: of the plates.
+        actuators: their states.
+    """
+
+    messages: bool = True
+    fields: bool = True
+    poses: bool = True
+    actuators: bool = True
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Step:
+    """All that is published of one step.
+
+    Attributes:
+        record: input and outcome.
+        result: of the simulation.
+        log_time: simulation time that never goes back, for the bag [ns].
+        first: the state that the node was activated with or reset to: published whether anybody listens or not,
+            so that a subscriber that is still being discovered gets it, too.
+        wanted: whether anything of it is to be published or recorded.
+        fields: evaluates the element fields, in the thread that publishes; None where nobody wants them.
+        poses: where each plate is; empty where nobody wants it, like the following.
+        actuators: states by name.
+    """
+
+    record: StepRecord
+    result: StepResult
+    log_time: int
+    first: bool = False
+    wanted: bool = True
+    fields: Callable[[], ElementFields] | None = None
+    poses: Mapping[str, Pose] = field(default_factory=dict)
+    actuators: Mapping[str, ActuatorState] = field(default_factory=dict)
+
+
+def make_record(result: StepResult, command: Command, *, step: int, begin: Begin, dt: float) -> StepRecord:
+    """Write down what a step consumed and how it went."""
+    return StepRecord(
+        step=step,
+        begin=begin,
+        time=result.time,
+        dt=dt,
+        handles=command.handles,
+        actuators=command.actuators,
+        loads=command.loads,
+        cut=result.cut_after is not None and not result.converged,
+        **{name: getattr(result, name) for name in _OUTCOME},
+    )
+
+
+def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
+    """Evaluate what is wanted of the present state, as keywords of ``Step``."""
+    return {
+        "wanted": demand.messages,
+        "fields": simulation.later_fields() if demand.fields else None,
+        "poses": {name: simulation.handle_pose(name) for name in simulation.handle_names if demand.poses},
+        "actuators": simulation.actuator_states() if demand.actuators else {},
+    }

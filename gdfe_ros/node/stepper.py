@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The thread that steps the simulation."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from gdfe_ros.errors import CommandError, GdfeError
+from gdfe_ros.node.drive import Drive
+from gdfe_ros.node.inbox import Inbox
+from gdfe_ros.node.messages import to_nanoseconds
+from gdfe_ros.node.orders import Order
+from gdfe_ros.node.pace import Pace
+from gdfe_ros.node.step import Demand, Step, make_record, observe
+from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.threads import STEPPER, show_name
+
+_Value = TypeVar("_Value")
+
+_MOST_RETRIES = 20
+"""Steps without a new command that go on from a state that did not converge, other than for a deadline."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hooks:
+    """What a stepper asks for and hands on to.
+
+    Attributes:
+        deadline: gives the wall time allowed for a step [s]; 0: any.
+        cut_after: gives the place where a step is ended instead (``StepRecord.cut_after``); -1: nowhere.
+        stride: gives the simulation time of a step [s]: the longest time over which velocities act.
+        demand: tells, before a step, what is wanted of it.
+        deliver: takes each step; it may block to hold the stepping back.
+        refused: called with the reason why the simulation did not take a command; the step goes on without it.
+        failed: called in the thread with the exception that ended it.
+    """
+
+    deadline: Callable[[], float]
+    cut_after: Callable[[], int]
+    stride: Callable[[], float]
+    demand: Callable[[], Demand]
+    deliver: Callable[[Step], None]
+    refused: Callable[[CommandError], None]
+    failed: Callable[[Exception], None]
+
+
+class Stepper:
+    """Steps a simulation in a thread of its own; only this thread touches the simulation while it runs.
+
+    Args:
+        simulation: to step.
+        drive: turns orders into commands.
+        hooks: into the node.
+
+    Attributes:
+        changed: condition that wakes the thread; its lock guards the inbox.
+        count: steps made.
+        begin: what the next step starts from.
+        log_time: of the last step [ns].
+        solving: wall time spent in solves so far [s].
+        spent: wall time spent on steps so far, solves included [s].
+    """
+
+    def __init__(self, simulation: Simulation, drive: Drive, hooks: Hooks) -> None:
+        self._simulation, self._drive, self._hooks = simulation, drive, hooks
+        self.changed = threading.Condition()
+        self.count = self.log_time = 0
+        self.begin = Begin.REST
+        self.solving = self.spent = 0.0
+        self._origin = 0
+        self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
+        self._retries = 0
+        self._rated = any(math.isfinite(actuator.rate) for actuator in simulation.scene.actuators)
+        self._stopping = self._paused = False
+        self._thread: threading.Thread | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread is not None
+
+    @property
+    def paused(self) -> bool:
+        """Whether only ``advance`` makes steps."""
+        return self._paused
+
+    def start(self, pace: Pace, inbox: Inbox) -> None:
+        """Start the thread: it delivers the present state at once, then steps when ``pace`` says so."""
+        self._pace, self._inbox = pace, inbox
+        self._stopping = self._paused = False
+        self._thread = threading.Thread(target=self._run, name=STEPPER, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread after the step in progress; nothing happens where it does not run."""
+        if self._thread is None:
+            return
+        with self.changed:
+            self._stopping = True
+            self.changed.notify_all()
+        self._thread.join()
+        self._thread = None
+
+    def call(self, function: Callable[[], _Value]) -> _Value:
+        """Run a function between two steps and return what it returns, or raise what it raises."""
+        if self._thread is None:
+            return function()
+        future: Future = Future()
+        with self.changed:
+            if self._stopping:
+                raise GdfeError("the stepping has ended")
+            self._jobs.append((function, future))
+            self.changed.notify_all()
+        return future.result()
+
+    def pause(self, paused: bool) -> None:
+        """Hold the stepping, or let it go on."""
+        with self.changed:
+            self._paused = paused
+            if not paused:
+                self._pace.restart()
+            self.changed.notify_all()
+
+    def advance(self) -> None:
+        """Make one step at once, whatever the pace or a pause says; it consumes what waits for it."""
+        self.call(self._extra_turn)
+
+    def reset(self) -> None:
+        """Go back to rest at time 0 and, where the thread runs, deliver that state; waiting orders are dropped."""
+        self.call(self._reset)
+
+    def replace(self, simulation: Simulation) -> None:
+        """Go on, between steps, with another simulation, and deliver its state."""
+        self._simulation = self._drive.simulation = simulation
+        self.begin = Begin.LOADED
+        if self._thread is not None:
+            self.repeat(self.begin)
+
+    def restart(self, begin: Begin) -> None:
+        """Note, between steps, that the state or its time was changed from outside, and deliver it.
+
+        Orders that wait, velocities and trajectories are dropped.
+        """
+        self.begin = begin
+        self._drive.clear()
+        self._origin = self.log_time - to_nanoseconds(self._simulation.time)
+        if self._thread is not None:
+            self._inbox.clear()
+            self._pace.restart()
+            self.repeat(begin)
+
+    def repeat(self, begin: Begin) -> None:
+        """Deliver, between steps, the present state again, as what the next step starts from."""
+        self.begin = begin
+        self._step((), dt=0.0, first=True)
+
+    def _reset(self) -> None:
+        self._simulation.reset()
+        self.restart(Begin.REST)
+
+    def _run(self) -> None:
+        show_name()
+        try:
+            self._step((), dt=0.0, first=True)
+            while (action := self._next()) is not None:
+                action()
+        except Exception as error:
+            self._hooks.failed(error)
+        finally:
+            with self.changed:
+                self._stopping = True
+                while self._jobs:
+                    self._jobs.popleft()[1].set_exception(GdfeError("the stepping has ended"))
+
+    def _next(self) -> Callable[[], None] | None:
+        """Wait for the next thing to do; None ends the thread."""
+        with self.changed:
+            while not self._stopping:
+                if self._jobs:
+                    job = self._jobs.popleft()
+                    return lambda: _carry_out(*job)
+                delay = None
+                if not self._paused:
+                    delay = self._pace.delay(pending=self._inbox.ready(), settled=self._settled())
+                if delay == 0.0:
+                    return self._turn
+                self.changed.wait(delay)
+        return None
+
+    def _turn(self) -> None:
+        with self.changed:
+            orders, dt = self._inbox.take(), self._pace.begin()
+        self._step(orders, dt=dt)
+
+    def _extra_turn(self) -> None:
+        with self.changed:
+            orders = self._inbox.take()
+            self._pace.restart()
+        self._step(orders, dt=self._hooks.stride())
+
+    def _settled(self) -> bool:
+        """Tell whether the state stays as it is without a new order."""
+        if self._drive.moving:
+            return False
+        simulation, result = self._simulation, self._simulation.result
+        if self._rated:
+            states = simulation.actuator_states()
+            if any(states[name].command != simulation.commands[name] for name in states):
+                return False
+        return result is None or result.converged or self._retries >= _MOST_RETRIES
+
+    def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False) -> None:
+        """Make one step and deliver it."""
+        started = time.perf_counter()
+        simulation, hooks = self._simulation, self._hooks
+        demand = Demand() if first else hooks.demand()
+        orders = tuple(orders)
+        command = Command()
+        if not first:
+            command = self._drive.command(orders, time=simulation.time + dt, dt=min(dt, hooks.stride()))
+        place = hooks.cut_after()
+        limits = {"deadline": hooks.deadline() or None, "cut_after": place if place >= 0 else None}
+        try:
+            result = simulation.step(command, dt=dt, **limits)
+        except CommandError as error:
+            hooks.refused(error)
+            command = Command()
+            result = simulation.step(command, dt=dt, **limits)
+        if not np.isfinite(result.positions).all():
+            raise GdfeError(f"step {self.count} gave positions that are not finite numbers: {result.message}")
+        record = make_record(result, command, step=self.count, begin=self.begin, dt=dt)
+        self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
+        self.log_time = self._origin + to_nanoseconds(result.time)
+        step = Step(record=record, result=result, log_time=self.log_time, first=first, **observe(simulation, demand))
+        self.count, self.begin = self.count + 1, Begin.LAST
+        self.solving += result.wall_time
+        self.spent += time.perf_counter() - started
+        hooks.deliver(step)
+
+
+def _carry_out(function: Callable[[], object], future: Future) -> None:
+    """Run a job; its exception belongs to the caller, not to this thread."""
+    try:
+        future.set_result(function())
+    except Exception as error:
+        future.set_exception(error)

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happens between a simulation and a disk that is slower."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class BackPressure(Enum):
+    """What ``record`` does while the queue is full because the disk is slower than the simulation.
+
+    ``DROP``: refuse the message at once (for runs under the wall clock, which must not wait).
+    ``BLOCK``: wait for room, at most ``block_seconds``, then refuse it (for lockstep and as-fast-as-possible
+    runs, whose bags shall be complete). Every refused message is counted, see ``RecorderStatus``.
+    """
+
+    DROP = "drop"
+    BLOCK = "block"
+
+
+@dataclass(frozen=True, kw_only=True)
+class QueueOptions:
+    """The queue between simulation and writer.
+
+    Args:
+        max_bytes: limit of the messages that wait [B], 1 MiB or more. One message is always taken.
+        back_pressure: what happens at the limit.
+        block_seconds: longest wait under ``BLOCK`` [s], 0 or more.
+        flush_seconds: all that was recorded goes to the operating system at this interval [s], 0.005 to 10: a
+            killed process loses at most the messages of this time and of the write in progress.
+
+    Raises:
+        ValueError: a value out of range.
+    """
+
+    max_bytes: int = 64 << 20
+    back_pressure: BackPressure = BackPressure.DROP
+    block_seconds: float = 1.0
+    flush_seconds: float = 0.04
+
+    def __post_init__(self) -> None:
+        if self.max_bytes < 1 << 20:
+            raise ValueError(f"max_bytes is {self.max_bytes} B; allowed: {1 << 20} or more")
+        if not self.block_seconds >= 0:
+            raise ValueError(f"block_seconds is {self.block_seconds} s; allowed: 0 or more")
+        if not 0.005 <= self.flush_seconds <= 10:
+            raise ValueError(f"flush_seconds is {self.flush_seconds} s; allowed: 0.005 to 10")

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One MCAP file of a bag, written with mcap's own writer into space reserved ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from enum import Enum
+from pathlib import Path
+
+from mcap.writer import CompressionType, Writer
+
+import gdfe_ros
+from gdfe_ros.recording.bag_info import FileCounts, bag_info, to_yaml
+from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.storage import ReservedFile
+from gdfe_ros.recording.topic import TopicInfo
+
+RUN_RECORD = "gdfe_ros"
+RECORDING_RECORD = "gdfe_ros_recording"
+# Upper bounds [B] of what mcap adds: to a message (record head, index entry), to a chunk (its head and its
+# index entry in the summary, by channel), to a topic (schema and channel records, its part of rosbag2's
+# record) and to a file (header, footer, statistics, texts of our own records).
+_PER_MESSAGE, _PER_CHUNK, _PER_CHUNK_CHANNEL, _PER_TOPIC, _PER_FILE = 64, 256, 48, 4096, 65536
+# lz4 and zstd may lengthen what does not compress, by less than one part in this many.
+_EXPANSION = 64
+
+
+class Compression(Enum):
+    """How chunks are compressed: lz4 is fast, zstd is smaller at twice the time, none is for SSDs."""
+
+    NONE = "none"
+    LZ4 = "lz4"
+    ZSTD = "zstd"
+
+
+class BagFile:
+    """Writes one file; every method either takes effect whole or raises with the file still endable.
+
+    Args:
+        path: of the file, which must not exist.
+        topics: with definition and hash filled in.
+        run: written first, so that a file that is cut off still tells its origin.
+        compression: of the chunks.
+        chunk_size: a chunk is compressed and written when it holds this much [B].
+
+    Raises:
+        OSError: the file cannot be created, or there is no room for its beginning.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        topics: Iterable[TopicInfo],
+        *,
+        run: RunInfo | None,
+        compression: Compression,
+        chunk_size: int,
+    ) -> None:
+        self.counts = FileCounts(name=path.name)
+        self._storage = ReservedFile(path)
+        self._writer = Writer(self._storage, chunk_size=chunk_size, compression=CompressionType[compression.name])
+        self._topics: dict[str, TopicInfo] = {}
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._buffered = 0
+        self._written = 0
+        self._chunks = 0
+        self._fixed = _PER_FILE
+        try:
+            self._begin(run)
+            for topic in topics:
+                self.add_topic(topic)
+        except OSError:
+            self._storage.close()
+            path.unlink()
+            raise
+
+    def _begin(self, run: RunInfo | None) -> None:
+        attachments = run.attachments() if run else {}
+        metadata = run.to_metadata() if run else {}
+        size = sum(len(name) + len(content) + 128 for name, content in (metadata | attachments).items())
+        self._storage.reserve(size + self._fixed)
+        self._writer.start(profile="ros2", library=f"gdfe_ros {gdfe_ros.__version__}")
+        if run:
+            self._writer.add_metadata(RUN_RECORD, metadata)
+        for name, data in attachments.items():
+            media = "application/yaml" if name.endswith(".yaml") else "application/octet-stream"
+            self._writer.add_attachment(create_time=0, log_time=0, name=name, media_type=media, data=data)
+        self._written = self._storage.tell()
+
+    @property
+    def size(self) -> int:
+        """Bytes written, and an upper bound of those waiting in the chunk."""
+        return self._written + self._buffered
+
+    def add_topic(self, topic: TopicInfo) -> None:
+        """Declare a topic; its schema and channel go into the chunk in progress.
+
+        Raises:
+            OSError: no room for it; the file without it can still be finished.
+        """
+        known = topic.type in self._schemas
+        fixed = self._fixed + _PER_TOPIC + (0 if known else 2 * len(topic.definition.encode()))
+        self._storage.reserve(self._bound(self._buffered) + fixed - self._fixed)
+        self._fixed = fixed
+        if not known:
+            self._schemas[topic.type] = self._writer.register_schema(
+                name=topic.type, encoding="ros2msg", data=topic.definition.encode()
+            )
+        self._channels[topic.name] = self._writer.register_channel(
+            topic=topic.name,
+            message_encoding="cdr",
+            schema_id=self._schemas[topic.type],
+            metadata={
+                "offered_qos_profiles": to_yaml([topic.qos.to_rosbag2()]),
+                "topic_type_hash": topic.type_hash,
+            },
+        )
+        self._topics[topic.name] = topic
+
+    def write(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:
+        """Append a message; times in nanoseconds.
+
+        Raises:
+            OSError: no room for it (ENOSPC, EDQUOT, EFBIG); the file without it can still be finished. Any
+                other ``OSError`` means that the device failed.
+        """
+        size = len(data) + _PER_MESSAGE
+        self._storage.reserve(self._bound(self._buffered + size))
+        self._writer.add_message(
+            self._channels[topic],
+            log_time=log_time,
+            publish_time=publish_time,
+            sequence=self.counts.messages[topic],
+            data=data,
+        )
+        self.counts.count(topic, log_time)
+        self._buffered += size
+        self._note_chunk()
+
+    def _bound(self, buffered: int) -> int:
+        """Bytes that ending the file takes when this much waits in the chunk."""
+        per_chunk = _PER_CHUNK + _PER_CHUNK_CHANNEL * len(self._channels)
+        return self._fixed + (self._chunks + 1) * per_chunk + buffered + buffered // _EXPANSION
+
+    def _note_chunk(self) -> None:
+        if self._storage.tell() != self._written:
+            self._written = self._storage.tell()
+            self._buffered = 0
+            self._chunks += 1
+
+    def flush(self, *, sync: bool = False) -> None:
+        """Write the chunk in progress; with ``sync`` wait until it is on the device."""
+        self._writer.flush()
+        self._note_chunk()
+        if sync:
+            self._storage.sync()
+
+    def finish(self, notes: Mapping[str, str], *, sync: bool = False) -> None:
+        """Write the rest, the notes, rosbag2's record and the index; close.
+
+        Args:
+            notes: how the recording went, as the metadata record ``gdfe_ros_recording``.
+            sync: wait until the file is on the device.
+
+        Raises:
+            OSError: the device failed; the file is closed, and what is in it can be recovered.
+        """
+        try:
+            self._writer.add_metadata(RECORDING_RECORD, dict(notes))
+            info = bag_info([self.counts], self._topics.values(), custom=notes)
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": to_yaml(info)})
+            self._writer.finish()
+        finally:
+            self._storage.close(sync=sync)

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From bytes to messages: with rosbags where no ROS is installed, or with rclpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+from gdfe_ros.recording.topic import TopicInfo
+
+Decoder = Callable[[str, bytes], Any]
+
+
+def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
+    """Make a decoder of these topics' types out of the definitions that the bag holds; needs no ROS.
+
+    Args:
+        topics: e.g. ``reader.topics.values()``.
+
+    Returns:
+        A function of type name and CDR bytes. Messages have the fields of the ROS message; sequences of
+        numbers are numpy arrays (``data`` of a PointCloud2: ``(n,)`` uint8).
+
+    Example:
+        >>> decode = array_decoder(reader.topics.values())
+        >>> clouds = [decode(m.type, m.data) for m in reader.messages(["/gdfe_sim/mesh"])]
+    """
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    for topic in topics:
+        types = get_types_from_msg(topic.definition, topic.type)
+        store.register({name: fields for name, fields in types.items() if name not in store.fielddefs})
+    return lambda type_name, data: store.deserialize_cdr(data, type_name)
+
+
+def rclpy_decoder() -> Decoder:
+    """Make a decoder that gives messages of the installed ROS packages.
+
+    Returns:
+        A function of type name and CDR bytes.
+    """
+    from rclpy.serialization import deserialize_message
+
+    @cache
+    def message_class(type_name: str) -> type:
+        package, _, name = type_name.split("/")
+        return getattr(import_module(f"{package}.msg"), name)
+
+    return lambda type_name, data: deserialize_message(data, message_class(type_name))

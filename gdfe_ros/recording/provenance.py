@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a bag holds besides messages, so that it alone reproduces its run."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import gdfe_ros
+
+SCENE_FILE = "scene.yaml"
+STATE_FILE = "state.bin"
+"""Attachment of a bag that did not begin at rest: the state that its first step starts from (checkpoint.py)."""
+_LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "cholespy")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunInfo:
+    """The origin of a run, embedded in every file of its bag.
+
+    In MCAP terms: the metadata record ``gdfe_ros`` (all values text) and one attachment for the scene and
+    for each further file.
+
+    Args:
+        scene: text of the scene file (YAML); empty if the run had none.
+        settings: solver settings and whatever else decides the result; must be expressible in JSON.
+        files: files that the scene refers to (a mesh, a csv), name -> content.
+        package_version: of gdfe_ros.
+        machine: platform, processor and library versions, as ``describe_machine`` gives them.
+    """
+
+    scene: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    package_version: str = gdfe_ros.__version__
+    machine: Mapping[str, str] = field(default_factory=lambda: describe_machine())
+
+    @property
+    def scene_sha256(self) -> str:
+        """SHA-256 of the scene's UTF-8 text, hexadecimal."""
+        return hashlib.sha256(self.scene.encode()).hexdigest()
+
+    def to_metadata(self) -> dict[str, str]:
+        """Give everything but the files' contents as text, values in JSON where they have structure."""
+        return {
+            "package_version": self.package_version,
+            "scene_sha256": self.scene_sha256,
+            "settings": json.dumps(self.settings, sort_keys=True),
+            "machine": json.dumps(self.machine, sort_keys=True),
+        }
+
+    def attachments(self) -> dict[str, bytes]:
+        """Give the scene under the name ``scene.yaml`` and the further files."""
+        return {SCENE_FILE: self.scene.encode(), **self.files}
+
+    @classmethod
+    def from_bag(cls, metadata: Mapping[str, str], attachments: Mapping[str, bytes]) -> RunInfo:
+        """Put together what ``to_metadata`` and ``attachments`` took apart.
+
+        Raises:
+            KeyError: the metadata record is not one of ours.
+        """
+        files = dict(attachments)
+        return cls(
+            scene=files.pop(SCENE_FILE, b"").decode(),
+            settings=json.loads(metadata["settings"]),
+            files=files,
+            package_version=metadata["package_version"],
+            machine=json.loads(metadata["machine"]),
+        )
+
+
+def describe_machine() -> dict[str, str]:
+    """Name the machine and the libraries that decide the last bits of a result."""
+    facts = {
+        "platform": platform.platform(),
+        "processor": _processor(),
+        "cores": str(os.cpu_count()),
+        "python": platform.python_version(),
+    }
+    for name in _LIBRARIES:
+        try:
+            facts[name] = version(name)
+        except PackageNotFoundError:
+            facts[name] = "absent"
+    return facts
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()

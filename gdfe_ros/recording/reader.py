@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reading a finished bag: messages as bytes, topics, and the run that it holds."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+from mcap.exceptions import McapError
+from mcap.reader import McapReader, make_reader
+from mcap.records import Channel, Schema
+
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.bag_file import RECORDING_RECORD, RUN_RECORD
+from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY
+from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.topic import Qos, TopicInfo
+
+DAMAGE = (
+    McapError,
+    struct.error,
+    ValueError,
+    RuntimeError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    EOFError,
+    MemoryError,
+    yaml.YAMLError,
+)
+"""What reading a file with a flipped bit ends with: lengths, ids and texts in it may be anything."""
+
+
+class BagMessage(NamedTuple):
+    """One message of a bag; times in nanoseconds, ``data`` is CDR."""
+
+    topic: str
+    type: str
+    log_time: int
+    publish_time: int
+    sequence: int
+    data: bytes
+
+
+class BagReader:
+    """A finished bag, ours or one of ``ros2 bag record --storage mcap``.
+
+    Args:
+        path: directory of the bag, or one of its MCAP files.
+
+    Raises:
+        RecordingError: no bag there, or a file was cut off (the remedy is ``gdfe recover``).
+
+    Attributes:
+        path: as given.
+        files: MCAP files in the order written.
+        topics: by name.
+        counts: number of messages by topic.
+        start: smallest log time [ns], 0 for an empty bag.
+        end: largest log time [ns].
+        run: origin of the run, or None for a bag that is not ours.
+        notes: how the recording went (``RecorderStatus.to_notes``); empty for a bag that is not ours.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.files = _bag_files(self.path)
+        self.topics: dict[str, TopicInfo] = {}
+        self.counts: Counter[str] = Counter()
+        self.start = self.end = 0
+        self.run: RunInfo | None = None
+        self.notes: dict[str, str] = {}
+        for file in self.files:
+            with _opened(file) as reader:
+                self._survey(reader)
+
+    def __len__(self) -> int:
+        return self.counts.total()
+
+    def messages(
+        self, topics: Collection[str] | None = None, *, start: int | None = None, end: int | None = None
+    ) -> Iterator[BagMessage]:
+        """Iterate over messages in the order in which they were written.
+
+        Args:
+            topics: names to keep; None: all.
+            start: smallest log time to keep [ns].
+            end: log time [ns] from which on nothing is kept.
+
+        Raises:
+            RecordingError: a topic that the bag does not have, or a damaged file.
+        """
+        unknown = set(topics or ()) - set(self.topics)
+        if unknown:
+            raise RecordingError(f"bag {self.path} has no topic {sorted(unknown)}; it has {sorted(self.topics)}")
+        return self._messages(topics, start, end)
+
+    def _messages(self, topics: Collection[str] | None, start: int | None, end: int | None) -> Iterator[BagMessage]:
+        for file in self.files:
+            with _opened(file) as reader:
+                for _, channel, message in reader.iter_messages(
+                    topics, starting_at=start, ending_before=end, log_time_order=False
+                ):
+                    yield BagMessage(
+                        channel.topic,
+                        self.topics[channel.topic].type,
+                        message.log_time,
+                        message.publish_time,
+                        message.sequence,
+                        message.data,
+                    )
+
+    def _survey(self, reader: McapReader) -> None:
+        """Take topics, counts and embedded records of one file."""
+        summary = reader.get_summary()
+        if summary is None or summary.statistics is None:
+            raise McapError("the file has no summary")
+        for channel in summary.channels.values():
+            self.topics[channel.topic] = topic_of(channel, summary.schemas[channel.schema_id])
+        statistics = summary.statistics
+        if statistics.message_count:
+            self.start = min(self.start, statistics.message_start_time) if self else statistics.message_start_time
+            self.end = max(self.end, statistics.message_end_time)
+        for channel_id, count in statistics.channel_message_counts.items():
+            self.counts[summary.channels[channel_id].topic] += count
+        records = {record.name: record.metadata for record in reader.iter_metadata()}
+        self.notes |= records.get(RECORDING_RECORD, {})
+        if RUN_RECORD in records and self.run is None:
+            files = {attachment.name: attachment.data for attachment in reader.iter_attachments()}
+            self.run = RunInfo.from_bag(records[RUN_RECORD], files)
+
+
+def topic_of(channel: Channel, schema: Schema) -> TopicInfo:
+    """Translate MCAP's channel and schema records; of several offered profiles the first is taken."""
+    profiles = yaml.safe_load(channel.metadata.get("offered_qos_profiles", "")) or []
+    return TopicInfo(
+        name=channel.topic,
+        type=schema.name,
+        qos=Qos.from_rosbag2(profiles[0]) if profiles else Qos(),
+        definition=schema.data.decode(),
+        type_hash=channel.metadata.get("topic_type_hash", ""),
+    )
+
+
+def _bag_files(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    metadata = path / METADATA_FILE
+    if metadata.is_file():
+        info = yaml.safe_load(metadata.read_text(encoding="utf-8"))[ROOT_KEY]
+        if info["storage_identifier"] != "mcap":
+            raise RecordingError(f"bag {path} is stored as {info['storage_identifier']}; allowed: mcap")
+        return [path / Path(name).name for name in info["relative_file_paths"]]
+    if any(path.glob("*.mcap")):
+        raise RecordingError(
+            f"bag {path} has no {METADATA_FILE}: its recording was cut off. Repair it: gdfe recover {path}"
+        )
+    raise RecordingError(f"{path} is neither a bag directory nor an MCAP file")
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[McapReader]:
+    """Open one file for reading; what mcap finds wrong with it becomes a ``RecordingError``."""
+    try:
+        with file.open("rb") as stream:
+            yield make_reader(stream, validate_crcs=True)
+    except RecordingError as error:
+        raise RecordingError(f"bag file {file}: {error}") from error
+    except OSError as error:
+        raise RecordingError(f"bag file {file} cannot be read: {error}") from error
+    except DAMAGE as error:
+        raise RecordingError(f"bag file {file} is damaged: {error!r}. Repair it: gdfe recover {file}") from error

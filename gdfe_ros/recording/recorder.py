@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recording beside a running simulation: a bounded queue, and a thread that writes the bag."""
+
+from __future__ import annotations
+
+import atexit
+import json
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
+from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.writer import BagOptions, BagWriter
+from gdfe_ros.threads import RECORDER, show_name
+
+# The thread wakes before its time when this much waits [B], so that a burst does not fill the queue.
+_WAKE_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecorderStatus:
+    """Counts of a recording at one moment.
+
+    Args:
+        written: messages handed to the bag.
+        waiting: messages in the queue.
+        dropped: messages refused or lost, by topic; they are not in the bag.
+        error: why the recording stopped early, or None.
+    """
+
+    written: int
+    waiting: int
+    dropped: dict[str, int]
+    error: RecordingError | None
+
+    @property
+    def dropped_total(self) -> int:
+        """Number of messages that are not in the bag."""
+        return sum(self.dropped.values())
+
+    def to_notes(self) -> dict[str, str]:
+        """Give the counts as the text that the bag carries."""
+        return {
+            "messages_written": str(self.written),
+            "messages_dropped": str(self.dropped_total),
+            "messages_dropped_by_topic": json.dumps(self.dropped, sort_keys=True),
+            "error": str(self.error or ""),
+        }
+
+
+class _Message(NamedTuple):
+    topic: str
+    data: bytes
+    log_time: int
+    publish_time: int | None
+
+
+class Recorder:
+    """Records serialised messages in a thread; ``record`` takes microseconds and never raises for the disk.
+
+    On a full disk or a device error the recording stops: ``error`` and ``status`` say so, the bag is
+    completed with what it holds, and ``record`` counts what it refuses. The simulation goes on. Without a
+    call of ``close`` the bag is completed when the interpreter ends. Usable as a context manager.
+
+    Args:
+        path: directory of the bag, which must not exist or be empty.
+        topics: of the bag.
+        run: origin of the run, embedded in every file.
+        options: compression, splitting, fsync.
+        queue: limit, back-pressure and flush interval.
+
+    Raises:
+        RecordingError: the bag cannot be begun.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        topics: Iterable[TopicInfo] = (),
+        *,
+        run: RunInfo | None = None,
+        options: BagOptions | None = None,
+        queue: QueueOptions | None = None,
+    ) -> None:
+        self._writer = BagWriter(path, topics, run=run, options=options)
+        self._topics = set(self._writer.topics)
+        self._settings = queue or QueueOptions()
+        self._state = threading.Condition()
+        self._writing = threading.Lock()
+        self._queue: deque[_Message] = deque()
+        self._queued_bytes = 0
+        self._written = 0
+        self._dropped: Counter[str] = Counter()
+        self._error: RecordingError | None = None
+        self._closing = False
+        self._wake = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=RECORDER, daemon=True)
+        self._thread.start()
+        atexit.register(self.close)
+
+    @property
+    def path(self) -> Path:
+        """Directory of the bag."""
+        return self._writer.path
+
+    @property
+    def error(self) -> RecordingError | None:
+        """Why the recording stopped early, or None."""
+        return self._error
+
+    @property
+    def status(self) -> RecorderStatus:
+        """Counts at this moment."""
+        with self._state:
+            return RecorderStatus(
+                written=self._written,
+                waiting=len(self._queue),
+                dropped=dict(self._dropped),
+                error=self._error,
+            )
+
+    def add_topic(self, topic: TopicInfo) -> None:
+        """Declare a further topic; waits for a write in progress, so not for the step loop.
+
+        Raises:
+            RecordingError: as ``BagWriter.add_topic``.
+        """
+        with self._writing:
+            self._writer.add_topic(topic)
+        self._topics.add(topic.name)
+
+    def record(self, topic: str, data: bytes, log_time: int, publish_time: int | None = None) -> bool:
+        """Hand over one message; safe from any thread.
+
+        Args:
+            topic: name of a declared topic.
+            data: serialised message; ``bytes``, kept without a copy.
+            log_time: nanoseconds since the epoch or since the start of the simulation.
+            publish_time: the same for the publisher's stamp; None: ``log_time``.
+
+        Returns:
+            Whether it was taken; otherwise it is counted as dropped.
+
+        Raises:
+            RecordingError: the topic was not declared (a mistake in the program, never the disk's state).
+        """
+        if topic not in self._topics:
+            raise RecordingError(f"topic {topic} is not in bag {self.path}; it has {sorted(self._topics)}")
+        message = _Message(topic, data if type(data) is bytes else bytes(data), log_time, publish_time)
+        with self._state:
+            if not self._has_room(len(message.data)):
+                self._dropped[topic] += 1
+                return False
+            self._queue.append(message)
+            self._queued_bytes += len(message.data)
+            if self._queued_bytes > _WAKE_BYTES:
+                self._wake.set()
+        return True
+
+    def close(self) -> RecorderStatus:
+        """Write what waits, complete the bag and end the thread; a second call only returns the status.
+
+        Interrupted by a signal's exception, it can be called again.
+        """
+        with self._state:
+            self._closing = True
+            self._state.notify_all()
+        self._wake.set()
+        self._thread.join()
+        atexit.unregister(self.close)
+        return self.status
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _has_room(self, size: int) -> bool:
+        """Decide, under the lock, whether a message is taken; under ``BLOCK`` this may wait."""
+        if self._settings.back_pressure is BackPressure.BLOCK and not self._fits(size):
+            self._wake.set()
+            self._state.wait_for(lambda: self._fits(size) or self._is_over(), timeout=self._settings.block_seconds)
+        return self._fits(size) and not self._is_over()
+
+    def _fits(self, size: int) -> bool:
+        return not self._queue or self._queued_bytes + size <= self._settings.max_bytes
+
+    def _is_over(self) -> bool:
+        return self._closing or self._error is not None
+
+    def _run(self) -> None:
+        show_name()
+        closing = False
+        while not closing and self._error is None:
+            self._wake.wait(self._settings.flush_seconds)
+            self._wake.clear()
+            closing = self._closing
+            self._guarded(self._drain)
+        self._guarded(lambda: self._writer.close(self.status.to_notes()))
+
+    def _guarded(self, action: Callable[[], None]) -> None:
+        """Run a part of the thread's work; whatever goes wrong there ends the recording, not the program."""
+        try:
+            with self._writing:
+                action()
+        except RecordingError as error:
+            self._fail(error)
+        except Exception as error:
+            failure = RecordingError(f"recording {self.path} failed: {error!r}")
+            failure.__cause__ = error
+            self._fail(failure)
+
+    def _fail(self, error: RecordingError) -> None:
+        with self._state:
+            self._error = self._error or error
+            self._dropped.update(message.topic for message in self._queue)
+            self._queue.clear()
+            self._queued_bytes = 0
+            self._state.notify_all()
+
+    def _drain(self) -> None:
+        """Write all that waits, then hand it to the operating system."""
+        written = self._written
+        while self._queue:
+            self._writer.write(*self._queue[0])
+            with self._state:
+                self._queued_bytes -= len(self._queue.popleft().data)
+                self._written += 1
+                self._state.notify_all()
+        if self._written != written:
+            self._writer.flush()

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Repair of bags that a crash, a kill or a full disk cut off."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.salvage import Salvage
+from gdfe_ros.recording.writer import BagOptions, BagWriter
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecoveryReport:
+    """What was got out of a bag.
+
+    Args:
+        path: directory of the new bag, whole and indexed.
+        messages: number of messages in it, by topic.
+        missing: messages that the sequence numbers show to be lost before the last one, by topic; those after
+            it leave no trace.
+        cut_files: names of files that end before their proper end.
+        damaged_chunks: chunks whose content did not match its checksum; left out.
+        orphans: messages whose topic's declaration lay in a damaged chunk; left out.
+    """
+
+    path: Path
+    messages: dict[str, int]
+    missing: dict[str, int]
+    cut_files: tuple[str, ...]
+    damaged_chunks: int
+    orphans: int
+
+    @property
+    def total(self) -> int:
+        """Number of messages in the new bag."""
+        return sum(self.messages.values())
+
+
+def recover(path: str | Path, output: str | Path | None = None, *, options: BagOptions | None = None) -> RecoveryReport:
+    """Read a bag as far as it goes and write what it holds as a new, whole bag.
+
+    The old bag is not touched. The run's origin (scene, settings, machine) is carried over.
+
+    Args:
+        path: directory of the bag, or one MCAP file.
+        output: directory of the new bag, which must not exist or be empty; None: beside the old one, with
+            ``_recovered`` added to the name.
+        options: how the new bag is written.
+
+    Raises:
+        RecordingError: there is no MCAP file, not one whole message, or the new bag cannot be written.
+
+    Example:
+        >>> report = recover("runs/bend5")
+        >>> print(report.total, "messages in", report.path)
+    """
+    source = Path(path)
+    files = [source] if source.is_file() else sorted(source.glob("*.mcap"), key=_part_number)
+    if not files:
+        raise RecordingError(f"there is no MCAP file in {source}: name the directory of a bag")
+    target = Path(output) if output else source.resolve().with_name(f"{source.resolve().stem}_recovered")
+    salvages = [Salvage(file) for file in files]
+    try:
+        return _rewrite(source, target, salvages, options)
+    except OSError as error:
+        raise RecordingError(f"bag {source} cannot be read: {error}") from error
+
+
+def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage], options: BagOptions | None) -> RecoveryReport:
+    messages = (found for salvage in salvages for found in salvage.messages())
+    first = next(messages, None)
+    if first is None:
+        raise RecordingError(f"bag {source} holds not one whole message: there is nothing to recover")
+    run = next((salvage.run for salvage in salvages if salvage.run), None)
+    writer = BagWriter(target, run=run, options=options)
+    kept: Counter[str] = Counter()
+    try:
+        for topic, message in chain([first], messages):
+            writer.add_topic(topic)
+            writer.write(topic.name, message.data, message.log_time, message.publish_time)
+            kept[topic.name] += 1
+    finally:
+        report = _report(target, kept, salvages)
+        writer.close(_notes(source, report))
+    return report
+
+
+def _report(target: Path, kept: Counter[str], salvages: Sequence[Salvage]) -> RecoveryReport:
+    return RecoveryReport(
+        path=target,
+        messages=dict(kept),
+        missing=dict(sum((salvage.missing for salvage in salvages), Counter())),
+        cut_files=tuple(salvage.file.name for salvage in salvages if salvage.cut),
+        damaged_chunks=sum(salvage.damaged_chunks for salvage in salvages),
+        orphans=sum(salvage.orphans for salvage in salvages),
+    )
+
+
+def _notes(source: Path, report: RecoveryReport) -> dict[str, str]:
+    return {
+        "recovered_from": source.resolve().name,
+        "messages_written": str(report.total),
+        "messages_missing": str(sum(report.missing.values())),
+        "damaged_chunks": str(report.damaged_chunks),
+    }
+
+
+def _part_number(file: Path) -> tuple[int, str]:
+    number = re.search(r"(\d+)$", file.stem)
+    return (int(number[1]) if number else 0, file.name)

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The record of one step on ``~/step_record``: what a replay must know to make the same step again.
+
+JSON text: Python writes a float as the shortest text that reads back as the same double, so nothing is lost.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import RecordingError
+
+FORMAT = 1
+
+
+class Begin(str, Enum):
+    """The state that a step starts from."""
+
+    REST = "rest"
+    LAST = "last"
+    LOADED = "loaded"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepRecord:
+    """Input and outcome of one step.
+
+    A replay starts from ``begin``, calls ``Simulation.step`` with ``handles``, ``actuators``, ``loads`` and ``dt``,
+    and with ``cut_after``, which ends a solve where its deadline once did.
+
+    Attributes:
+        step: number of the step since the node was configured; 0 is the state that it was activated with.
+        begin: the last step's state, or after a reset the rest shape, or a state that was loaded.
+        time: simulation time at the end of the step [s].
+        dt: by how much it was advanced [s].
+        handles: targets consumed by this step, by handle: translation [m] and rotation vector [rad].
+        actuators: commands consumed by this step, by actuator, in the unit of its mode.
+        loads: factors of loads consumed by this step, by load.
+        cut: a deadline ended the solve before it had converged.
+        cut_after: how often the solve asked for the time before its deadline had passed; None: it never passed.
+        converged: as in ``StepResult``, like all that follow.
+        iterations: linear solves.
+        substeps: increments.
+        residual: preconditioned step over the body's size.
+        energy: strain energy [J].
+        min_det: least det F.
+        wall_time: time spent solving [s]; the only entry that differs between two equal runs.
+        skipped: work that was not needed, by name.
+        message: what is wrong; empty where nothing is.
+    """
+
+    step: int
+    begin: Begin
+    time: float
+    dt: float
+    handles: Mapping[str, Pose] = field(default_factory=dict)
+    actuators: Mapping[str, float] = field(default_factory=dict)
+    loads: Mapping[str, float] = field(default_factory=dict)
+    cut: bool = False
+    cut_after: int | None = None
+    converged: bool = True
+    iterations: int = 0
+    substeps: int = 0
+    residual: float = 0.0
+    energy: float = 0.0
+    min_det: float = 1.0
+    wall_time: float = 0.0
+    skipped: Mapping[str, int] = field(default_factory=dict)
+    message: str = ""
+
+    def to_json(self) -> str:
+        """Give the text that is published: one object, ``format`` first, poses as six numbers."""
+        entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        entries["handles"] = {name: [*pose.translation, *pose.rotation] for name, pose in self.handles.items()}
+        return json.dumps({"format": FORMAT, **entries, "begin": self.begin.value})
+
+    @classmethod
+    def from_json(cls, text: str) -> StepRecord:
+        """Read what ``to_json`` wrote.
+
+        Raises:
+            RecordingError: not such a text, or of another format.
+        """
+        try:
+            entries = json.loads(text)
+            if entries.pop("format") != FORMAT:
+                raise ValueError(f"its format is not {FORMAT}")
+            entries["begin"] = Begin(entries["begin"])
+            poses = entries["handles"].items()
+            entries["handles"] = {name: Pose(tuple(six[:3]), tuple(six[3:])) for name, six in poses}
+            return cls(**entries)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise RecordingError(
+                f"step record {text[:80]!r} cannot be read: {error!r}; it must come from this version's node"
+            ) from error

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag in rosbag2's layout: a directory with MCAP files, split by size or time, and ``metadata.yaml``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
+
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.bag_file import BagFile, Compression
+from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY, FileCounts, bag_info, to_yaml
+from gdfe_ros.recording.definitions import message_definition, type_hash
+from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.topic import TopicInfo
+
+
+class FsyncPolicy(Enum):
+    """When to wait for the device. A killed process loses nothing that was written; a power cut may."""
+
+    NEVER = "never"
+    CLOSE = "close"
+    FLUSH = "flush"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BagOptions:
+    """How a bag is written.
+
+    Args:
+        compression: of the chunks.
+        chunk_size: a chunk is compressed and written when it holds this much [B], 1 KiB to 64 MiB.
+        split_bytes: begin a new file when one has reached about this size [B], 64 KiB or more; None: never.
+        split_seconds: begin a new file when one spans this much log time [s], above 0; None: never.
+        fsync: when to wait for the device.
+
+    Raises:
+        ValueError: a value out of range.
+    """
+
+    compression: Compression = Compression.LZ4
+    chunk_size: int = 64 << 10
+    split_bytes: int | None = None
+    split_seconds: float | None = None
+    fsync: FsyncPolicy = FsyncPolicy.CLOSE
+
+    def __post_init__(self) -> None:
+        if not 1 << 10 <= self.chunk_size <= 64 << 20:
+            raise ValueError(f"chunk_size is {self.chunk_size} B; allowed: 1024 to {64 << 20}")
+        if self.split_bytes is not None and self.split_bytes < 64 << 10:
+            raise ValueError(f"split_bytes is {self.split_bytes} B; allowed: {64 << 10} or more, or None")
+        if self.split_seconds is not None and not self.split_seconds > 0:
+            raise ValueError(f"split_seconds is {self.split_seconds} s; allowed: above 0, or None")
+
+
+class BagWriter:
+    """Writes a bag in the caller's own time; ``recorder.Recorder`` does it from a thread.
+
+    Args:
+        path: directory of the bag, which must not exist or be empty; parents are made.
+        topics: of the bag; ``add_topic`` adds more. Definitions and hashes that are empty are looked up.
+        run: origin of the run, embedded in every file; None: nothing is embedded.
+        options: compression, splitting, fsync.
+
+    Raises:
+        RecordingError: the directory is in use or cannot be written, or a message type is unknown.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        topics: Iterable[TopicInfo] = (),
+        *,
+        run: RunInfo | None = None,
+        options: BagOptions | None = None,
+    ) -> None:
+        self.path = Path(path)
+        self._options = options or BagOptions()
+        self._run = run
+        self._topics = {topic.name: _complete(topic) for topic in topics}
+        self._done: list[FileCounts] = []
+        self._file: BagFile | None = None
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            if any(self.path.iterdir()):
+                raise RecordingError(
+                    f"bag directory {self.path} exists and is not empty: name another one or remove it"
+                )
+            self._file = self._open_file(0)
+        except OSError as error:
+            raise RecordingError(f"bag {self.path} cannot be begun: {error}") from error
+
+    @property
+    def topics(self) -> dict[str, TopicInfo]:
+        """Topics of the bag by name, with definition and hash filled in."""
+        return dict(self._topics)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file in progress, those waiting in the chunk counted uncompressed."""
+        return self._file.size if self._file else 0
+
+    def add_topic(self, topic: TopicInfo) -> None:
+        """Declare a further topic; declaring the same one again does nothing.
+
+        Raises:
+            RecordingError: the name is in use for another type, the type is unknown, the bag is closed, or
+                there is no room.
+        """
+        known = self._topics.get(topic.name)
+        if known is not None:
+            if known.type != topic.type:
+                raise RecordingError(f"topic {topic.name} is of type {known.type}, not {topic.type}")
+            return
+        complete = _complete(topic)
+        try:
+            self._open_part().add_topic(complete)
+        except OSError as error:
+            raise RecordingError(f"topic {topic.name} cannot be added to bag {self.path}: {error}") from error
+        self._topics[topic.name] = complete
+
+    def write(self, topic: str, data: bytes, log_time: int, publish_time: int | None = None) -> None:
+        """Append one message.
+
+        Args:
+            topic: name of a declared topic.
+            data: serialised message (CDR with its 4-byte head).
+            log_time: nanoseconds since the epoch or since the start of the simulation.
+            publish_time: the same for the publisher's stamp; None: ``log_time``.
+
+        Raises:
+            RecordingError: unknown topic, closed bag, or no room or a device error; after no room the bag
+                without this message is whole and ``close`` completes it.
+        """
+        if topic not in self._topics:
+            raise RecordingError(f"topic {topic} is not in bag {self.path}; it has {sorted(self._topics)}")
+        try:
+            part = self._open_part()
+            if self._is_full(part, log_time):
+                part = self._next_part()
+            part.write(topic, data, log_time, log_time if publish_time is None else publish_time)
+        except OSError as error:
+            raise RecordingError(f"bag {self.path} takes no more messages: {error}") from error
+
+    def flush(self) -> None:
+        """Hand every message to the operating system: a kill of this process no longer loses it.
+
+        Raises:
+            RecordingError: the bag is closed or the device failed.
+        """
+        try:
+            self._open_part().flush(sync=self._options.fsync is FsyncPolicy.FLUSH)
+        except OSError as error:
+            raise RecordingError(f"bag {self.path} cannot be flushed: {error}") from error
+
+    def close(self, notes: Mapping[str, str] | None = None) -> None:
+        """Complete the bag; a second call does nothing.
+
+        Args:
+            notes: how the recording went, written into the file and as ``custom_data`` of metadata.yaml.
+
+        Raises:
+            RecordingError: the device failed; ``gdfe recover`` gets out what was written.
+        """
+        if self._file is None:
+            return
+        try:
+            self._finish_part(notes or {})
+            self._write_metadata(notes or {})
+        except OSError as error:
+            raise RecordingError(
+                f"bag {self.path} cannot be completed: {error}. To get out what was written: gdfe recover {self.path}"
+            ) from error
+
+    def _open_part(self) -> BagFile:
+        if self._file is None:
+            raise RecordingError(f"bag {self.path} is closed")
+        return self._file
+
+    def _open_file(self, index: int) -> BagFile:
+        return BagFile(
+            self.path / f"{self.path.resolve().name}_{index}.mcap",
+            self._topics.values(),
+            run=self._run,
+            compression=self._options.compression,
+            chunk_size=self._options.chunk_size,
+        )
+
+    def _is_full(self, part: BagFile, log_time: int) -> bool:
+        if not part.counts.total:
+            return False
+        size, seconds = self._options.split_bytes, self._options.split_seconds
+        by_size = size is not None and part.size >= size
+        return by_size or (seconds is not None and log_time - part.counts.start >= seconds * 1e9)
+
+    def _next_part(self) -> BagFile:
+        # Opened before the last one is ended: without room for it, that one stays the bag's last file.
+        following = self._open_file(len(self._done) + 1)
+        self._finish_part({})
+        self._file = following
+        return following
+
+    def _finish_part(self, notes: Mapping[str, str]) -> None:
+        part = self._open_part()
+        self._file = None
+        self._done.append(part.counts)
+        part.finish(notes, sync=self._options.fsync is not FsyncPolicy.NEVER)
+
+    def _write_metadata(self, notes: Mapping[str, str]) -> None:
+        text = to_yaml({ROOT_KEY: bag_info(self._done, self._topics.values(), custom=notes)})
+        temporary = self.path / f"{METADATA_FILE}.tmp"
+        with temporary.open("w", encoding="utf-8") as file:
+            file.write(text)
+            if self._options.fsync is not FsyncPolicy.NEVER:
+                file.flush()
+                os.fsync(file.fileno())
+        temporary.replace(self.path / METADATA_FILE)
+
+
+def _complete(topic: TopicInfo) -> TopicInfo:
+    """Fill in definition and hash from the ROS installation where they are empty."""
+    return replace(
+        topic,
+        definition=topic.definition or message_definition(topic.type),
+        type_hash=topic.type_hash or type_hash(topic.type),
+    )

@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scene files: YAML in, validated scene out."""
+
+from __future__ import annotations
+
+from gdfe_ros.scene.loader import load_scene, scene_from_text, scene_names
+from gdfe_ros.scene.program import Keyframe, Program
+from gdfe_ros.scene.scene import Scene
+
+__all__ = ["Keyframe", "Program", "Scene", "load_scene", "scene_from_text", "scene_names"]

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a scene file's sound parts to actuators, loads and probes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators import (
+    Actuator,
+    Cable,
+    Chamber,
+    Embedding,
+    Gravity,
+    Growth,
+    Load,
+    Mode,
+    PointLoad,
+    SurfaceLoad,
+    embed,
+)
+from gdfe_ros.actuators.load import corner_areas
+from gdfe_ros.errors import MeshError
+from gdfe_ros.materials import Material
+from gdfe_ros.mesh import HexMesh, select_cells, select_faces
+from gdfe_ros.mesh.cavities import find_cavities, open_edges
+from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.quality import list_ids
+from gdfe_ros.scene.actuator_schema import CableModel, ChamberModel, DriveModel, GrowthModel, LoadModel
+from gdfe_ros.scene.builder import select
+from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.report import NO_VALUE, Report
+from gdfe_ros.scene.schema import Draft
+
+#: Widest allowed range of a command.
+LIMITS: Mapping[Mode, tuple[float, float]] = {
+    Mode.TENSION: (0.0, math.inf),
+    Mode.LENGTH: (0.0, math.inf),
+    Mode.SHORTENING: (-math.inf, math.inf),
+    Mode.PRESSURE: (-math.inf, math.inf),
+    Mode.VOLUME: (0.0, math.inf),
+    Mode.GROWTH: (0.0, 1.0),
+}
+
+
+def build_actuators(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Actuator, ...]:
+    """Return the actuators whose place in the body can be found."""
+    built = []
+    for name, model in draft.actuators.items() if mesh is not None else ():
+        kind, value = model.chosen
+        path = ("actuators", name, kind)
+        low, high = _limits(value, model.mode, path, report)
+        common = {"name": name, "mode": model.mode, "low": low, "high": high, "rate": value.rate or math.inf}
+        make = {"cable": _cable, "chamber": _chamber, "growth": _growth}[kind]
+        built.append(make(value, mesh, common, path, report))
+    return tuple(actuator for actuator in built if actuator is not None)
+
+
+def build_loads(
+    draft: Draft,
+    mesh: HexMesh | None,
+    materials: Mapping[str, Material],
+    cell_material: NDArray[np.int32],
+    report: Report,
+) -> tuple[Load, ...]:
+    """Return the loads whose place in the body can be found; gravity needs the density of every material."""
+    built = []
+    for name, model in draft.loads.items() if mesh is not None else ():
+        path = ("loads", name, model.chosen[0])
+        if name in draft.actuators:
+            report.add(("loads", name), "an actuator has this name; remedy: another name", value=NO_VALUE)
+        built.append(_load(name, model, mesh, materials, cell_material, path, report))
+    return tuple(load for load in built if load is not None)
+
+
+def build_probes(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str, Embedding]:
+    """Return the probes that lie in the body."""
+    if mesh is None:
+        return {}
+    found = {name: _embedded(mesh, [point], ("probes", name), report) for name, point in draft.probes.items()}
+    return {name: point for name, point in found.items() if point is not None}
+
+
+def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tuple[Load, ...]) -> dict[str, float]:
+    """Return the command of every actuator and load at which it does nothing to the body at rest."""
+    commands = {load.name: 0.0 for load in loads}
+    for actuator in actuators:
+        commands[actuator.name] = 0.0
+        if actuator.mode is Mode.LENGTH:
+            points = actuator.points.at(mesh.vertices)
+            commands[actuator.name] = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        elif actuator.mode is Mode.VOLUME:
+            commands[actuator.name] = enclosed_volume(mesh.vertices, actuator.quads)
+    return commands
+
+
+def _limits(value: DriveModel, mode: Mode, path: KeyPath, report: Report) -> tuple[float, float]:
+    least, most = LIMITS[mode]
+    low, high = value.range or (least, most)
+    if low < least or high > most:
+        unit = f" [{mode.unit}]" if mode.unit else ""
+        report.add((*path, "range"), f"allowed for {mode.value}{unit}: {least:g} to {most:g}")
+    return low, high
+
+
+def _cable(value: CableModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Cable | None:
+    points = _embedded(mesh, value.points, (*path, "points"), report)
+    return None if points is None else Cable(points=points, stiffness=value.stiffness or math.inf, **common)
+
+
+def _chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Chamber | None:
+    if value.where is not None:
+        faces = select(select_faces, mesh, value.where, (*path, "where"), "boundary face", report)
+        if faces is None:
+            return None
+        quads = np.ascontiguousarray(faces[:, ::-1])
+        return Chamber(quads=quads, **common) if _tight(mesh, quads, (*path, "where"), report) else None
+    cavities = find_cavities(mesh)
+    known = ", ".join(f"{i}: {c.volume:.3g} m^3 near {np.round(c.center, 6).tolist()}" for i, c in enumerate(cavities))
+    if not cavities:
+        report.add(path, "the body has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks")
+    elif value.near is not None:
+        centers = np.array([cavity.center for cavity in cavities])
+        nearest = int(np.linalg.norm(centers - value.near, axis=1).argmin())
+        return Chamber(quads=cavities[nearest].quads, **common)
+    elif value.cavity is None and len(cavities) > 1:
+        report.add(path, f"the body has {len(cavities)} cavities ({known}); remedy: name one by cavity or near")
+    elif (value.cavity or 0) >= len(cavities):
+        report.add((*path, "cavity"), f"there are: {known}")
+    else:
+        return Chamber(quads=cavities[value.cavity or 0].quads, **common)
+    return None
+
+
+def _tight(mesh: HexMesh, quads: NDArray[np.int32], path: KeyPath, report: Report) -> bool:
+    leaks = open_edges(quads)
+    if len(leaks):
+        x, y, z = mesh.vertices[leaks[0]].mean(axis=0)
+        text = (
+            f"these {len(quads)} faces leak at {len(leaks)} edges, the first at ({x:.4g}, {y:.4g}, {z:.4g}) m between "
+            f"vertices {list_ids(np.unique(leaks))}; remedy: select every face of the chamber, close its ends"
+        )
+        report.add(path, text, value=NO_VALUE)
+        return False
+    if enclosed_volume(mesh.vertices, quads) <= 0.0:
+        report.add(path, "these faces enclose the body itself, not a chamber in it; select inner faces", value=NO_VALUE)
+        return False
+    return True
+
+
+def _growth(value: GrowthModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Growth | None:
+    cells = select(select_cells, mesh, value.where, (*path, "where"), "cell", report)
+    return None if cells is None else Growth(cells=cells, stretch=np.diag(value.stretch), **common)
+
+
+def _load(
+    name: str,
+    model: LoadModel,
+    mesh: HexMesh,
+    materials: Mapping[str, Material],
+    cell_material: NDArray[np.int32],
+    path: KeyPath,
+    report: Report,
+) -> Load | None:
+    if model.gravity is not None:
+        return _gravity(name, model.gravity, materials, cell_material, path, report)
+    if model.point is not None:
+        point = _embedded(mesh, [model.point.at], (*path, "at"), report)
+        return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))
+    quads = select(select_faces, mesh, model.surface.where, (*path, "where"), "boundary face", report)
+    if quads is None:
+        return None
+    traction = model.surface.traction
+    if traction is None:
+        traction = np.array(model.surface.force) / corner_areas(mesh.vertices, quads).sum()
+    return SurfaceLoad(name=name, quads=quads, traction=np.array(traction))
+
+
+def _gravity(
+    name: str,
+    acceleration: tuple[float, float, float],
+    materials: Mapping[str, Material],
+    cell_material: NDArray[np.int32],
+    path: KeyPath,
+    report: Report,
+) -> Gravity | None:
+    light = [key for key, material in materials.items() if material.density is None]
+    if light:
+        report.add(path, f"gravity needs a density: give `density` [kg/m^3] to {', '.join(light)}")
+        return None
+    if (cell_material < 0).any() or cell_material.max() >= len(materials):
+        return None  # a material has defects, which are in the report
+    density = np.array([material.density for material in materials.values()])[cell_material]
+    return Gravity(name=name, acceleration=np.array(acceleration), density=density)
+
+
+def _embedded(mesh: HexMesh, points: object, path: KeyPath, report: Report) -> Embedding | None:
+    try:
+        return embed(mesh, points, what=".".join(map(str, path)))
+    except MeshError as error:
+        for defect in error.defects:
+            report.add(path, defect, value=NO_VALUE)
+        return None

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The keys `actuators`, `loads` and `probes` of a scene file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from gdfe_ros.actuators import Mode
+from gdfe_ros.scene.entry import Choice, Entry
+from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.where_schema import WhereModel
+
+_POINT = Quantity("point [x, y, z]", "m", least=-1e3, most=1e3, count=3)
+_RANGE = Quantity("range [low, high] of the command", count=2, ascending=True, infinite=True)
+_RATE = Quantity("largest change of the command in a second", above=0.0, most=1e15)
+_STIFFNESS = Quantity("stiffness of the whole cable", "N/m", above=0.0, most=1e12)
+_CAVITY = Quantity("number of the cavity, 0 is the largest", least=0, most=100_000, whole=True)
+_STRETCH = Quantity("stretch along x, y, z at command 1", least=0.05, most=20.0, count=3)
+_ACCELERATION = Quantity("acceleration [x, y, z]", "m/s^2", least=-1e6, most=1e6, count=3)
+_FORCE = Quantity("force [x, y, z]", "N", least=-1e9, most=1e9, count=3)
+_TRACTION = Quantity("traction [x, y, z] over the area at rest", "Pa", least=-1e12, most=1e12, count=3)
+
+Point3 = Annotated[tuple[float, float, float], _POINT]
+
+
+class DriveModel(Entry):
+    """What all actuators share."""
+
+    range: Annotated[tuple[float, float], _RANGE] | None = None
+    rate: Annotated[float, _RATE] | None = None
+
+
+class CableModel(DriveModel):
+    """A frictionless cable through points of the body, from end to end."""
+
+    points: tuple[Point3, ...] = Field(
+        description="points of the body, e.g. [[0, 0, 0.01], [0.1, 0, 0.01]]", min_length=2
+    )
+    command: Literal["tension", "length", "shortening"] = "tension"
+    stiffness: Annotated[float, _STIFFNESS] | None = None
+
+    @model_validator(mode="after")
+    def _points_apart(self) -> CableModel:
+        gaps = np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1)
+        if len(self.points) < 2 or gaps.min() == 0.0:
+            raise ValueError("points: give two or more, each at another place than the one before")
+        if self.stiffness is not None and self.command == "tension":
+            raise ValueError("stiffness belongs to command: length or shortening; leave it out for a tension")
+        return self
+
+
+class ChamberModel(DriveModel):
+    """A closed surface inside the body filled with a fluid."""
+
+    cavity: Annotated[int, _CAVITY] | None = None
+    near: Point3 | None = None
+    where: WhereModel | None = Field(None, description="its faces: those of which all four vertices lie there")
+    command: Literal["pressure", "volume"] = "pressure"
+
+    @model_validator(mode="after")
+    def _one_place(self) -> ChamberModel:
+        if sum(place is not None for place in (self.cavity, self.near, self.where)) > 1:
+            raise ValueError("give one of cavity, near, where, or none of them if the body has one cavity")
+        return self
+
+
+class GrowthModel(DriveModel):
+    """Cells that want another size."""
+
+    stretch: Annotated[tuple[float, float, float], _STRETCH]
+    where: WhereModel | None = Field(None, description="the cells; all of them if left out")
+
+
+class ActuatorModel(Choice):
+    """Exactly one kind of actuator."""
+
+    cable: CableModel | None = None
+    chamber: ChamberModel | None = None
+    growth: GrowthModel | None = None
+
+    @property
+    def mode(self) -> Mode:
+        """What its command means."""
+        kind, value = self.chosen
+        return Mode.GROWTH if kind == "growth" else Mode(value.command)
+
+
+class PointLoadModel(Entry):
+    """A force at a point of the body."""
+
+    at: Point3
+    force: Annotated[tuple[float, float, float], _FORCE]
+
+
+class SurfaceLoadModel(Entry):
+    """A traction on faces, or a force spread evenly over them."""
+
+    where: WhereModel = Field(description="the faces: those of which all four vertices lie there, e.g. {face: x+}")
+    traction: Annotated[tuple[float, float, float], _TRACTION] | None = None
+    force: Annotated[tuple[float, float, float], _FORCE] | None = None
+
+    @model_validator(mode="after")
+    def _one_size(self) -> SurfaceLoadModel:
+        if (self.traction is None) == (self.force is None):
+            raise ValueError("give either traction [Pa] or force [N]")
+        return self
+
+
+class LoadModel(Choice):
+    """Exactly one kind of dead load."""
+
+    gravity: Annotated[tuple[float, float, float], _ACCELERATION] | None = None
+    point: PointLoadModel | None = None
+    surface: SurfaceLoadModel | None = None

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a scene file's sound parts to meshes, materials and handles, checking what depends on each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators import Actuator, Load
+from gdfe_ros.constraints import Handle
+from gdfe_ros.errors import MeshError
+from gdfe_ros.materials import Material
+from gdfe_ros.mesh import HexMesh, check_mesh, select_cells, select_vertices
+from gdfe_ros.mesh.quality import list_ids
+from gdfe_ros.mesh.selection import Where
+from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.program import Point, Program
+from gdfe_ros.scene.report import NO_VALUE, Report, suggest
+from gdfe_ros.scene.schema import Draft, HandleModel, KeyframeModel, PointModel, ProgramModel
+from gdfe_ros.scene.where_schema import WhereModel
+
+
+def build_mesh(draft: Draft, report: Report) -> tuple[HexMesh | None, NDArray[np.int32]]:
+    """Return the mesh and the part of each of its vertices, or None and [] if it has defects."""
+    none = np.zeros(0, dtype=np.int32)
+    if draft.mesh is None:
+        return None, none
+    try:
+        mesh = draft.mesh.build()
+    except MeshError as error:
+        for defect in error.defects:
+            report.add(draft.mesh.place, defect)
+        return None, none
+    quality = check_mesh(mesh)
+    for defect in quality.defects:
+        report.add(draft.mesh.place, defect)
+    return (None, none) if quality.defects else (mesh, quality.vertex_part)
+
+
+def build_materials(draft: Draft, report: Report) -> dict[str, Material]:
+    """Return the materials that can be made, by name."""
+    materials = {}
+    for name, model in draft.materials.items():
+        try:
+            materials[name] = model.build()
+        except ValueError as error:
+            report.add(("materials", name), str(error))
+    return materials
+
+
+def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], report: Report) -> NDArray[np.int32]:
+    """Return the index into `names` of each cell's material; -1 where defects leave it open."""
+    assigned = np.full(mesh.n_cells if mesh else 0, -1, dtype=np.int32)
+    complete = mesh is not None and len(draft.regions) > 0 and None not in draft.regions
+    for i, region in enumerate(draft.regions):
+        if region is None:
+            continue
+        known = region.material in names
+        if not known:
+            text = f"there is no such material{suggest(region.material, names)}"
+            report.add(("regions", i, "material"), text)
+        cells = None
+        if mesh is not None:
+            cells = select(select_cells, mesh, region.where, ("regions", i, "where"), "cell", report)
+        if known and cells is not None:
+            assigned[cells] = names.index(region.material)
+        else:
+            complete = False
+    bare = np.flatnonzero(assigned < 0)
+    if complete and len(bare):
+        remedy = "begin with a region without `where`"
+        text = f"{len(bare)} cells have no material: {list_ids(bare)}; remedy: {remedy}"
+        report.add(("regions",), text, value=NO_VALUE)
+    return assigned
+
+
+def build_handles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Handle, ...]:
+    """Return the handles whose vertices can be found; no vertex may be in two of them."""
+    handles = []
+    for name, model in draft.handles.items() if mesh is not None else ():
+        vertices = select(select_vertices, mesh, model.where, ("handles", name, "where"), "vertex", report)
+        if vertices is not None:
+            handles.append(Handle(name, vertices, fixed=model.fixed, free=model.axes, turning=model.turning))
+    for first, second in combinations(handles, 2):
+        shared = np.intersect1d(first.vertices, second.vertices)
+        if len(shared):
+            report.add(
+                ("handles", second.name, "where"),
+                f"handles {first.name!r} and {second.name!r} both hold vertices {list_ids(shared)}; "
+                "remedy: make one of the two smaller",
+            )
+    return tuple(handles)
+
+
+def require_held(mesh: HexMesh, part: NDArray[np.int32], handles: tuple[Handle, ...], report: Report) -> None:
+    """Note each piece of the body that nothing holds along an axis: its place would be undetermined."""
+    for axis, letter in enumerate("xyz"):
+        pieces_of = {handle.name: set(part[handle.vertices].tolist()) for handle in handles}
+        held = set().union(*(pieces_of[handle.name] for handle in handles if axis not in handle.free))
+        sliding = [pieces_of[handle.name] for handle in handles if axis in handle.free]
+        for _ in sliding:
+            held.update(*(pieces for pieces in sliding if pieces & held))
+        for piece in sorted(set(range(int(part.max()) + 1)) - held):
+            vertices = np.flatnonzero(part == piece)
+            whole = "the body" if part.max() == 0 else f"the piece with the vertices {list_ids(vertices)}"
+            remedy = f"add a handle there that is fixed or not free in {letter}"
+            text = f"no handle holds {whole} along {letter}; remedy: {remedy}"
+            report.add(("handles",), text, value=NO_VALUE)
+
+
+def build_program(
+    model: ProgramModel,
+    draft: Draft,
+    names: list[str],
+    report: Report,
+    *,
+    actuators: Sequence[Actuator] = (),
+    loads: Sequence[Load] = (),
+    start: Mapping[str, float] | None = None,
+) -> Program:
+    """Return the program; its handles must exist, be movable, and their times ascend within the duration.
+
+    Args:
+        model: the program of the file.
+        draft: the file's sound parts.
+        names: names of all handles of the file.
+        report: takes the defects.
+        actuators: those of the scene.
+        loads: those of the scene.
+        start: commands at time 0 of what is commanded later only.
+    """
+    for name, frames in model.handles.items():
+        path = ("program", "handles", name)
+        if name not in names:
+            report.add(path, f"there is no such handle{suggest(name, names)}", value=NO_VALUE)
+        elif name in draft.handles:
+            _check_movable(draft.handles[name], frames, path, report)
+        if not frames:
+            report.add(path, "there is no keyframe; give e.g. [{time: 1.0, translation: [0, 0, 0.1]}]")
+        _check_times(frames, model.duration, path, report)
+    ranges = {actuator.name: (actuator.low, actuator.high) for actuator in actuators}
+    driven = _tracks(model.actuators, "actuators", list(draft.actuators), ranges, model.duration, report)
+    factors = _tracks(model.loads, "loads", list(draft.loads), {}, model.duration, report)
+    keyframes = {name: tuple(frame.build() for frame in frames) for name, frames in model.handles.items()}
+    own = {name: (start or {}).get(name, 0.0) for name in (*driven, *factors)}
+    return Program(model.duration, keyframes, driven, factors, own)
+
+
+def _check_times(frames: Sequence[KeyframeModel | PointModel], duration: float, path: KeyPath, report: Report) -> None:
+    for i, frame in enumerate(frames):
+        if frame.time > duration:
+            report.add((*path, i, "time"), f"allowed are times up to the duration, {duration:g} s")
+        if i and frame.time <= frames[i - 1].time:
+            report.add((*path, i, "time"), f"times must ascend; the one before is {frames[i - 1].time:g} s")
+
+
+def _tracks(
+    tracks: Mapping[str, tuple[PointModel, ...]],
+    section: str,
+    names: list[str],
+    ranges: Mapping[str, tuple[float, float]],
+    duration: float,
+    report: Report,
+) -> dict[str, tuple[Point, ...]]:
+    """Return the commands over time of actuators or loads; they must exist and stay in their range."""
+    for name, points in tracks.items():
+        path = ("program", section, name)
+        if name not in names:
+            report.add(path, f"there is no such {section[:-1]}{suggest(name, names)}", value=NO_VALUE)
+        if not points:
+            report.add(path, "there is no keyframe; give e.g. [{time: 1.0, value: 1.0}]")
+        _check_times(points, duration, path, report)
+        low, high = ranges.get(name, (-np.inf, np.inf))
+        for i, point in enumerate(points):
+            if not low <= point.value <= high:
+                report.add((*path, i, "value"), f"allowed by the actuator's range: {low:g} to {high:g}")
+    return {name: tuple(Point(point.time, point.value) for point in points) for name, points in tracks.items()}
+
+
+def _check_movable(handle: HandleModel, frames: tuple[KeyframeModel, ...], path: KeyPath, report: Report) -> None:
+    if handle.fixed:
+        report.add(path, "this handle is fixed; remedy: remove `fixed: true` or this entry", value=NO_VALUE)
+    for i, frame in enumerate(frames):
+        for axis in handle.axes:
+            if frame.translation[axis]:
+                letter = axis.name.lower()
+                text = f"{letter} is free and cannot be commanded; use 0 for {letter}"
+                report.add((*path, i, "translation"), text)
+        for axis in handle.turning:
+            if frame.rotation_deg[axis]:
+                letter = f"r{axis.name.lower()}"
+                text = f"{letter} is free and cannot be commanded; use 0 for {letter}"
+                report.add((*path, i, "rotation_deg"), text)
+
+
+def select(
+    selector: Callable[[HexMesh, Where], NDArray[np.int32]],
+    mesh: HexMesh,
+    where: WhereModel | None,
+    path: KeyPath,
+    noun: str,
+    report: Report,
+) -> NDArray[np.int32] | None:
+    """Return what a `where` selects with one of the functions of `mesh.selection`; all cells without one.
+
+    None, and a note in the report, where the selection is wrong or empty.
+    """
+    if where is None:
+        return np.arange(mesh.n_cells, dtype=np.int32)
+    try:
+        ids = selector(mesh, where.build())
+    except MeshError as error:
+        for defect in error.defects:
+            report.add(path, defect)
+        return None
+    if len(ids):
+        return ids
+    low, high = mesh.bounds
+    extent = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip("xyz", low, high, strict=True))
+    points = "cell centroids" if noun == "cell" else "vertices"
+    given = where.model_dump(exclude_none=True)
+    report.add(path, f"no {noun} is there; the mesh spans {extent} [m] and {points} are tested", value=given)
+    return None

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of a key of the scene file, by its place."""
+
+from __future__ import annotations
+
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, Tag
+from pydantic.fields import FieldInfo
+
+from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.schema import SceneModel
+
+
+def known_keys(location: KeyPath) -> list[str]:
+    """Return the keys allowed in the mapping at a location as pydantic reports it; [] where any is."""
+    model = _walk(location)
+    return list(model.model_fields) if _is_model(model) else []
+
+
+def describe_key(location: KeyPath) -> str:
+    """Say what belongs at a location: its meaning, unit and range, e.g. ``a number: duration [s] > 0``."""
+    model = _walk(location[:-1])
+    field = model.model_fields.get(location[-1]) if _is_model(model) else None
+    if field is None:
+        return "see the scene schema in README.md"
+    quantity = _quantity(field)
+    if quantity is not None:
+        return f"needed is {quantity.allowed}"
+    if field.description:
+        return f"needed: {field.description}"
+    choices = get_args(field.annotation)
+    return f"allowed: {', '.join(map(str, choices))}" if choices else f"needed: {field.annotation.__name__}"
+
+
+def _quantity(field: FieldInfo) -> Quantity | None:
+    return next((item for item in field.metadata if isinstance(item, Quantity)), None)
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _walk(location: KeyPath) -> Any:
+    current: Any = SceneModel
+    for part in location:
+        current = _child(current, part)
+    return _bare(current)
+
+
+def _child(annotation: Any, part: str | int) -> Any:
+    annotation = _bare(annotation)
+    if _is_model(annotation):
+        field = annotation.model_fields.get(part)
+        return field.annotation if field else None
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is dict:
+        return arguments[1]
+    if origin in (tuple, list):
+        return arguments[0]
+    if origin in (Union, UnionType):
+        return next((choice for choice in arguments if _tagged(choice, part)), None)
+    return None
+
+
+def _tagged(annotation: Any, part: str | int) -> bool:
+    return any(isinstance(item, Tag) and item.tag == part for item in getattr(annotation, "__metadata__", ()))
+
+
+def _bare(annotation: Any) -> Any:
+    """Strip Annotated and Optional."""
+    if get_origin(annotation) is Annotated:
+        return _bare(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        choices = [choice for choice in get_args(annotation) if choice is not type(None)]
+        return _bare(choices[0]) if len(choices) == 1 else annotation
+    return annotation

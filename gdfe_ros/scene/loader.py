@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes from files, names and text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from gdfe_ros.errors import SceneError
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.scene import actuation, builder
+from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
+from gdfe_ros.scene.override import apply_override
+from gdfe_ros.scene.report import Report
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.scene.schema import Draft, SceneModel
+from gdfe_ros.share import share_dir
+
+_SUFFIXES = (".yaml", ".yml")
+
+
+def scene_names() -> list[str]:
+    """Return the names of the scenes in ``config/scenes``, sorted."""
+    return sorted(path.stem for path in _scenes_dir().glob("*.yaml"))
+
+
+def load_scene(name_or_path: str | Path, *, overrides: Mapping[str, Any] | None = None) -> Scene:
+    """Load and validate a scene.
+
+    Args:
+        name_or_path: a name in ``config/scenes`` (``bend5``) or the path of a YAML file.
+        overrides: values by dotted key, applied before validation:
+            ``{"materials.soft.poisson": 0.49, "program.handles.tip.1.time": 2.0}``; strings are read as YAML.
+
+    Returns:
+        The scene.
+
+    Raises:
+        SceneError: no such scene, or every defect of the file.
+
+    Example:
+        >>> load_scene("bend5", overrides={"mesh.bar.cells": [25, 2, 2]}).mesh.n_cells
+        100
+    """
+    path = _find(name_or_path)
+    heading = f"scene {path}"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(heading, [f"cannot be read as text: {error}; a scene is a YAML file"]) from error
+    return _scene(text, heading, path, overrides)
+
+
+def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str, Any] | None = None) -> Scene:
+    """Make a scene from YAML text, e.g. from `Scene.source` or a bag.
+
+    Args:
+        text: the YAML text; it may not refer to other files by relative paths.
+        origin: what to call it in errors.
+        overrides: as for `load_scene`.
+
+    Raises:
+        SceneError: every defect of the text.
+    """
+    return _scene(text, f"scene {origin}", None, overrides)
+
+
+def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
+    document = parse_document(text, heading=heading)
+    report = Report(heading, document)
+    for key, value in (overrides or {}).items():
+        apply_override(document, key, value, report)
+    draft = _validate(document, report, path.parent if path else None)
+    mesh, part = builder.build_mesh(draft, report)
+    materials = builder.build_materials(draft, report)
+    cell_material = builder.assign_materials(draft, mesh, _names(document, "materials"), report)
+    handles = builder.build_handles(draft, mesh, report)
+    if mesh is not None and len(handles) == len(_names(document, "handles")):
+        builder.require_held(mesh, part, handles, report)
+    actuators = actuation.build_actuators(draft, mesh, report)
+    loads = actuation.build_loads(draft, mesh, materials, cell_material, report)
+    probes = actuation.build_probes(draft, mesh, report)
+    program = None
+    if draft.program is not None:
+        start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
+        driven = {"actuators": actuators, "loads": loads, "start": start}
+        program = builder.build_program(draft.program, draft, _names(document, "handles"), report, **driven)
+    report.raise_if_any()
+    data = document.data
+    return Scene(
+        name=data["name"],
+        description=data.get("description", ""),
+        mesh=mesh,
+        materials=materials,
+        cell_material=cell_material,
+        handles=handles,
+        program=program,
+        solver=draft.solver.build(),
+        source=_source(text, data, draft, mesh, changed=bool(overrides)),
+        path=path,
+        actuators=actuators,
+        loads=loads,
+        probes=probes,
+    )
+
+
+def _validate(document: Document, report: Report, folder: Path | None) -> Draft:
+    context = {"folder": folder}
+    try:
+        model = SceneModel.model_validate(document.data, context=context)
+    except ValidationError as error:
+        broken = report.add_invalid(error)
+        return Draft.model_validate(_prune(document.data, broken), context=context)
+    return Draft.model_construct(**{name: getattr(model, name) for name in Draft.model_fields})
+
+
+def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
+    """Copy the data without the entries that have defects: the others are checked against each other."""
+    sound = {key: value for key, value in data.items() if key in Draft.model_fields}
+    for path in broken:
+        _drop(sound, path[: _depth(path)])
+    return sound
+
+
+def _depth(path: KeyPath) -> int:
+    if path[0] == "program" and path[1:2] in (("handles",), ("actuators",), ("loads",)):
+        return 3
+    return 2 if path[0] in ("materials", "regions", "handles", "actuators", "loads", "probes") else 1
+
+
+def _drop(container: Any, path: KeyPath) -> None:
+    *parents, last = path
+    for part in parents:
+        if isinstance(container, dict) and part not in container:
+            return
+        container[part] = copy(container[part])
+        container = container[part]
+    if isinstance(container, list):
+        container[last] = None
+    else:
+        container.pop(last, None)
+
+
+def _names(document: Document, section: str) -> list[str]:
+    entries = document.data.get(section)
+    return [str(name) for name in entries] if isinstance(entries, dict) else []
+
+
+def _source(text: str, data: dict[str, Any], draft: Draft, mesh: HexMesh, *, changed: bool) -> str:
+    """Return text that needs no other file: the text itself, or the data with the files' content put in."""
+    embedded = draft.mesh.embed(mesh)
+    if embedded is not None:
+        data["mesh"] = embedded
+        changed = True
+    for name, material in draft.materials.items():
+        table = getattr(material, "csv", None)
+        if table is not None:
+            entry = data["materials"][name]
+            entry.pop("csv")
+            entry.update(strain=list(table.strain), stress=list(table.stress))
+            changed = True
+    return write_document(data) if changed else text
+
+
+def _scenes_dir() -> Path:
+    return share_dir() / "config" / "scenes"
+
+
+def _find(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path).expanduser()
+    if isinstance(name_or_path, str) and path.suffix not in _SUFFIXES and len(path.parts) == 1:
+        named = _scenes_dir() / f"{name_or_path}.yaml"
+        path = named if named.is_file() else path
+    if path.is_file():
+        return path
+    names = scene_names()
+    close = get_close_matches(path.stem, names, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    kind = "is a directory, not a scene file" if path.is_dir() else "does not exist"
+    raise SceneError(f"scene {name_or_path}", [f"{kind}; {hint}scenes: {', '.join(names)}, or the path of a YAML file"])

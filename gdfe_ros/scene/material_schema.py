@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The entries of `materials` of a scene file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
+
+from gdfe_ros.materials import PRESETS, Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, preset
+from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.paths import resolve_path
+from gdfe_ros.scene.quantity import ANY, Quantity
+from gdfe_ros.scene.table import StressTable, read_stress_table
+
+#: Start of the tags that pydantic puts into the location of an error; they are not keys of the file.
+TAG = "law="
+LAWS = tuple(law.name.lower() for law in Law)
+
+_POISSON = Quantity(
+    "Poisson's ratio",
+    least=0.0,
+    most=0.5,
+    remedy="0.5 is incompressible, rubber is near 0.499",
+)
+_YOUNG = Quantity("Young's modulus", "Pa", above=0.0, below=1e13, remedy="in Pa: 1 MPa is 1.0e6")
+_DENSITY = Quantity("density", "kg/m^3", above=0.0, below=1e6)
+_OMEGA = Quantity("shape factor", above=0.0, most=1.0)
+_MU = Quantity("moduli mu_i", "Pa", count=ANY)
+_ALPHA = Quantity("exponents alpha_i", least=-20.0, most=20.0, count=ANY)
+_COEFFICIENTS = Quantity("coefficients of e, e^2, ...", "Pa", count=ANY)
+_STRAIN = Quantity("engineering strains", least=0.0, most=100.0, count=ANY, ascending=True)
+_STRESS = Quantity("nominal stresses", "Pa", count=ANY)
+_STRAIN_MAX = Quantity("end of the data, engineering strain", above=0.0, most=10.0)
+
+
+def _read_table(value: Any, info: ValidationInfo) -> StressTable:
+    try:
+        return read_stress_table(resolve_path(value, info))
+    except ValueError as error:
+        raise PydanticCustomError("csv", "{text}", {"text": str(error)}) from error
+
+
+class _Common(Entry):
+    model_config = ConfigDict(arbitrary_types_allowed=True)
+    poisson: Annotated[float, _POISSON]
+    density: Annotated[float, _DENSITY] | None = None
+    omega: Annotated[float, _OMEGA] | None = None
+
+    @property
+    def common(self) -> dict[str, float | None]:
+        """What every law has."""
+        return {"poisson": self.poisson, "density": self.density, "omega": self.omega}
+
+
+class LinearModel(_Common):
+    """Linear between stress and strain, exact under large rotations."""
+
+    law: Literal["linear"]
+    young: Annotated[float, _YOUNG]
+
+    def build(self) -> Material:
+        """Return the material."""
+        return Linear(young=self.young, **self.common)
+
+
+class NeoHookeanModel(_Common):
+    """W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2."""
+
+    law: Literal["neo_hookean"]
+    young: Annotated[float, _YOUNG]
+
+    def build(self) -> Material:
+        """Return the material."""
+        return NeoHookean(young=self.young, **self.common)
+
+
+class OgdenModel(_Common):
+    """Ogden's law in Abaqus' convention."""
+
+    law: Literal["ogden"]
+    mu: Annotated[tuple[float, ...], _MU]
+    alpha: Annotated[tuple[float, ...], _ALPHA]
+
+    def build(self) -> Material:
+        """Return the material.
+
+        Raises:
+            ValueError: the terms do not make a material.
+        """
+        return Ogden(mu=self.mu, alpha=self.alpha, **self.common)
+
+
+class CurveModel(_Common):
+    """Uniaxial nominal stress against engineering strain: a polynomial, a csv file, or the two columns."""
+
+    law: Literal["curve"]
+    coefficients: Annotated[tuple[float, ...], _COEFFICIENTS] | None = None
+    strain_max: Annotated[float, _STRAIN_MAX] | None = None
+    csv: Annotated[StressTable, BeforeValidator(_read_table)] | None = None
+    strain: Annotated[tuple[float, ...], _STRAIN] | None = None
+    stress: Annotated[tuple[float, ...], _STRESS] | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> CurveModel:
+        given = [name for name in ("coefficients", "csv", "strain") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError("give exactly one of: coefficients, csv, or strain with stress")
+        if (self.strain is None) != (self.stress is None):
+            raise ValueError("strain and stress belong together; give both")
+        if self.strain_max is not None and self.coefficients is None:
+            raise ValueError("strain_max belongs to coefficients; a table ends with its last row")
+        return self
+
+    def build(self) -> Material:
+        """Return the material.
+
+        Raises:
+            ValueError: the data do not make a curve.
+        """
+        if self.coefficients is not None:
+            data = CurveData.polynomial(self.coefficients, strain_max=self.strain_max)
+        elif self.csv is not None:
+            data = CurveData.table(self.csv.strain, self.csv.stress)
+        else:
+            data = CurveData.table(self.strain, self.stress)
+        return Curve(data=data, **self.common)
+
+
+class PresetModel(_Common):
+    """A filament of the paper."""
+
+    preset: Literal[PRESETS]
+    law: Literal["ogden", "curve"] = Field("ogden", description="ogden (Table 1) or curve (the polynomial)")
+
+    def build(self) -> Material:
+        """Return the material."""
+        return preset(self.preset, law=Law[self.law.upper()], **self.common)
+
+
+def _tag(value: Any) -> str | None:
+    if isinstance(value, dict):
+        return TAG + ("preset" if "preset" in value else str(value.get("law")))
+    return None
+
+
+MaterialModel = Annotated[
+    Annotated[LinearModel, Tag(TAG + "linear")]
+    | Annotated[NeoHookeanModel, Tag(TAG + "neo_hookean")]
+    | Annotated[OgdenModel, Tag(TAG + "ogden")]
+    | Annotated[CurveModel, Tag(TAG + "curve")]
+    | Annotated[PresetModel, Tag(TAG + "preset")],
+    Discriminator(_tag),
+]

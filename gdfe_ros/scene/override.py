@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Values that replace those of a scene file, by dotted key."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gdfe_ros.scene.document import Document, parse_value
+from gdfe_ros.scene.report import Report
+
+
+def apply_override(document: Document, key: str, value: Any, report: Report) -> None:
+    """Put a value into the data, making the mappings on the way that are not there yet.
+
+    Args:
+        document: the scene's data, changed in place.
+        key: keys and list indices joined by dots, e.g. ``program.handles.tip.1.translation``.
+        value: the value; a string is read as YAML, a numpy array or tuple becomes a list.
+        report: takes a defect if the key leads nowhere.
+    """
+    parts: list[str | int] = list(key.split("."))
+    try:
+        value = parse_value(value) if isinstance(value, str) else _plain(value)
+    except ValueError as error:
+        report.add(("override", key), str(error), value=value)
+        return
+    current: Any = document.data
+    for i, part in enumerate(parts):
+        last = i == len(parts) - 1
+        if isinstance(current, list):
+            if not (part.isdecimal() and int(part) < len(current)):
+                reached = _join(parts[:i])
+                text = f"{reached} is a list; allowed: an index 0 to {len(current) - 1}"
+                report.add(("override", key), text, value=part)
+                return
+            parts[i] = part = int(part)
+        elif not isinstance(current, dict):
+            report.add(("override", key), f"{_join(parts[:i])} is {current!r} and has no keys")
+            return
+        if last:
+            current[part] = value
+        else:
+            current = current[part] if isinstance(current, list) else current.setdefault(part, {})
+    document.overridden.add(tuple(parts))
+
+
+def _join(parts: list[str | int]) -> str:
+    return ".".join(map(str, parts))
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, dict):
+        return {str(name): _plain(item) for name, item in value.items()}
+    return value

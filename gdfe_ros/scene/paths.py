@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Paths in a scene file start at the folder of that file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, ValidationInfo
+from pydantic_core import PydanticCustomError
+
+
+def resolve_path(value: Any, info: ValidationInfo) -> Path:
+    """Turn a path of the scene file into one that can be opened; the file need not exist.
+
+    Args:
+        value: what stands in the file.
+        info: its `context` holds the `folder` of the scene file, None for a scene given as text.
+
+    Raises:
+        PydanticCustomError: the value is no text, or a relative path without a folder.
+    """
+    folder = (info.context or {}).get("folder")
+    if not isinstance(value, str):
+        raise PydanticCustomError("path", "allowed is the path of a file, from the folder of the scene")
+    if folder is None and not Path(value).is_absolute():
+        raise PydanticCustomError("path", "a scene given as text has no folder: give a full path")
+    return Path(folder or "/") / value
+
+
+FilePath = Annotated[Path, BeforeValidator(resolve_path)]

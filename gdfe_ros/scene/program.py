@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A program: the poses of the handles and the commands of actuators and loads over time."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from gdfe_ros.constraints import Pose
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """The pose of a handle at a time [s]."""
+
+    time: float
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class Point:
+    """A command at a time [s], in the unit of the actuator; of a load, its factor."""
+
+    time: float
+    value: float
+
+
+@dataclass(frozen=True)
+class Program:
+    """Keyframes of handles, actuators and loads; between two of them everything changes linearly.
+
+    Before its first keyframe a handle comes from rest: a first keyframe later than time 0 has an implied
+    rest pose at time 0. After its last keyframe a handle stays there. Actuators and loads likewise, from what
+    `start` names.
+
+    Attributes:
+        duration: length of the program [s].
+        keyframes: by handle name, times ascending and within the duration.
+        actuators: by actuator name, times as for handles.
+        loads: by load name, times as for handles.
+        start: command at time 0 of actuators and loads whose first keyframe comes later.
+    """
+
+    duration: float
+    keyframes: Mapping[str, tuple[Keyframe, ...]]
+    actuators: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
+    loads: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Times [s] at which something may change its speed: 0, every keyframe, the duration; ascending."""
+        times = {0.0, self.duration}
+        for tracks in (self.keyframes, self.actuators, self.loads):
+            times.update(frame.time for frames in tracks.values() for frame in frames)
+        return tuple(sorted(times))
+
+    def handle_poses(self, time: float) -> dict[str, Pose]:
+        """Return the pose of every handle of the program at a time [s], clamped to [0, duration]."""
+        moment = min(max(time, 0.0), self.duration)
+        return {name: _pose_at(frames, moment) for name, frames in self.keyframes.items()}
+
+    def actuator_values(self, time: float) -> dict[str, float]:
+        """Return the command of every actuator of the program at a time [s], clamped to [0, duration]."""
+        moment = min(max(time, 0.0), self.duration)
+        return {name: _value_at(points, moment, self.start[name]) for name, points in self.actuators.items()}
+
+    def load_factors(self, time: float) -> dict[str, float]:
+        """Return the factor of every load of the program at a time [s], clamped to [0, duration]."""
+        moment = min(max(time, 0.0), self.duration)
+        return {name: _value_at(points, moment, self.start[name]) for name, points in self.loads.items()}
+
+
+def _pose_at(frames: tuple[Keyframe, ...], time: float) -> Pose:
+    if frames[0].time > 0.0:
+        frames = (Keyframe(0.0, Pose()), *frames)
+    last = bisect_right([frame.time for frame in frames], time) - 1
+    if last == len(frames) - 1:
+        return frames[last].pose
+    start, end = frames[last], frames[last + 1]
+    return start.pose.blend(end.pose, (time - start.time) / (end.time - start.time))
+
+
+def _value_at(points: tuple[Point, ...], time: float, before: float) -> float:
+    if points[0].time > 0.0:
+        points = (Point(0.0, before), *points)
+    last = bisect_right([point.time for point in points], time) - 1
+    if last == len(points) - 1:
+        return points[last].value
+    start, end = points[last], points[last + 1]
+    return start.value + (time - start.time) / (end.time - start.time) * (end.value - start.value)

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A number of a scene file: what it means, its unit, its range, and what to do when it is out of range."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+#: Number of components that says "a list of any length".
+ANY = -1
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Annotation of a pydantic field that holds a number or a list of numbers.
+
+    ``Annotated[float, Quantity("Young's modulus", "Pa", above=0)]``
+
+    Attributes:
+        meaning: what the number is.
+        unit: SI unit, "" for none.
+        least: smallest allowed value.
+        most: largest allowed value.
+        above: the value must be larger than this.
+        below: the value must be smaller than this.
+        count: None for one number, n for a list of n numbers, `ANY` for a list of one or more.
+        whole: only whole numbers.
+        ascending: the components must not descend.
+        infinite: infinities are allowed.
+        remedy: advice for a value out of range.
+    """
+
+    meaning: str
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+    above: float | None = None
+    below: float | None = None
+    count: int | None = None
+    whole: bool = False
+    ascending: bool = False
+    infinite: bool = False
+    remedy: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Make pydantic call `check` for this field."""
+        return core_schema.no_info_plain_validator_function(self.check)
+
+    @property
+    def allowed(self) -> str:
+        """The range in words, e.g. ``0 < Young's modulus [Pa] <= 1e+13``."""
+        low, high = self.above if self.above is not None else self.least, self.below
+        high = high if high is not None else self.most
+        name = f"{self.meaning} [{self.unit}]" if self.unit else self.meaning
+        text = name
+        if low is not None and high is not None:
+            text = f"{low:g} {'<' if self.above is not None else '<='} {name}"
+            text += f" {'<' if self.below is not None else '<='} {high:g}"
+        elif low is not None:
+            text = f"{name} {'>' if self.above is not None else '>='} {low:g}"
+        elif high is not None:
+            text = f"{name} {'<' if self.below is not None else '<='} {high:g}"
+        return f"{self._form}: {text}"
+
+    def check(self, value: Any) -> Any:
+        """Return the value as float or int, or as a tuple of them; numbers in strings count as numbers.
+
+        Raises:
+            PydanticCustomError: the value is not of the right kind, not finite or out of range.
+        """
+        if self.count is None:
+            return self._number(value)
+        if not isinstance(value, list | tuple) or not value or len(value) != (self._length(value)):
+            raise self._error()
+        numbers = tuple(self._number(item) for item in value)
+        if self.ascending and any(b < a for a, b in pairwise(numbers)):
+            raise self._error("in ascending order")
+        return numbers
+
+    @property
+    def _form(self) -> str:
+        noun = "whole number" if self.whole else "number"
+        if self.count is None:
+            return f"a {noun}"
+        return f"a list of {noun}s" if self.count == ANY else f"a list of {self.count} {noun}s"
+
+    def _length(self, value: Any) -> int:
+        return len(value) if self.count == ANY else self.count
+
+    def _number(self, value: Any) -> float | int:
+        if isinstance(value, bool):
+            raise self._error()
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            hint = f"write it without a unit, in {self.unit}" if self.unit and isinstance(value, str) else ""
+            raise self._error(hint) from None
+        if not (math.isfinite(number) or (self.infinite and not math.isnan(number))):
+            raise self._error("finite")
+        if self.whole and number != int(number):
+            raise self._error()
+        inside = (
+            (self.least is None or number >= self.least)
+            and (self.most is None or number <= self.most)
+            and (self.above is None or number > self.above)
+            and (self.below is None or number < self.below)
+        )
+        if not inside:
+            raise self._error(self.remedy)
+        return int(number) if self.whole else number
+
+    def _error(self, remedy: str = "") -> PydanticCustomError:
+        text = f"allowed is {self.allowed}" + (f"; {remedy}" if remedy else "")
+        return PydanticCustomError("quantity", "{text}", {"text": text})

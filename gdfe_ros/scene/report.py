@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The defects of a scene file: key path, value, line, what is allowed and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import ValidationError
+
+from gdfe_ros.errors import SceneError
+from gdfe_ros.scene.document import Document, KeyPath
+from gdfe_ros.scene.keys import describe_key, known_keys
+from gdfe_ros.scene.material_schema import LAWS, TAG
+
+#: Says that a defect has no value worth showing.
+NO_VALUE = object()
+_LONGEST_VALUE = 60
+
+
+class Report:
+    """Collects defects and raises them together.
+
+    Args:
+        heading: what is examined, e.g. ``scene config/scenes/bend5.yaml``.
+        document: the parsed file, for values and lines.
+    """
+
+    def __init__(self, heading: str, document: Document) -> None:
+        self.heading = heading
+        self._document = document
+        self._found: list[tuple[int, str]] = []
+        for path in document.duplicates:
+            self.add(path, "this key is given twice; remove one of the two", value=NO_VALUE)
+
+    def add(self, path: KeyPath, text: str, *, value: Any = None) -> None:
+        """Note a defect.
+
+        Args:
+            path: keys and indices from the top level.
+            text: what is allowed and what to do.
+            value: shown if given, otherwise looked up in the file when it is a plain value there;
+                `NO_VALUE` shows none.
+        """
+        line = self._document.line(path)
+        shown = self._lookup(path) if value is None else value
+        key = ".".join(map(str, path)) or "scene"
+        given = "" if shown is NO_VALUE else f" = {_short(shown)}"
+        where = f" (line {line})" if line else ""
+        if self._document.is_overridden(path):
+            where = " (override)"
+        self._found.append((line or 0, f"{key}{given}{where}: {text}"))
+
+    def add_invalid(self, error: ValidationError) -> list[KeyPath]:
+        """Note every defect that pydantic found.
+
+        Returns:
+            Their key paths.
+        """
+        items = [(_keys_of(item["loc"]), item) for item in error.errors(include_url=False)]
+        misspelt = {
+            (*path[:-1], *closest(path[-1], known_keys(item["loc"][:-1])))
+            for path, item in items
+            if item["type"] == "extra_forbidden"
+        }
+        for path, item in items:
+            if not (item["type"] == "missing" and path in misspelt):
+                self._add_item(item["type"], item["loc"], path, item.get("ctx", {}), item["msg"])
+        return [path for path, _ in items]
+
+    def raise_if_any(self) -> None:
+        """Raise SceneError with every defect, in the order of the file."""
+        if self._found:
+            found = sorted(enumerate(self._found), key=lambda entry: (entry[1][0], entry[0]))
+            raise SceneError(self.heading, [text for _, (_, text) in found])
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def _add_item(self, kind: str, location: KeyPath, path: KeyPath, context: dict[str, Any], message: str) -> None:
+        if kind == "missing":
+            self.add(path, f"is missing; {describe_key(location)}", value=NO_VALUE)
+        elif kind == "extra_forbidden":
+            self.add(path, f"unknown key{suggest(path[-1], known_keys(location[:-1]))}", value=NO_VALUE)
+        elif kind in ("union_tag_invalid", "union_tag_not_found"):
+            self._add_law(path)
+        elif location and location[-1] == "[key]":
+            self.add(path, "allowed names: letters, digits and _, starting with a letter", value=NO_VALUE)
+        elif kind in ("literal_error", "enum"):
+            allowed = context["expected"].replace(" or ", ", ").replace("'", "").split(", ")
+            self.add(path, f"not known{suggest(self._lookup(path), allowed)}")
+        elif kind in ("quantity", "csv", "path"):
+            self.add(path, message)
+        else:
+            self.add(path, _plain(kind, message, location))
+
+    def _add_law(self, path: KeyPath) -> None:
+        entry = self._lookup(path, plain=False)
+        if not isinstance(entry, dict):
+            self.add(path, "must be a mapping, e.g. {law: linear, young: 1.0e5, poisson: 0.45}")
+        elif "law" in entry:
+            self.add((*path, "law"), f"unknown law{suggest(entry['law'], LAWS)}")
+        else:
+            self.add((*path, "law"), f"is missing; allowed: {', '.join(LAWS)}, or a preset", value=NO_VALUE)
+
+    def _lookup(self, path: KeyPath, *, plain: bool = True) -> Any:
+        value: Any = self._document.data
+        for part in path:
+            in_list = isinstance(value, list) and isinstance(part, int) and part < len(value)
+            if not in_list and not (isinstance(value, dict) and part in value):
+                return NO_VALUE
+            value = value[part]
+        return NO_VALUE if plain and isinstance(value, dict) else value
+
+
+def suggest(given: Any, allowed: Iterable[str]) -> str:
+    """Return ``; did you mean 'x'? allowed: ...`` for a word that is not among the allowed ones."""
+    words = [str(word) for word in allowed]
+    close = closest(str(given), words)
+    hint = f"; did you mean {close[0]!r}?" if close else ";"
+    return f"{hint} allowed: {', '.join(words) or 'none'}"
+
+
+def closest(given: str, allowed: Iterable[str]) -> list[str]:
+    """Return the word most like the given one in a list, or an empty list if none is."""
+    return get_close_matches(given, list(allowed), n=1, cutoff=0.5)
+
+
+def _keys_of(location: KeyPath) -> KeyPath:
+    """Strip what pydantic adds to the keys and indices of the file."""
+    return tuple(part for part in location if part != "[key]" and not str(part).startswith(TAG))
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."
+
+
+def _plain(kind: str, message: str, location: KeyPath) -> str:
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        keys = known_keys(location)
+        return "must be a mapping (key: value)" + (f" with {', '.join(keys)}" if keys else "")
+    if kind in ("tuple_type", "list_type"):
+        return f"must be a list; {describe_key(location)}"
+    if kind == "too_short":
+        return f"must not be empty; {describe_key(location)}"
+    if kind in ("string_type", "string_too_short"):
+        return "must be text; put it in quotes"
+    if kind in ("bool_type", "bool_parsing"):
+        return "allowed: true, false"
+    return message.removeprefix("Value error, ")

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A validated scene: everything that a simulation needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators import Actuator, Embedding, Load
+from gdfe_ros.constraints import Handle
+from gdfe_ros.materials import Material
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.scene.program import Program
+from gdfe_ros.solver.settings import SolverSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A body, its materials, what holds and moves it, and how to solve it. SI units.
+
+    Attributes:
+        name: short name.
+        description: one sentence for people.
+        mesh: the body.
+        materials: by name, in the order of the file.
+        cell_material: index into `materials` of each cell, shape (m,), int32.
+        handles: in the order of the file.
+        program: what `gdfe solve` plays; None if the scene has none.
+        solver: settings.
+        source: YAML text that rebuilds this very scene without any other file, overrides included.
+        path: file that it came from; None for text.
+        actuators: cables, chambers and growths, in the order of the file.
+        loads: dead loads, in the order of the file.
+        probes: material points by name, in the order of the file.
+    """
+
+    name: str
+    description: str
+    mesh: HexMesh
+    materials: Mapping[str, Material]
+    cell_material: NDArray[np.int32]
+    handles: tuple[Handle, ...]
+    program: Program | None
+    solver: SolverSettings
+    source: str
+    path: Path | None = None
+    actuators: tuple[Actuator, ...] = ()
+    loads: tuple[Load, ...] = ()
+    probes: Mapping[str, Embedding] = field(default_factory=dict)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The keys of a scene file: what each means, its unit, range and default."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, Field, StringConstraints, model_validator
+
+from gdfe_ros.constraints import Axis, Pose
+from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Point3
+from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.material_schema import MaterialModel
+from gdfe_ros.scene.mesh_schema import MeshModel
+from gdfe_ros.scene.program import Keyframe
+from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.where_schema import WhereModel
+from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
+
+#: Names become parts of ROS topics and of command lines.
+NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
+Name = Annotated[str, StringConstraints(pattern=NAME.pattern)]
+
+_TIME = Quantity("time", "s", least=0.0, most=1e6)
+_TRANSLATION = Quantity("translation [x, y, z]", "m", least=-1e3, most=1e3, count=3)
+_ROTATION = Quantity("rotation vector [x, y, z]", "degrees", least=-36000, most=36000, count=3)
+_VALUE = Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)
+_DURATION = Quantity("duration", "s", above=0.0, most=1e6)
+_TOLERANCE = Quantity("tolerance, as a share of the body's size", least=1e-12, most=1e-1)
+_STEPS = Quantity("steps", least=1, most=1_000_000, whole=True, remedy="leave it out: the solver chooses")
+_ITERATIONS = Quantity("max_iterations of a step", least=1, most=1_000_000, whole=True)
+
+
+class RegionModel(Entry):
+    """Gives a material to cells; later regions win."""
+
+    material: str = Field(description="name of one of the materials")
+    where: WhereModel | None = Field(None, description="the cells; all of them if left out")
+
+
+class HandleModel(Entry):
+    """A set of vertices held or moved as a rigid plate."""
+
+    where: WhereModel = Field(description="the vertices, e.g. {face: x-}")
+    fixed: bool = Field(False, description="the plate stays at rest")
+    free: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = Field(
+        (),
+        description="x, y, z: axes along which it slides without a force; rx, ry, rz: axes of the world, through the "
+        "plate's centre, about which it turns without a moment",
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> HandleModel:
+        if self.fixed and self.free:
+            raise ValueError("fixed: true and free axes exclude each other; leave one of the two out")
+        return self
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The axes along which it slides, in ascending order."""
+        return tuple(axis for axis in Axis if axis.name.lower() in self.free)
+
+    @property
+    def turning(self) -> tuple[Axis, ...]:
+        """The axes about which it turns, in ascending order."""
+        return tuple(axis for axis in Axis if f"r{axis.name.lower()}" in self.free)
+
+
+class KeyframeModel(Entry):
+    """The complete pose of a plate relative to rest at a time; what is left out is zero."""
+
+    time: Annotated[float, _TIME]
+    translation: Annotated[tuple[float, float, float], _TRANSLATION] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
+
+    def build(self) -> Keyframe:
+        """Return the keyframe in SI units."""
+        rotation = tuple(float(angle) for angle in np.radians(self.rotation_deg))
+        return Keyframe(self.time, Pose(self.translation, rotation))
+
+
+class PointModel(Entry):
+    """The command of an actuator, or the factor of a load, at a time."""
+
+    time: Annotated[float, _TIME]
+    value: Annotated[float, _VALUE]
+
+
+class ProgramModel(Entry):
+    """What `gdfe solve` plays."""
+
+    duration: Annotated[float, _DURATION]
+    handles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving handle")
+    actuators: dict[str, tuple[PointModel, ...]] = Field({}, description="commands {time, value} of each actuator")
+    loads: dict[str, tuple[PointModel, ...]] = Field({}, description="factors {time, value} of each load")
+
+
+class SolverModel(Entry):
+    """Choices about the solver."""
+
+    policy: Policy = SolverSettings.policy
+    tolerance: Annotated[float, _TOLERANCE] = SolverSettings.tolerance
+    steps: Annotated[int, _STEPS] | None = SolverSettings.steps
+    max_iterations: Annotated[int, _ITERATIONS] = SolverSettings.max_iterations
+    skip: tuple[Skip, ...] = Field(SolverSettings.skip, description="work to leave out where it is not needed")
+
+    def build(self) -> SolverSettings:
+        """Return the settings."""
+        return SolverSettings(**dict(self))
+
+
+class SceneModel(Entry):
+    """A scene file."""
+
+    name: Annotated[str, StringConstraints(min_length=1)] = Field(description="a short name")
+    description: str = Field("", description="a sentence for people")
+    mesh: MeshModel = Field(description="the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}")
+    materials: dict[Name, MaterialModel] = Field(
+        description="materials by name, e.g. soft: {law: linear, young: 1.0e5, poisson: 0.45}", min_length=1
+    )
+    regions: tuple[RegionModel, ...] = Field(description="a list of {material, where}, later ones win", min_length=1)
+    handles: dict[Name, HandleModel] = Field(description="plates by name, as base: {where: {face: x-}, fixed: true}")
+    actuators: dict[Name, ActuatorModel] = Field(
+        {}, description="by name, as tendon: {cable: {points: [...], command: tension}}"
+    )
+    loads: dict[Name, LoadModel] = Field({}, description="by name, as weight: {gravity: [0, 0, -9.81]}")
+    probes: dict[Name, Point3] = Field({}, description="material points by name, as tip: [0.1, 0, 0]")
+    program: ProgramModel | None = None
+    solver: SolverModel = SolverModel()
+
+
+class Draft(BaseModel):
+    """What is sound in a scene file with defects: a subset of `SceneModel`, so that the rest is checked."""
+
+    mesh: MeshModel | None = None
+    materials: dict[str, MaterialModel] = {}
+    regions: tuple[RegionModel | None, ...] = ()
+    handles: dict[str, HandleModel] = {}
+    actuators: dict[str, ActuatorModel] = {}
+    loads: dict[str, LoadModel] = {}
+    probes: dict[str, Point3] = {}
+    program: ProgramModel | None = None
+    solver: SolverModel = SolverModel()

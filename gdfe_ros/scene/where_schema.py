@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The key `where` of a scene file: which vertices or cells are meant."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from gdfe_ros.mesh.selection import Box, Cells, Face, NamedSet, Side, Sphere, Vertices, Where
+from gdfe_ros.scene.entry import Choice, Entry
+from gdfe_ros.scene.quantity import ANY, Quantity
+
+_INTERVAL = Quantity("interval [low, high]", "m", count=2, ascending=True, infinite=True)
+_CENTER = Quantity("center [x, y, z]", "m", count=3)
+_RADIUS = Quantity("radius", "m", above=0.0)
+_IDS = Quantity("ids", least=0, most=2**31 - 1, count=ANY, whole=True)
+
+_Interval = Annotated[tuple[float, float], _INTERVAL]
+
+
+class BoxModel(Entry):
+    """Closed intervals; an axis left out is open."""
+
+    x: _Interval | None = None
+    y: _Interval | None = None
+    z: _Interval | None = None
+
+    @model_validator(mode="after")
+    def _some_axis(self) -> BoxModel:
+        if self.x is self.y is self.z is None:
+            raise ValueError("give at least one axis, e.g. box: {x: [0.0, 0.1]}")
+        return self
+
+
+class SphereModel(Entry):
+    """A ball."""
+
+    center: Annotated[tuple[float, float, float], _CENTER]
+    radius: Annotated[float, _RADIUS]
+
+
+class WhereModel(Choice):
+    """Exactly one way to select."""
+
+    face: Literal["x-", "x+", "y-", "y+", "z-", "z+"] | None = None
+    box: BoxModel | None = None
+    sphere: SphereModel | None = None
+    vertices: Annotated[tuple[int, ...], _IDS] | None = None
+    cells: Annotated[tuple[int, ...], _IDS] | None = None
+    set: str | None = Field(None, description="name of a set in the mesh file")
+
+    def build(self) -> Where:
+        """Return the selection."""
+        if self.face is not None:
+            return Face(Side(self.face))
+        if self.box is not None:
+            return Box(self.box.x, self.box.y, self.box.z)
+        if self.sphere is not None:
+            return Sphere(self.sphere.center, self.sphere.radius)
+        if self.vertices is not None:
+            return Vertices(self.vertices)
+        return NamedSet(self.set) if self.set is not None else Cells(self.cells)

@@ -1,0 +1,299 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene that can be stepped: commands in, results out. The only door to the solver."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gdfe_ros.actuators import ActuatorState, Growth
+from gdfe_ros.command import Command, Orders
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import CommandError, SceneError
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.quality import list_ids
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.scene.solvable import refuse_contrast
+from gdfe_ros.solver.actuation import LOAD_FACTOR, Actuation
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.engine import Engine
+from gdfe_ros.solver.fields import ElementFields
+from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.solver.shape_factor import calibration_remarks
+
+FAR_AWAY = 10.0
+"""Body lengths from the world's origin beyond which the solver counts from the body's centre."""
+WARM_UP = 1e-3
+"""Of the body's size: how far plates are moved to have every kernel compiled."""
+RELATIVE_STEPS = 20
+"""Load steps of a program under the ``relative`` policy where the user names none."""
+
+
+class Simulation:
+    """A scene and its state.
+
+    Args:
+        scene: what to simulate.
+        settings: instead of the scene's own.
+
+    Example:
+        >>> from gdfe_ros import Command, Pose, Simulation, load_scene
+        >>> simulation = Simulation(load_scene("bend5"))
+        >>> result = simulation.step(Command(handles={"tip": Pose(translation=(0.0, 0.0, 0.1))}))
+        >>> result.converged
+        True
+    """
+
+    def __init__(self, scene: Scene, *, settings: SolverSettings | None = None) -> None:
+        self.scene = scene
+        self.settings = settings or scene.solver
+        self._orders = Orders(scene)
+        self._origin = _working_origin(scene.mesh)
+        body = Body.build(
+            scene.mesh.vertices - self._origin,
+            scene.mesh.cells,
+            tuple(scene.materials.values()),
+            scene.cell_material,
+            scene.handles,
+        )
+        self._refuse_forces()
+        refuse_contrast(scene)
+        self._engine = Engine(body, self.settings, Actuation(body, scene.actuators, scene.loads))
+        self.reset()
+
+    @property
+    def mesh(self) -> HexMesh:
+        """The rest mesh."""
+        return self.scene.mesh
+
+    @property
+    def policy(self) -> Policy:
+        """The policy in force."""
+        return self.settings.policy
+
+    @property
+    def handle_names(self) -> tuple[str, ...]:
+        """Names of the handles, in the scene's order."""
+        return tuple(handle.name for handle in self.scene.handles)
+
+    @property
+    def actuator_names(self) -> tuple[str, ...]:
+        """Names of the actuators, in the scene's order."""
+        return tuple(actuator.name for actuator in self.scene.actuators)
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Current vertices (n, 3) float64 [m]; not to be modified."""
+        return self._engine.positions + self._origin if self._origin.any() else self._engine.positions
+
+    def reset(self) -> None:
+        """Go back to rest at time 0."""
+        self._engine.reset()
+        self.time = 0.0
+        self.targets = {handle.name: Pose() for handle in self.scene.handles}
+        self.commands = dict(self._engine.actuation.neutral)
+        self.commands.update({load.name: LOAD_FACTOR for load in self.scene.loads})
+        self.result: StepResult | None = None
+
+    def warm_up(self) -> None:
+        """Have every kernel compiled or loaded from its cache, so that the first step takes no longer; resets."""
+        shift = Pose(translation=(0.0, 0.0, WARM_UP * self.mesh.size))
+        self.step(Command(handles={handle.name: shift for handle in self.scene.handles if not handle.fixed}))
+        self.fields()
+        self.reset()
+
+    def step(
+        self,
+        command: Command | None = None,
+        *,
+        dt: float = 0.0,
+        deadline: float | None = None,
+        cut_after: int | None = None,
+    ) -> StepResult:
+        """Find the equilibrium for a command and advance time by ``dt`` [s].
+
+        Args:
+            command: new targets; None keeps the old ones.
+            dt: simulation time of the step [s].
+            deadline: wall time [s] after which the best state found so far is returned; later steps go on from it.
+            cut_after: instead of a deadline, end the solve where a recorded one was ended (``StepResult.cut_after``).
+
+        Raises:
+            CommandError: an unknown or fixed handle is commanded, an unknown actuator or load, or a command is out of
+                range; the state is unchanged.
+        """
+        started = time.perf_counter()
+        targets = self._orders.targets(command, self.targets)
+        commands = self._orders.values(command, self.commands)
+        self.time += dt
+        self.targets, self.commands = targets, commands
+        limit = Deadline.of(started, deadline, cut_after)
+        result = self._engine.step(
+            targets,
+            self._orders.within_rates(commands, self._engine.commands, dt),
+            moment=self.time,
+            started=started,
+            deadline=limit,
+        )
+        self.result = result if limit is None else replace(result, cut_after=limit.after)
+        if self._origin.any():
+            self.result = replace(self.result, positions=self.result.positions + self._origin)
+        return self.result
+
+    def remarks(self) -> list[str]:
+        """Say what is doubtful about the scene: unstable materials, contrasts beyond the policy's calibration."""
+        notes = [f"material {key!r}: {text}" for key, item in self.scene.materials.items() for text in item.remarks()]
+        if self.policy is Policy.RELATIVE:
+            used = [item for item in self.scene.materials.values() if item.omega is None]
+            notes += calibration_remarks(np.array([item.young0 for item in used])) if used else []
+        return notes
+
+    def set_positions(self, positions: ArrayLike) -> None:
+        """Start the next step from given vertices, e.g. those of another simulation; commands stay as they are.
+
+        Plates stay where they are commanded, sliding ones keep the offset of their first vertex along free axes.
+        Pressures, the shapes that ``relative`` captures and the motion so far are forgotten. Where the positions turn
+        elements inside out, the next step compares the equilibrium it finds with that found from rest and keeps the
+        one with the lower energy; `StepResult.restarts` and the message tell.
+
+        Args:
+            positions: (n, 3) finite [m].
+
+        Raises:
+            CommandError: the shape is another, or a value is not finite; the state is unchanged.
+        """
+        given = np.ascontiguousarray(positions, dtype=np.float64)
+        expected = self.mesh.vertices.shape
+        if given.shape != expected:
+            raise CommandError(f"positions have the shape {given.shape}; allowed: {expected}, one row for each vertex")
+        wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
+        if len(wrong):
+            raise CommandError(f"positions of vertices {list_ids(wrong)} are not finite; allowed: finite [m]")
+        self._engine.place(given - self._origin)
+
+    def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
+        """Have every iteration of the ``energy`` policy seen: energy [J], size of its terms [J], whether it begins.
+
+        Inside a descent the energy must not rise; a change of pressures or shares begins another one. The ``relative``
+        policy has no energy and calls nothing.
+        """
+        self._engine.equilibrium.observe(observer)
+
+    def play(
+        self, steps: int | None = None, *, progress: Callable[[float], None] | None = None
+    ) -> Iterator[StepResult]:
+        """Play the scene's program from the present time on and yield the result of each step.
+
+        Args:
+            steps: equal load steps; None takes the settings', and where these name none either, one for each
+                keyframe (``energy``) or twenty (``relative``).
+            progress: called with the fraction done after each step.
+
+        Raises:
+            CommandError: the scene has no program.
+        """
+        program = self.scene.program
+        if program is None:
+            raise CommandError(f"scene {self.scene.name!r} has no program to play; add the key 'program'")
+        for moment in self._moments(steps or self.settings.steps):
+            command = Command(
+                program.handle_poses(moment), program.actuator_values(moment), program.load_factors(moment)
+            )
+            yield self.step(command, dt=moment - self.time)
+            if progress is not None:
+                progress(moment / program.duration)
+
+    def fields(self) -> ElementFields:
+        """Evaluate the element fields at the current positions."""
+        return self.later_fields()()
+
+    def later_fields(self) -> Callable[[], ElementFields]:
+        """Return what evaluates the element fields of the present state in any thread, also after further steps."""
+        evaluate, origin = self._engine.later_fields(), self._origin
+
+        def shifted() -> ElementFields:
+            fields = evaluate()
+            return replace(fields, centroids=fields.centroids + origin) if origin.any() else fields
+
+        return shifted
+
+    def handle_pose(self, name: str) -> Pose:
+        """Return where a plate is now: its target, but where it slides or turns, the position or rotation found.
+
+        Raises:
+            CommandError: no such handle.
+        """
+        handle = self._orders.handle(name)
+        if handle.fixed:
+            return Pose()
+        moved = handle.centre(self.positions) - handle.centre(self.mesh.vertices)
+        return Pose(tuple(moved), self._engine.pose(name).rotation)
+
+    def actuator_states(self) -> dict[str, ActuatorState]:
+        """Return command, length or volume, tension or pressure of each actuator at the present equilibrium."""
+        return self._engine.actuation.states(self._engine.positions)
+
+    def probe_positions(self) -> dict[str, NDArray[np.float64]]:
+        """Return where each of the scene's probes is now, (3,) [m]."""
+        return {name: point.at(self.positions)[0] for name, point in self.scene.probes.items()}
+
+    def jacobian(
+        self, probes: Sequence[str] | None = None, actuators: Sequence[str] | None = None
+    ) -> NDArray[np.float64]:
+        """Return d(probe position)/d(command) at the present equilibrium, (probes, 3, actuators).
+
+        Central differences of two equilibria on either side, each solved from the present one to a far smaller
+        tolerance than a step; the state of the simulation does not change. A one-sided difference is taken at the end
+        of a range, and at zero tension, where a cable goes slack.
+
+        Args:
+            probes: names of probes; None takes all, in the scene's order.
+            actuators: names of actuators; None takes all, in the scene's order.
+
+        Raises:
+            CommandError: no such probe or actuator.
+        """
+        from gdfe_ros.solver.sensitivity import central_differences  # needed here only
+
+        probes = list(self.scene.probes) if probes is None else list(probes)
+        for name in probes:
+            if name not in self.scene.probes:
+                raise CommandError(f"no probe {name!r}; probes: {', '.join(self.scene.probes) or 'none'}")
+        names = self.actuator_names if actuators is None else actuators
+        points = [self.scene.probes[name] for name in probes]
+        columns = central_differences(self._engine, points, [self._orders.actuator(name) for name in names])
+        return np.stack(columns, axis=2) if columns else np.zeros((len(probes), 3, 0))
+
+    def _moments(self, steps: int | None) -> list[float]:
+        program = self.scene.program
+        if steps is None and self.policy is Policy.RELATIVE:
+            steps = RELATIVE_STEPS
+        if steps is None:
+            return list(program.times[1:])
+        return list(np.linspace(0.0, program.duration, steps + 1)[1:])
+
+    def _refuse_forces(self) -> None:
+        """Refuse what the ``relative`` policy cannot take: it has no newtons."""
+        if self.policy is Policy.ENERGY:
+            return
+        names = [item.name for item in self.scene.actuators if not isinstance(item, Growth)]
+        names += [load.name for load in self.scene.loads]
+        names += [handle.name for handle in self.scene.handles if handle.turning]
+        if names:
+            text = f"the policy 'relative' has no forces and cannot take {', '.join(names)}"
+            raise SceneError(f"scene {self.scene.name}", [f"{text}; remedy: policy: energy (growth works in both)"])
+
+
+def _working_origin(mesh: HexMesh) -> NDArray[np.float64]:
+    """Return from where the solver counts positions (3,) [m]: the world's origin, or for a body far from it, its own.
+
+    Rounding grows with the distance: 1000 m away, a body of 0.4 m is solved to 1e-7 of its size at best.
+    """
+    centre = mesh.bounds.mean(axis=0)
+    return centre if np.linalg.norm(centre) > FAR_AWAY * mesh.size else np.zeros(3)

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Anderson acceleration of a fixed point (Anderson 1965, type II), restarted where it does not help."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+MEMORY = 6
+GROWTH = 2.0
+
+
+class Anderson:
+    """Proposes the next iterate of x = x + f(x) from the last few pairs (x, f)."""
+
+    def __init__(self) -> None:
+        self._iterates: list[NDArray[np.float64]] = []
+        self._residuals: list[NDArray[np.float64]] = []
+
+    def next(self, x: NDArray[np.float64], f: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the next iterate from ``x`` and its residual ``f``, both flat (k,).
+
+        A residual that has grown by more than ``GROWTH`` empties the history, so that a plain step follows.
+        """
+        if self._residuals and np.linalg.norm(f) > GROWTH * np.linalg.norm(self._residuals[-1]):
+            self._iterates.clear()
+            self._residuals.clear()
+        self._iterates.append(x.copy())
+        self._residuals.append(f.copy())
+        del self._iterates[: -MEMORY - 1], self._residuals[: -MEMORY - 1]
+        if len(self._residuals) == 1:
+            return x + f
+        changes = np.diff(np.array(self._residuals), axis=0)
+        moves = np.diff(np.array(self._iterates), axis=0)
+        # The small normal equations: an SVD of the tall system costs more than the rest of the iteration.
+        weights = np.linalg.lstsq(changes @ changes.T, changes @ f, rcond=1e-14)[0]
+        return x + f - weights @ (moves + changes)

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Elements in blocks of equal law, eight lanes wide: the layout in which the element kernels vectorise."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.materials.table import MaterialTable
+from gdfe_ros.mesh.operators import ShapeOperators
+
+LANES = 8
+"""Elements of a block; the innermost loops run over them."""
+REFERENCE, AXES, EDGES, VOLUME, GEOMETRY_ROWS = 0, 9, 18, 21, 22
+"""First rows of ``Blocks.geometry``: inverse of dX/dxi (9), edge directions (9), 2 / edge length (3), volume (1)."""
+
+
+class Blocks(NamedTuple):
+    """The elements, sorted by law and shape, in blocks; the last block of a kind is filled up by repetition.
+
+    Attributes:
+        element: (b, LANES) int32 element of each lane.
+        used: (b,) int32 lanes that count; the rest repeat the first.
+        law: (b,) int32 law of the block's elements.
+        parallel: (b,) bool, all its elements are parallelepipeds.
+        geometry: (b * GEOMETRY_ROWS * LANES,) float64, rows as named above, lane by lane.
+    """
+
+    element: NDArray[np.int32]
+    used: NDArray[np.int32]
+    law: NDArray[np.int32]
+    parallel: NDArray[np.bool_]
+    geometry: NDArray[np.float64]
+
+
+def make_blocks(
+    shape: ShapeOperators, material: NDArray[np.int32], table: MaterialTable, elements: NDArray[np.int32]
+) -> Blocks:
+    """Sort ``elements`` into blocks, in their own order within a kind."""
+    kind = (2 * table.law[material] + shape.parallel)[elements]
+    rows, used = [], []
+    for value in np.unique(kind):
+        members = elements[kind == value]
+        for start in range(0, len(members), LANES):
+            lanes = members[start : start + LANES]
+            used.append(len(lanes))
+            rows.append(np.concatenate([lanes, np.full(LANES - len(lanes), lanes[0], np.int32)]))
+    element = np.array(rows, dtype=np.int32).reshape(-1, LANES)
+    return Blocks(
+        element,
+        np.array(used, dtype=np.int32),
+        table.law[material[element[:, 0]]],
+        shape.parallel[element[:, 0]],
+        block_geometry(shape, element),
+    )
+
+
+def block_geometry(shape: ShapeOperators, element: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the rows of ``Blocks.geometry`` of elements (b, LANES)."""
+    geometry = np.concatenate(
+        [
+            shape.reference.reshape(-1, 9),
+            shape.edge_axes.reshape(-1, 9),
+            2.0 / shape.edge_lengths,
+            shape.volume[:, None],
+        ],
+        axis=1,
+    )
+    return np.ascontiguousarray(geometry[element].transpose(0, 2, 1)).ravel()

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The discretised body: everything about a scene that stays constant while it is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Handle
+from gdfe_ros.materials.material import Material
+from gdfe_ros.materials.table import MaterialTable, pack
+from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
+from gdfe_ros.solver.blocks import Blocks, make_blocks
+from gdfe_ros.solver.unknowns import Unknowns, number_unknowns
+
+
+@dataclass(frozen=True)
+class Body:
+    """Rest shape, operators, packed materials and the numbering of the unknowns.
+
+    Attributes:
+        rest: (n, 3) float64 rest vertices [m].
+        shape: operators of the elements.
+        blocks: the elements as the kernels take them.
+        materials: in the order of their index.
+        material: (m,) int32 material of each element.
+        table: the materials packed for the kernels.
+        handles: the plates.
+        unknowns: what is free.
+        size: diagonal of the rest bounding box [m].
+    """
+
+    rest: NDArray[np.float64]
+    shape: ShapeOperators
+    blocks: Blocks
+    materials: tuple[Material, ...]
+    material: NDArray[np.int32]
+    table: MaterialTable
+    handles: tuple[Handle, ...]
+    unknowns: Unknowns
+    size: float
+
+    @classmethod
+    def build(
+        cls,
+        rest: NDArray[np.float64],
+        cells: NDArray[np.int32],
+        materials: Sequence[Material],
+        material: NDArray[np.int32],
+        handles: Sequence[Handle],
+    ) -> Body:
+        """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8)."""
+        material = np.ascontiguousarray(material, dtype=np.int32)
+        shape, table = shape_operators(rest, cells), pack(materials)
+        return cls(
+            rest,
+            shape,
+            make_blocks(shape, material, table, np.arange(len(material), dtype=np.int32)),
+            tuple(materials),
+            material,
+            table,
+            tuple(handles),
+            number_unknowns(len(rest), cells, handles),
+            float(np.linalg.norm(np.ptp(rest, axis=0))),
+        )
+
+    @property
+    def cells(self) -> NDArray[np.int32]:
+        """Corner vertices (m, 8) of the elements."""
+        return self.shape.cells

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled hourglass energy of one element: assumed strains per mode type, in the element's current edge directions.
+
+The four vectors q_k = sum_b gamma_kb x_b are what the mean gradient does not see. Projected on the current directions
+e_i = F d_i / |F d_i| of the three edges, mode k < 3 (which lacks axis k) with i != k is bending: a normal strain
+2 a / h_i along i that varies linearly over the third axis; i = k is torsion: shear strains; mode 3 varies trilinearly.
+In bending, parasitic shear and thickness strains are left out (enhanced assumed strain: Belytschko and Bindeman 1993,
+Puso 2000). The moduli are those at rest times the element's share, which a descent does not change.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import inlined
+from gdfe_ros.materials.tensor import dot, scaled, times
+
+AMPLITUDE = 8.0**-0.5
+"""Corner amplitude of a mode of unit projection on its unit hourglass vector."""
+COUPLING = 1.0 - 6.0 * 0.14057702
+"""Coupling of the three shear strains: with it one element twists as Saint-Venant's square bar (J = 0.14057702 h^4,
+where uncoupled strains give h^4 / 6), and one layer of elements still as Kirchhoff's plate."""
+LEAST_EDGE = 1e-3
+"""|F d_i| is rounded off below this stretch, so that a collapsed edge keeps a finite direction."""
+
+
+@inlined
+def hourglass(f, q, axes, rates, young, shear, poisson):
+    """Return energy [J], forces dE/dq (4 x 3) [N] and dE/dF (9) [N m] of the hourglass vectors q (4 x 3) [m] at F.
+
+    ``axes`` are the rest directions of the edges (9), ``rates`` two over their lengths (3) [1/m]; ``young`` and
+    ``shear`` are moduli [Pa] times the element's volume.
+    """
+    d0, l0 = edge_direction(f, (axes[0], axes[1], axes[2]))
+    d1, l1 = edge_direction(f, (axes[3], axes[4], axes[5]))
+    d2, l2 = edge_direction(f, (axes[6], axes[7], axes[8]))
+    w0, w1, w2 = scaled(rates, AMPLITUDE)
+    energy, t0, t1, t2 = mode_forces(q, d0, d1, d2, w0, w1, w2, young, shear, poisson)
+    h = (
+        combine(t0[0], d0, t1[0], d1, t2[0], d2),
+        combine(t0[1], d0, t1[1], d1, t2[1], d2),
+        combine(t0[2], d0, t1[2], d1, t2[2], d2),
+        combine(t0[3], d0, t1[3], d1, t2[3], d2),
+    )
+    m0, m1, m2 = turning(t0, q, d0, l0), turning(t1, q, d1, l1), turning(t2, q, d2, l2)
+    s = (
+        m0[0] * axes[0] + m1[0] * axes[3] + m2[0] * axes[6],
+        m0[0] * axes[1] + m1[0] * axes[4] + m2[0] * axes[7],
+        m0[0] * axes[2] + m1[0] * axes[5] + m2[0] * axes[8],
+        m0[1] * axes[0] + m1[1] * axes[3] + m2[1] * axes[6],
+        m0[1] * axes[1] + m1[1] * axes[4] + m2[1] * axes[7],
+        m0[1] * axes[2] + m1[1] * axes[5] + m2[1] * axes[8],
+        m0[2] * axes[0] + m1[2] * axes[3] + m2[2] * axes[6],
+        m0[2] * axes[1] + m1[2] * axes[4] + m2[2] * axes[7],
+        m0[2] * axes[2] + m1[2] * axes[5] + m2[2] * axes[8],
+    )
+    return energy, h, s
+
+
+@inlined
+def mode_forces(q, d0, d1, d2, w0, w1, w2, young, shear, poisson):
+    """Return the energy and its derivatives to the projections d_i . q_k, one tuple of four for each edge i.
+
+    ``w_i`` (1/m) turns a projection into a strain along or across edge i.
+    """
+    plane, twist = young / (3.0 * (1.0 - poisson * poisson)), shear / 3.0
+    triple = (young + 2.0 * shear) / 9.0
+    x0, y1, z2 = dot(d0, q[0]), dot(d1, q[1]), dot(d2, q[2])
+    g01, g12, g02 = x0 * w1 + y1 * w0, y1 * w2 + z2 * w1, x0 * w2 + z2 * w0
+    own, total = 1.0 - COUPLING, COUPLING * (g01 + g12 + g02)
+    energy = own * (g01 * g01 + g12 * g12 + g02 * g02) + total * (g01 + g12 + g02)
+    energy *= 0.5 * twist
+    g01, g12, g02 = twist * (own * g01 + total), twist * (own * g12 + total), twist * (own * g02 + total)
+    e01, t01, t10 = bending(dot(d0, q[1]) * w0, dot(d1, q[0]) * w1, plane, poisson)
+    e12, t12, t21 = bending(dot(d1, q[2]) * w1, dot(d2, q[1]) * w2, plane, poisson)
+    e20, t20, t02 = bending(dot(d2, q[0]) * w2, dot(d0, q[2]) * w0, plane, poisson)
+    s0, s1, s2 = dot(d0, q[3]) * w0, dot(d1, q[3]) * w1, dot(d2, q[3]) * w2
+    energy += e01 + e12 + e20 + 0.5 * triple * (s0 * s0 + s1 * s1 + s2 * s2)
+    return (
+        energy,
+        (g01 * w1 + g02 * w2, w0 * t01, w0 * t02, w0 * triple * s0),
+        (w1 * t10, g01 * w0 + g12 * w2, w1 * t12, w1 * triple * s1),
+        (w2 * t20, w2 * t21, g12 * w1 + g02 * w0, w2 * triple * s2),
+    )
+
+
+@inlined
+def bending(a, b, plane, poisson):
+    """Return energy and stresses of two normal strains that vary linearly over the third axis (plane stress)."""
+    stress_a, stress_b = plane * (a + poisson * b), plane * (b + poisson * a)
+    return 0.5 * (a * stress_a + b * stress_b), stress_a, stress_b
+
+
+@inlined
+def edge_direction(f, axis):
+    """Return the current unit direction F d / |F d| of an edge and 1 / |F d|, kept finite."""
+    d = times(f, axis)
+    inverse = 1.0 / math.sqrt(dot(d, d) + LEAST_EDGE * LEAST_EDGE)
+    return scaled(d, inverse), inverse
+
+
+@inlined
+def turning(t, q, d, inverse):
+    """Return dE / d(F d_i): what the projections on direction ``d`` do when the direction turns."""
+    m = (
+        t[0] * q[0][0] + t[1] * q[1][0] + t[2] * q[2][0] + t[3] * q[3][0],
+        t[0] * q[0][1] + t[1] * q[1][1] + t[2] * q[2][1] + t[3] * q[3][1],
+        t[0] * q[0][2] + t[1] * q[1][2] + t[2] * q[2][2] + t[3] * q[3][2],
+    )
+    along = dot(m, d)
+    return (m[0] - along * d[0]) * inverse, (m[1] - along * d[1]) * inverse, (m[2] - along * d[2]) * inverse
+
+
+@inlined
+def combine(a, u, b, v, c, w):
+    """Return a u + b v + c w."""
+    return a * u[0] + b * v[0] + c * w[0], a * u[1] + b * v[1] + c * w[1], a * u[2] + b * v[2] + c * w[2]

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each handle exerts on the body."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.unknowns import vertex_force
+
+
+def handle_reactions(
+    body: Body,
+    positions: NDArray[np.float64],
+    force: NDArray[np.float64],
+    outside: NDArray[np.float64] | None = None,
+) -> dict[str, NDArray[np.float64]]:
+    """Sum the corner forces at each plate.
+
+    Args:
+        body: the discretised body.
+        positions: (n, 3) [m].
+        force: corner forces dE/dx (m, 8, 3) [N] at these positions.
+        outside: dE/dx (n, 3) [N] of what acts from outside; None for nothing.
+
+    Returns:
+        By handle (6,): force [N], then moment [N m] about the mean of the plate's current vertices.
+    """
+    reactions = {}
+    for handle in body.handles:
+        forces = vertex_forces(body, handle.vertices, force)
+        if outside is not None:
+            forces += outside[handle.vertices]
+        reactions[handle.name] = np.empty(6)
+        _sum_wrench(positions, handle.vertices, forces, reactions[handle.name])
+    return reactions
+
+
+def vertex_forces(body: Body, vertices: NDArray[np.int32], force: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the internal force (k, 3) [N] at chosen vertices from corner forces (m, 8, 3)."""
+    total = np.empty((len(vertices), 3))
+    _gather_forces(force, body.unknowns, vertices, total)
+    return total
+
+
+@kernel
+def _gather_forces(force, unknowns, vertices, total):
+    for i in range(len(vertices)):
+        total[i, 0], total[i, 1], total[i, 2] = vertex_force(force, unknowns, vertices[i])
+
+
+@kernel
+def _sum_wrench(x, vertices, forces, wrench):
+    """Write force and moment (6,) about the mean of the vertices' positions."""
+    count = len(vertices)
+    c0, c1, c2 = 0.0, 0.0, 0.0
+    for i in range(count):
+        v = vertices[i]
+        c0, c1, c2 = c0 + x[v, 0] / count, c1 + x[v, 1] / count, c2 + x[v, 2] / count
+    for axis in range(6):
+        wrench[axis] = 0.0
+    for i in range(count):
+        v = vertices[i]
+        f0, f1, f2 = forces[i, 0], forces[i, 1], forces[i, 2]
+        r0, r1, r2 = x[v, 0] - c0, x[v, 1] - c1, x[v, 2] - c2
+        wrench[0] += f0
+        wrench[1] += f1
+        wrench[2] += f2
+        wrench[3] += r1 * f2 - r2 * f1
+        wrench[4] += r2 * f0 - r0 * f2
+        wrench[5] += r0 * f1 - r1 * f0

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What one step of a simulation returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.actuator import ActuatorState
+from gdfe_ros.solver.settings import Policy
+
+
+@dataclass(frozen=True, eq=False)
+class StepResult:
+    """State, quality and cost of one step.
+
+    Attributes:
+        time: simulation time [s].
+        positions: (n, 3) float64 [m].
+        converged: the residual is at most the tolerance and every plate is where it was commanded.
+        iterations: linear solves with the constant matrix.
+        residual: estimated largest distance to the equilibrium over the body's size: the preconditioned step, divided
+            by the factor by which it may fall short.
+        energy: strain energy [J].
+        min_det: least determinant of the mean deformation gradient; not positive where an element is inverted.
+        reactions: by handle (6,) float64: the force [N] and the moment [N m] about the plate's deformed centre that
+            the handle exerts on the body.
+        skipped: work that was not needed, by name.
+        substeps: increments that the step was cut into.
+        wall_time: time spent [s].
+        policy: which policy solved.
+        factorisation: what solves with the constant matrix.
+        message: what is wrong; empty where nothing is.
+        cut_after: how often the solve asked for the time before its deadline had passed; None: it never passed.
+        actuators: by name, command, length or volume, tension or pressure of each actuator.
+        restarts: 1 where the step ended in inverted elements or, from given positions, in another equilibrium, and was
+            made again from rest; the message says why.
+    """
+
+    time: float
+    positions: NDArray[np.float64]
+    converged: bool
+    iterations: int
+    residual: float
+    energy: float
+    min_det: float
+    reactions: dict[str, NDArray[np.float64]]
+    skipped: dict[str, int]
+    substeps: int
+    wall_time: float
+    policy: Policy
+    factorisation: str
+    message: str = ""
+    cut_after: int | None = None
+    actuators: dict[str, ActuatorState] = field(default_factory=dict)
+    restarts: int = 0

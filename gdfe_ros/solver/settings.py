@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a user may choose about the solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Policy(str, Enum):
+    """How an element's shape factor and desired shape follow from its material."""
+
+    ENERGY = "energy"
+    RELATIVE = "relative"
+
+
+class Skip(str, Enum):
+    """Work that is left out where a scene does not need it; the name under which results count it.
+
+    What a scene lacks altogether has no code path at all, and is counted only: ``EIGENVALUES`` and ``ACTUATORS``.
+    """
+
+    SOLVE = "solve"
+    PLATES = "elements inside plates"
+    DORMANT = "dormant elements"
+    SHAPE_FACTORS = "shape factor updates"
+    PRESSURES = "pressure updates"
+    EIGENVALUES = "eigenvalues"
+    ACTUATORS = "actuators"
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """Settings of the equilibrium solver.
+
+    Attributes:
+        policy: ``energy`` (force-consistent shape factors) or ``relative`` (the paper as published).
+        tolerance: estimated largest distance to the equilibrium (from the preconditioned step), over the body's
+            size, at which a step counts as converged; 1e-12 to 1e-1.
+        steps: number of load steps for a program; None lets the solver choose.
+        max_iterations: most iterations of one increment before a step is returned as not converged; a command that
+            is cut into n increments from the start has n times as many.
+        skip: work that is left out where it changes nothing beyond the tolerance; all of it by default.
+
+    Raises:
+        ValueError: a value is out of range.
+    """
+
+    policy: Policy = Policy.ENERGY
+    tolerance: float = 1e-4
+    steps: int | None = None
+    max_iterations: int = 2000
+    skip: tuple[Skip, ...] = tuple(Skip)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "skip", tuple(Skip(item) for item in self.skip))
+        object.__setattr__(self, "policy", Policy(self.policy))
+        if not 1e-12 <= self.tolerance <= 1e-1:
+            raise ValueError(f"tolerance must lie in 1e-12 .. 1e-1, got {self.tolerance!r}")
+        for name in ("steps", "max_iterations"):
+            value = getattr(self, name)
+            if value is not None and not 1 <= value <= 1_000_000:
+                raise ValueError(f"{name} must lie in 1 .. 1000000, got {value!r}")

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""For tests of controllers: the real node in a process of its own, in lockstep, with a controller in the loop.
+
+Example, a test of a controller that holds the tip of a bar at a height:
+
+    import numpy as np
+
+    from gdfe_ros.constraints import Pose
+    from gdfe_ros.simulation import Command
+    from gdfe_ros.testing import Simulator, tracking_error
+
+
+    def controller(state):
+        height = state.positions[:, 2].max() - 0.025
+        push = state.poses["tip"].translation[2] + 0.5 * (0.1 - height)
+        return Command(handles={"tip": Pose((0.0, 0.0, push))})
+
+
+    def test_the_controller_reaches_the_height():
+        with Simulator("bend5") as simulator:
+            states = simulator.run(controller, steps=30)
+        heights = [[0.0, 0.0, state.poses["tip"].translation[2]] for state in states]
+        assert tracking_error(heights[20:], np.array([0.0, 0.0, 0.1])).largest < 1e-3
+
+Every run of such a test is the same to the last bit.
+"""
+
+from gdfe_ros.testing.process import NodeProcess
+from gdfe_ros.testing.simulator import Simulator
+from gdfe_ros.testing.state import State
+from gdfe_ros.testing.tracking import TrackingError, tracking_error
+
+__all__ = ["NodeProcess", "Simulator", "State", "TrackingError", "tracking_error"]

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a node takes of a core while there is nothing to do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gdfe_ros.node.interface import MESH, STRAIN
+from gdfe_ros.testing.bench.client import Client
+from gdfe_ros.testing.bench.meter import read_processor
+from gdfe_ros.testing.process import NodeProcess
+
+_SETTLE = 3.0
+LARGEST_SHARE = 0.01
+"""Of a core that an idle node may take."""
+CASES: Mapping[str, tuple[Mapping[str, Any], bool]] = {
+    "lockstep, waiting for a command": ({"clock": "lockstep"}, False),
+    "wall, settled, heartbeat 1 s": ({"clock": "wall"}, False),
+    "wall, paused": ({"clock": "wall"}, True),
+    "fast, settled, heartbeat 1 s": ({"clock": "fast"}, False),
+    "unconfigured": ({"autostart": False}, False),
+}
+"""Name -> parameters, and whether the node is paused."""
+
+
+@dataclass(frozen=True)
+class Idleness:
+    """A node without commands, with subscribers of ``~/mesh``, ``~/strain`` and ``/diagnostics``.
+
+    Attributes:
+        case: name.
+        seconds: measured.
+        share: processor time of all its threads over wall time [1].
+        meshes: published in this time.
+    """
+
+    case: str
+    seconds: float
+    share: float
+    meshes: int
+
+
+def measure(case: str, *, seconds: float, now: Callable[[], float] = time.monotonic) -> Idleness:
+    """Start a node, have it make ten steps, leave it alone."""
+    parameters, paused = CASES[case]
+    with Client(MESH, STRAIN) as client, NodeProcess(parameters) as node:
+        client.wait(lambda: client.values.get("state"))
+        if parameters.get("autostart", True):
+            client.wait_for_node()
+            for number in range(1, 11):
+                client.command(number)
+            client.wait(lambda: client.counts[MESH.name] and client.values.get("commands taken") == "10")
+        if paused:
+            client.pause()
+        client.poll(_SETTLE)
+        count, first, started = client.counts[MESH.name], read_processor(node.pid), now()
+        client.poll(seconds)
+        spent, elapsed = read_processor(node.pid).since(first).total, now() - started
+        return Idleness(case, seconds, spent / elapsed, client.counts[MESH.name] - count)

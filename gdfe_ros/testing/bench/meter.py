@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Processor time and memory of another process, thread by thread (Linux)."""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Processor time that a process has used so far [s].
+
+    Attributes:
+        threads: by the thread's name; threads of one name are added up.
+    """
+
+    threads: dict[str, float]
+
+    @property
+    def total(self) -> float:
+        """Of all threads [s]."""
+        return sum(self.threads.values())
+
+    def since(self, earlier: Reading) -> Reading:
+        """Give what was used after an earlier reading."""
+        return Reading({name: spent - earlier.threads.get(name, 0.0) for name, spent in self.threads.items()})
+
+
+def read_processor(pid: int) -> Reading:
+    """Read the scheduler's account, which counts in nanoseconds; threads that have ended are not in it."""
+    threads: dict[str, float] = defaultdict(float)
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        name = (task / "comm").read_text(encoding="utf-8").strip()
+        threads[name] += int((task / "schedstat").read_text(encoding="utf-8").split()[0]) * 1e-9
+    return Reading(dict(threads))
+
+
+def read_memory(pid: int) -> int:
+    """Give the resident memory [B]."""
+    pages = Path(f"/proc/{pid}/statm").read_text(encoding="utf-8").split()[1]
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS node beside the process of a ``sim_node``: waits for it and calls its services."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import rclpy
+from lifecycle_msgs.srv import ChangeState
+from rclpy.client import Client as ServiceClient
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.process import make_executor
+from gdfe_ros.testing.discovery import await_discovery
+from gdfe_ros.testing.process import NodeProcess
+
+STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Of subscriptions to what each step publishes; the last step is heard by who comes late."""
+
+
+class Client:
+    """A node in a context of its own, beside the simulation's in its namespace.
+
+    Args:
+        process: of the simulation.
+        name: full name of the simulation's node.
+        label: what this node is called.
+        patience: longest wait for anything [s].
+        context: to make it in; None: a new one.
+
+    Attributes:
+        node: for publishers and subscriptions.
+        executor: spun by every wait.
+    """
+
+    def __init__(
+        self, process: NodeProcess, name: str, label: str, *, patience: float, context: Context | None = None
+    ) -> None:
+        self._process, self._name, self._patience = process, name, patience
+        self._context = context or Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = Node(label, context=self._context, namespace=name.rpartition("/")[0])
+        self.executor = make_executor(self._context)
+        self.executor.add_node(self.node)
+        self._change = self.node.create_client(ChangeState, f"{name}/change_state")
+
+    def wait(self, done: Callable[[], Any], what: str) -> None:
+        """Spin until ``done`` gives something true.
+
+        Raises:
+            GdfeError: the simulation ended, or it took too long.
+        """
+        end = time.monotonic() + self._patience
+        while not done():
+            if not self._process.running:
+                raise GdfeError(f"the node ended:\n{self._process.log}")
+            if time.monotonic() > end:
+                raise GdfeError(f"waited {self._patience:g} s for {what} in vain:\n{self._process.log}")
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def meet(self, services: Sequence[ServiceClient] = ()) -> None:
+        """Wait until the simulation answers services, and knows all that this node listens to."""
+        for service in (self._change, *services):
+            self.wait(service.service_is_ready, f"the service {service.srv_name}")
+        await_discovery(self.node, self._name, partial(self.wait, what="diagnostics"))
+
+    def call(self, service: ServiceClient, request: Any) -> Any:
+        """Call a service and return its answer."""
+        future = service.call_async(request)
+        self.wait(future.done, f"an answer of {service.srv_name}")
+        return future.result()
+
+    def transition(self, label: str) -> None:
+        """Have the simulation make a transition of its lifecycle."""
+        request = ChangeState.Request()
+        request.transition.label = label
+        if not self.call(self._change, request).success:
+            raise GdfeError(f"the node could not {label}:\n{self._process.log}")
+
+    def close(self) -> None:
+        """Destroy the node and shut its context down."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)

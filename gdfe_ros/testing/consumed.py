@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the commands that a recorded step consumed to messages that make a node consume the very same."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.constraints import Pose
+from gdfe_ros.node.actuator_messages import actuation
+from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.node.orders import PoseOrder, TwistOrder
+from gdfe_ros.recording.step_record import StepRecord
+
+ACTUATION = "actuation"
+Quaternion = tuple[float, float, float, float]
+
+
+def target_key(handle: str) -> str:
+    """Name the target topic of a handle, after the node's name."""
+    return f"handles/{handle}/target"
+
+
+class Consumed:
+    """Makes messages of the records of a run.
+
+    A step of the replaying node begins when every input that the run uses has a message; what a step did not command
+    is filled up with the command in force, which changes nothing.
+
+    A target's rotation vector is what the node made of a quaternion; turned back, it may give one whose rotation
+    vector differs in the last bit. So the quaternions that were sent are looked up among the messages in the bag.
+
+    Args:
+        run: that was recorded.
+
+    Attributes:
+        inputs: topics after the node's name that the run uses.
+        inexact: number of targets met so far that no message in the bag gives to the last bit.
+    """
+
+    def __init__(self, run: BagRun) -> None:
+        handles = list(dict.fromkeys(name for record in run.records for name in record.handles))
+        driven = {name for record in run.records for name in record.actuators}
+        self._actuators = {item.name: item for item in run.scene.actuators if item.name in driven}
+        self.inputs = [*map(target_key, handles), *([ACTUATION] if driven else [])]
+        self._handles = {name: _SentTurns(run, name) for name in handles}
+        self._poses: dict[str, Pose] = {}
+        self._values: dict[str, float] = {}
+        self.inexact = 0
+
+    def start(self, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> None:
+        """Note what is in force before the next step."""
+        self._poses = {name: targets[name] for name in self._handles}
+        self._values = {name: commands[name] for name in self._actuators}
+
+    def messages(self, record: StepRecord) -> dict[str, PoseStamped | JointState]:
+        """Give one message for each of ``inputs``; none where the step consumed nothing."""
+        if not record.handles and not record.actuators:
+            return {}
+        poses = self._poses | dict(record.handles)
+        messages: dict[str, PoseStamped | JointState] = {}
+        for name, pose in poses.items():
+            turn = self._handles[name].find(self._poses[name], pose, record.dt)
+            messages[target_key(name)] = _target(pose, turn)
+            self.inexact += turn is None
+        self._poses = poses
+        if self._actuators:
+            messages[ACTUATION] = actuation(self._actuators, dict(record.actuators) or self._values)
+            self._values |= record.actuators
+        return messages
+
+
+class _SentTurns:
+    """The targets and velocities of one handle in a bag."""
+
+    def __init__(self, run: BagRun, handle: str) -> None:
+        self._handle = handle
+        self._sent: dict[tuple[float, float, float], list[Quaternion]] = {}
+        for message in _messages(run, target_key(handle)):
+            place, turn = message.pose.position, message.pose.orientation
+            self._sent.setdefault((place.x, place.y, place.z), []).append((turn.x, turn.y, turn.z, turn.w))
+        twists = [message.twist for message in _messages(run, f"handles/{handle}/velocity")]
+        rates = dict.fromkeys((twist.angular.x, twist.angular.y, twist.angular.z) for twist in twists)
+        self._twists = [TwistOrder(handle, (0.0, 0.0, 0.0), rate) for rate in rates]
+        self._stride = float(run.reader.run.settings.get("node", {}).get("dt", math.inf))
+
+    def find(self, last: Pose, target: Pose, dt: float) -> Quaternion | None:
+        """Give a quaternion that brings ``last`` to the very rotation of ``target``; None: there is none."""
+        for turn in self._candidates(last, target, min(dt, self._stride)):
+            if PoseOrder(self._handle, target.translation, turn).after(last) == target:
+                return turn
+        return None
+
+    def _candidates(self, last: Pose, target: Pose, dt: float) -> Iterator[Quaternion]:
+        yield tuple(map(float, Rotation.from_rotvec(target.rotation).as_quat()))
+        yield from self._sent.get(target.translation, ())
+        for twist in self._twists:
+            turned = Rotation.from_rotvec(dt * np.array(twist.angular)) * Rotation.from_rotvec(last.rotation)
+            yield tuple(map(float, turned.as_quat()))
+
+
+def _messages(run: BagRun, key: str) -> Iterator[Any]:
+    """Iterate over the decoded messages of a topic that the bag may not have."""
+    if run.topics(f"/{key}"):
+        for _, message in run.messages(f"/{key}"):
+            yield message
+
+
+def _target(pose: Pose, turn: Quaternion | None) -> PoseStamped:
+    message = pose_stamped(Header(), pose)
+    if turn is not None:
+        orientation = message.pose.orientation
+        orientation.x, orientation.y, orientation.z, orientation.w = turn
+    return message

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A client of one ``sim_node`` process: messages out, services called, steps counted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any
+
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface import STEP_RECORD
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.testing.client import STATE_QOS, Client
+from gdfe_ros.testing.process import NodeProcess
+
+_TRIGGERS = ("step", "reset", "load_state")
+
+
+class Link:
+    """Talks to a node; a context manager.
+
+    Args:
+        process: of the node.
+        name: full name of the node.
+        topics: types of the topics to publish on, by name after the node's.
+        patience: longest wait for anything [s].
+
+    Attributes:
+        step: number of the last step that was published; -1 before the first.
+    """
+
+    def __init__(self, process: NodeProcess, name: str, topics: Mapping[str, type], *, patience: float) -> None:
+        self.step = -1
+        self._client = Client(process, name, "gdfe_link", patience=patience)
+        self.wait, self.transition = self._client.wait, self._client.transition
+        node = self._client.node
+        self._publishers = {key: node.create_publisher(kind, f"{name}/{key}", 1000) for key, kind in topics.items()}
+        services = {"set_parameters": SetParameters, **dict.fromkeys(_TRIGGERS, Trigger)}
+        self._services = {key: node.create_client(kind, f"{name}/{key}") for key, kind in services.items()}
+        node.create_subscription(String, STEP_RECORD.name.replace("~", name), self._see, STATE_QOS)
+
+    def wait_for_services(self) -> None:
+        """Wait until the node answers."""
+        self._client.meet(list(self._services.values()))
+
+    def wait_for_listener(self) -> None:
+        """Wait until the node listens to every topic."""
+        for key, publisher in self._publishers.items():
+            self.wait(publisher.get_subscription_count, f"a subscription of {key}")
+
+    def wait_for_step(self, number: int) -> None:
+        """Wait until a step is published."""
+        self.wait(lambda: self.step >= number, f"step {number}")
+
+    def publish(self, messages: Mapping[str, Any]) -> None:
+        """Publish one message on each of some topics."""
+        for key, message in messages.items():
+            self._publishers[key].publish(message)
+
+    def set(self, **values: Any) -> None:
+        """Set parameters."""
+        messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        request = SetParameters.Request(parameters=messages)
+        for result in self._client.call(self._services["set_parameters"], request).results:
+            if not result.successful:
+                raise GdfeError(result.reason)
+
+    def trigger(self, service: str) -> None:
+        """Call one of the services step, reset, load_state."""
+        response = self._client.call(self._services[service], Trigger.Request())
+        if not response.success:
+            raise GdfeError(f"{service}: {response.message}")
+
+    def _see(self, message: String) -> None:
+        self.step = StepRecord.from_json(message.data).step
+
+    def __enter__(self) -> Link:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._client.close()

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run made again by the node itself, commanded over topics, and compared with its bag."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.bag_steps import BagSteps
+from gdfe_ros.analysis.difference import Differences
+from gdfe_ros.analysis.replay import Replay, ReplayReport
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.recording.provenance import STATE_FILE
+from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.testing.consumed import ACTUATION, Consumed
+from gdfe_ros.testing.link import Link
+from gdfe_ros.testing.process import NodeProcess
+
+PATIENCE = 60.0
+"""Longest wait for anything but a step [s]; the first start of all compiles."""
+_SLOWER = 20.0
+"""How many times slower than the recorded one a step may be."""
+_NO_CUT = -1
+
+
+class NodeReplay:
+    """Starts a node in lockstep with the scene of a bag, sends each step what it consumed, and records again.
+
+    Steps that consumed nothing are made by ``~/step``; where the clock varied the time of a step, the parameter ``dt``
+    follows; where a deadline ended a solve, ``cut_after`` ends it at the same place; a bag that begins in the middle of
+    a run holds the state, which the node loads.
+
+    Args:
+        run: that was recorded.
+        overrides: of the scene, by dotted key; then the runs differ, and no solve is cut.
+
+    Raises:
+        RecordingError: the bag does not hold what a replay needs.
+        SceneError: the overrides do not fit the scene.
+    """
+
+    def __init__(self, run: BagRun, *, overrides: Mapping[str, Any] | None = None) -> None:
+        self._run, self._overrides = run, dict(overrides or {})
+        self._simulation = Replay(run, overrides=overrides).simulation
+        self._consumed = Consumed(run)
+        self._name = f"/gdfe_replay_{os.getpid()}/{NODE_NAME}"
+        self._patience = PATIENCE + _SLOWER * max(record.wall_time for record in run.records)
+        for record in run.records:
+            _require_a_node(run, record)
+
+    def run(self) -> ReplayReport:
+        """Replay the whole bag.
+
+        Raises:
+            GdfeError: the node ended or did not answer.
+        """
+        started = time.perf_counter()
+        with TemporaryDirectory(prefix="gdfe_replay_") as folder:
+            self._repeat(Path(folder))
+            return self._compare(BagRun(Path(folder) / "bag"), started)
+
+    def _repeat(self, folder: Path) -> None:
+        """Run the node and have it record."""
+        source = self._run.reader.run
+        (folder / "scene.yaml").write_text(source.scene, encoding="utf-8")
+        if STATE_FILE in source.files:
+            (folder / STATE_FILE).write_bytes(source.files[STATE_FILE])
+        topics = {key: JointState if key == ACTUATION else PoseStamped for key in self._consumed.inputs}
+        with (
+            NodeProcess(self._parameters(folder), namespace=self._name.rpartition("/")[0]) as process,
+            Link(process, self._name, topics, patience=self._patience) as link,
+        ):
+            link.wait_for_services()
+            link.transition("configure")
+            link.wait_for_listener()
+            self._play(link)
+            if process.stop() != 0:
+                raise RecordingError(f"the replaying node ended with status {process.status}:\n{process.log}")
+
+    def _parameters(self, folder: Path) -> dict[str, Any]:
+        return {
+            "scene": str(folder / "scene.yaml"),
+            "scene_overrides": [f"{key}={value}" for key, value in self._overrides.items()] or [""],
+            "autostart": False,
+            "clock": "lockstep",
+            "command_set": self._consumed.inputs or [""],
+            "record": True,
+            "bag_path": str(folder / "bag"),
+            "state_path": str(folder / STATE_FILE),
+        }
+
+    def _play(self, link: Link) -> None:
+        dt, cut = None, _NO_CUT
+        for count, record in enumerate(self._run.records):
+            place = _NO_CUT if record.cut_after is None or self._overrides else record.cut_after
+            if place != cut:
+                link.set(cut_after=place)
+            if record.dt not in (0.0, dt):
+                link.set(dt=record.dt)
+                dt = record.dt
+            cut = place
+            self._step(link, count, record)
+            link.wait_for_step(count)
+
+    def _step(self, link: Link, count: int, record: StepRecord) -> None:
+        """Have the node make one step."""
+        if count == 0 or record.begin is Begin.REST:
+            if count > 0:
+                self._simulation.reset()
+                link.trigger("reset")
+            else:
+                if record.begin is Begin.LOADED:
+                    link.trigger("load_state")
+                link.transition("activate")
+            self._consumed.start(self._simulation.targets, self._simulation.commands)
+        elif messages := self._consumed.messages(record):
+            link.publish(messages)
+        else:
+            link.trigger("step")
+
+    def _compare(self, again: BagRun, started: float) -> ReplayReport:
+        differences, unknown = Differences(self._run.scene), set()
+        recorded = BagSteps(self._run)
+        for first, second in zip(recorded, BagSteps(again), strict=True):
+            unknown |= first.samples.keys() - second.samples.keys()
+            known = {topic: values for topic, values in first.samples.items() if topic in second.samples}
+            differences.add(first.key, known, {topic: second.samples[topic] for topic in known})
+        records = self._run.records
+        return ReplayReport(
+            differences,
+            tuple(sorted(unknown)),
+            recorded.strays.copy(),
+            0 if self._overrides else sum(record.cut_after is not None for record in records),
+            sum(not new.converged and not old.cut for old, new in zip(records, again.records, strict=True)),
+            sum(record.dt for record in records),
+            time.perf_counter() - started,
+            self._consumed.inexact,
+        )
+
+
+def _require_a_node(run: BagRun, record: StepRecord) -> None:
+    """Refuse a first step, of the run or after a reset, that is more than the state that a node begins with."""
+    begins = record is run.records[0] or record.begin is Begin.REST
+    if begins and (record.dt or record.handles or record.actuators):
+        raise RecordingError(
+            f"step {record.step} of bag {run.reader.path} begins a run with a command or a time step, where a node "
+            "only publishes the state; replay it without --ros"
+        )

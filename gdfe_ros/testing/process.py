@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ``sim_node`` in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import gdfe_ros
+
+_PATIENCE = 180.0
+"""How long a process may take to end after a signal [s]."""
+
+
+class NodeProcess:
+    """Runs ``sim_node``; a context manager that ends it.
+
+    Args:
+        parameters: of the node, by name.
+        namespace: of the node.
+
+    Attributes:
+        status: exit status; None while it runs.
+    """
+
+    def __init__(self, parameters: Mapping[str, Any] | None = None, *, namespace: str = "/") -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="gdfe_node_")
+        folder = Path(self._folder.name)
+        values = {"/**": {"ros__parameters": dict(parameters or {})}}
+        # JSON is YAML; a file spares the quoting that -p asks for.
+        (folder / "parameters.yaml").write_text(json.dumps(values), encoding="utf-8")
+        self._log = folder / "log.txt"
+        command = [sys.executable, "-m", "gdfe_ros.node", "--ros-args"]
+        command += ["--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:={namespace}"]
+        with self._log.open("wb") as log:
+            self._process = subprocess.Popen(command, stdout=log, stderr=log, env=_environment())
+        self.status: int | None = None
+
+    @property
+    def log(self) -> str:
+        """Everything that the process has printed."""
+        return self._log.read_text(encoding="utf-8", errors="replace")
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self._process.poll() is None
+
+    def wait(self) -> int:
+        """Wait for the process to end by itself and return its exit status."""
+        self.status = self._process.wait(_PATIENCE)
+        return self.status
+
+    def stop(self, number: signal.Signals = signal.SIGINT) -> int:
+        """End the process with a signal and return its exit status (negative: the signal that killed it)."""
+        if self.status is None:
+            self._process.send_signal(number)
+            try:
+                self.status = self._process.wait(_PATIENCE)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self.status = self._process.wait()
+        return self.status
+
+    def __enter__(self) -> NodeProcess:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+        if kind is not None:
+            print(f"--- log of sim_node (exit status {self.status}) ---\n{self.log}", file=sys.stderr)
+        self._folder.cleanup()
+
+
+def _environment() -> dict[str, str]:
+    """Give this process's environment, with this very package first in the path."""
+    home = str(Path(gdfe_ros.__file__).resolve().parents[1])
+    path = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH", "")]))
+    return {**os.environ, "PYTHONPATH": path}

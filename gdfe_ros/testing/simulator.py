@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node on a scene in lockstep, commanded step by step."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray, Header
+from std_srvs.srv import Trigger
+
+from gdfe_ros.actuators import Mode
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface import ACTUATOR_COMMANDS, COMPUTE_JACOBIAN, JACOBIAN, NODE_NAME, TARGET
+from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.node.qos import interface_class
+from gdfe_ros.scene.loader import load_scene
+from gdfe_ros.simulation import Command
+from gdfe_ros.testing.client import STATE_QOS, Client
+from gdfe_ros.testing.process import NodeProcess
+from gdfe_ros.testing.state import State, state_topics, unpack
+
+_PRESENT = (Mode.LENGTH, Mode.VOLUME)
+"""Modes whose neutral command is the present value; that of the others is zero."""
+_numbers = itertools.count()
+
+
+class Simulator:
+    """Runs the node in a process of its own; a context manager.
+
+    Args:
+        scene: name of a scene, or path of a scene file.
+        overrides: over the scene, by dotted key, e.g. ``{"mesh.bar.cells": [20, 2, 2]}``.
+        parameters: of the node, over what this class sets.
+        inputs: command topics after the node's name whose commands make one step together. None: all targets and
+            ``commands``, for ``step`` and ``run``. For a controller that is a ROS node: what it publishes.
+        bag: directory of a bag to record.
+        patience: longest wait for anything [s]; the first start of all compiles: minutes on a busy machine.
+
+    Attributes:
+        scene: as loaded.
+        name: full name of the node; topics are below it.
+        context: of ROS, for nodes in the loop.
+        state: the last step.
+    """
+
+    def __init__(
+        self,
+        scene: str | Path,
+        *,
+        overrides: Mapping[str, Any] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        inputs: Sequence[str] | None = None,
+        bag: str | Path | None = None,
+        patience: float = 300.0,
+    ) -> None:
+        self.scene = load_scene(scene, overrides=overrides)
+        self._movable = [handle.name for handle in self.scene.handles if not handle.fixed]
+        self._patience = patience
+        namespace = f"/gdfe_test_{os.getpid()}_{next(_numbers)}"
+        self.name = f"{namespace}/{NODE_NAME}"
+        self.context = rclpy.Context()
+        self._client: Client | None = None
+        self._own = inputs is None
+        self._process = NodeProcess(
+            {
+                "scene": str(scene),
+                "scene_overrides": [f"{key}={value}" for key, value in (overrides or {}).items()] or [""],
+                "autostart": False,
+                "clock": "lockstep",
+                "command_set": list(self._inputs() if inputs is None else inputs) or [""],
+                "record": bag is not None,
+                "bag_path": str(bag or ""),
+                **(parameters or {}),
+            },
+            namespace=namespace,
+        )
+
+    def step(self, command: Command | None = None) -> State:
+        """Make one step and return it; what is not commanded keeps its last command."""
+        command = command or Command()
+        self._poses |= command.handles
+        self._values |= command.actuators
+        unknown = sorted((set(self._poses) - set(self._movable)) | (set(self._values) - set(self._neutral)))
+        if unknown or not self._own:
+            reason = f"nothing is called {unknown}" if unknown else "`inputs` were given; use `spin`"
+            raise GdfeError(f"cannot step: {reason}")
+        count = self.state.record.step + 1
+        for name, publisher in self._targets.items():
+            publisher.publish(pose_stamped(Header(), self._poses[name]))
+        if self._commands is not None:
+            self._commands.publish(Float64MultiArray(data=[self._values[name] for name in self._neutral]))
+        self._wait(lambda: self.state.record.step >= count, "the step")
+        return self.state
+
+    def run(self, controller: Callable[[State], Command], *, steps: int) -> list[State]:
+        """Close the loop with a function for a number of steps and return them."""
+        return [self.step(controller(self.state)) for _ in range(steps)]
+
+    def jacobian(self) -> NDArray[np.float64]:
+        """Ask for d(probe position) / d(command) at the present equilibrium, (probes, 3, actuators).
+
+        Raises:
+            GdfeError: the scene has no probes or no actuators.
+        """
+        self._jacobians.clear()
+        response = self._client.call(self._differentiate, Trigger.Request())
+        if not response.success:
+            raise GdfeError(response.message)
+        self._wait(lambda: self._jacobians, "the Jacobian")
+        message = self._jacobians[-1]
+        return np.array(message.data).reshape([dimension.size for dimension in message.layout.dim])
+
+    def spin(self, node: Node, *, steps: int) -> list[State]:
+        """Close the loop with a node of the same ``context`` until it has commanded a number of steps; return them."""
+        states: list[State] = []
+        self._listeners.append(states.append)
+        self._client.executor.add_node(node)
+        try:
+            self._wait(lambda: len(states) >= steps, f"{steps} steps")
+        finally:
+            self._client.executor.remove_node(node)
+            self._listeners.remove(states.append)
+        return states[:steps]
+
+    def __enter__(self) -> Simulator:
+        try:
+            self._connect()
+        except BaseException as error:
+            self.__exit__(type(error), error, error.__traceback__)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.__exit__(kind, error, trace)
+        if self._client is not None:
+            self._client.close()
+
+    def _connect(self) -> None:
+        self._client = Client(self._process, self.name, "simulator", patience=self._patience, context=self.context)
+        self._node, self._wait = self._client.node, self._client.wait
+        self.state: State | None = None
+        self._listeners: list[Callable[[State], Any]] = []
+        topics = state_topics(self.scene)
+        self._arrived: dict[str, deque[Any]] = {topic: deque() for topic in topics}
+        for topic, kind in topics.items():
+            callback = partial(self._receive, topic)
+            self._node.create_subscription(interface_class(kind), f"{self.name}/{topic}", callback, STATE_QOS)
+        self._advertise()
+        self._meet()
+        for label in ("configure", "activate"):
+            self._client.transition(label)
+        self._wait(lambda: self.state is not None, "the first state")
+        self._poses = dict.fromkeys(self._movable, Pose())
+        self._neutral = {
+            actuator.name: self.state.joints[actuator.name][0] if actuator.mode in _PRESENT else 0.0
+            for actuator in self.scene.actuators
+        }
+        self._values = dict(self._neutral)
+
+    def _advertise(self) -> None:
+        make = partial(self._node.create_publisher, qos_profile=1000)
+        self._targets, self._commands = {}, None
+        if self._own:
+            for name in self._movable:
+                self._targets[name] = make(PoseStamped, TARGET.name.format(handle=name).replace("~", self.name))
+            if self.scene.actuators:
+                self._commands = make(Float64MultiArray, ACTUATOR_COMMANDS.name.replace("~", self.name))
+
+    def _meet(self) -> None:
+        """Make the service client, and wait until the node knows it and the subscriptions."""
+        self._jacobians: list[Float64MultiArray] = []
+        topic = JACOBIAN.name.replace("~", self.name)
+        self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
+        self._differentiate = self._node.create_client(Trigger, COMPUTE_JACOBIAN.name.replace("~", self.name))
+        self._client.meet([self._differentiate])
+
+    def _inputs(self) -> list[str]:
+        inputs = [TARGET.name.removeprefix("~/").format(handle=name) for name in self._movable]
+        return inputs + ([ACTUATOR_COMMANDS.name.removeprefix("~/")] if self.scene.actuators else [])
+
+    def _receive(self, topic: str, message: Any) -> None:
+        """Collect one message of each topic: every step publishes them all."""
+        self._arrived[topic].append(message)
+        if all(self._arrived.values()):
+            self.state = unpack(self.scene, {topic: queue.popleft() for topic, queue in self._arrived.items()})
+            for listener in self._listeners:
+                listener(self.state)

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a controller under test sees of a step: the node's messages, unpacked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.node import interface
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """One step as published.
+
+    Attributes:
+        record: what the step consumed and how it went.
+        positions: (n, 3) float32 vertices [m].
+        displacements: (n, 3) float32 [m].
+        strain: (m, 8) float32, columns as in ``~/strain``.
+        poses: of the handles, relative to rest.
+        wrenches: of the handles (6,), force [N] then moment [N m].
+        probes: of the material points.
+        joints: of the actuators: position, velocity, effort, as in ``~/joint_states``.
+    """
+
+    record: StepRecord
+    positions: NDArray[np.float32]
+    displacements: NDArray[np.float32]
+    strain: NDArray[np.float32]
+    poses: Mapping[str, Pose]
+    wrenches: Mapping[str, NDArray[np.float64]]
+    probes: Mapping[str, Pose]
+    joints: Mapping[str, tuple[float, float, float]]
+
+    @property
+    def time(self) -> float:
+        """Simulation time [s]."""
+        return self.record.time
+
+
+def state_topics(scene: Scene) -> dict[str, str]:
+    """List the topics that make up a state, relative to the node, with their types."""
+    topics = {_key(spec): spec.type for spec in (interface.MESH, interface.STRAIN, interface.STEP_RECORD)}
+    for handle in scene.handles:
+        for spec in (interface.HANDLE_POSE, interface.HANDLE_WRENCH):
+            topics[_key(spec, handle=handle.name)] = spec.type
+    topics |= {_key(interface.PROBE, probe=name): interface.PROBE.type for name in scene.probes}
+    if scene.actuators:
+        topics[_key(interface.JOINT_STATES)] = interface.JOINT_STATES.type
+    return topics
+
+
+def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
+    """Make a state of one message of each topic of ``state_topics``."""
+    mesh = np.frombuffer(messages[_key(interface.MESH)].data, "<f4").reshape(-1, 6)
+    joints = messages.get(_key(interface.JOINT_STATES))
+    names = [handle.name for handle in scene.handles]
+    return State(
+        record=StepRecord.from_json(messages[_key(interface.STEP_RECORD)].data),
+        positions=mesh[:, :3],
+        displacements=mesh[:, 3:],
+        strain=np.frombuffer(messages[_key(interface.STRAIN)].data, "<f4").reshape(-1, 8),
+        poses={name: _pose(messages[_key(interface.HANDLE_POSE, handle=name)]) for name in names},
+        wrenches={name: _wrench(messages[_key(interface.HANDLE_WRENCH, handle=name)]) for name in names},
+        probes={name: _pose(messages[_key(interface.PROBE, probe=name)]) for name in scene.probes},
+        joints={}
+        if joints is None
+        else dict(zip(joints.name, zip(joints.position, joints.velocity, joints.effort, strict=True), strict=True)),
+    )
+
+
+def _key(spec: interface.TopicSpec, **names: str) -> str:
+    return spec.name.removeprefix("~/").format(**names)
+
+
+def _pose(message: PoseStamped) -> Pose:
+    position, turn = message.pose.position, message.pose.orientation
+    rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_rotvec()
+    return Pose((position.x, position.y, position.z), tuple(rotation))
+
+
+def _wrench(message: Any) -> NDArray[np.float64]:
+    force, torque = message.wrench.force, message.wrench.torque
+    return np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One build description for pip and colcon (ament_python); package.xml holds version and description."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+NAME = "gdfe_ros"
+HERE = Path(__file__).resolve().parent
+MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
+
+
+def share_files() -> list[tuple[str, list[str]]]:
+    """Pair every directory under config/ and launch/ with its files, for ``share/gdfe_ros``."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for root in ("config", "launch"):
+        for path in sorted((HERE / root).rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                relative = path.relative_to(HERE)
+                found[f"share/{NAME}/{relative.parent}"].append(str(relative))
+    return sorted(found.items())
+
+
+EXTRAS = {
+    # ROS 2 Jazzy from wheels. Never in install_requires: with ROS from apt they would be fetched twice.
+    "ros": [
+        "ros-jazzy-rclpy==7.1.6",
+        "ros-jazzy-rmw-fastrtps-cpp==8.4.3",
+        "ros-jazzy-common-interfaces==5.3.6",
+    ],
+    "mcap": ["mcap>=1.6", "lz4>=4.3", "zstandard>=0.22", "rosbags>=0.11"],
+    "fast": ["cholespy>=2.0"],
+    "mesh": ["meshio>=5.3", "trimesh>=4.0"],
+    "plot": ["matplotlib>=3.8", "plotly>=5.20", "pillow>=10.0"],
+    "sweep": ["distributed>=2024.8", "pyarrow>=15.0"],
+    "video": ["av>=14.0"],
+    "bench": ["felupe>=11.3", "tensortrax>=0.29", "pypardiso>=0.4.7", "mujoco>=4.0"],
+    "test": [
+        "pytest>=8.0",
+        "pytest-xdist>=3.5",
+        "hypothesis>=6.100",
+        "ruff==0.17.5",
+        "mcap-ros2-support>=0.6",
+        "selenium>=4.20",
+        "av>=14.0",
+    ],
+}
+
+setup(
+    name=NAME,
+    version=MANIFEST.findtext("version"),
+    description=MANIFEST.findtext("description"),
+    long_description=MANIFEST.findtext("description"),
+    license="Apache-2.0",
+    license_files=["LICENSE"],
+    maintainer=MANIFEST.findtext("maintainer"),
+    maintainer_email=MANIFEST.find("maintainer").get("email"),
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={f"{NAME}.analysis.report": ["page/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        *share_files(),
+    ],
+    python_requires=">=3.10",
+    install_requires=[
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "numba>=0.58",
+        "pydantic>=2.6",
+        "pyyaml>=6.0",
+        "rich>=13.0",
+    ],
+    extras_require=EXTRAS,
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "gdfe = gdfe_ros.entry:gdfe",
+            "sim_node = gdfe_ros.entry:sim_node",
+            "tip_tracking = gdfe_ros.entry:tip_tracking",
+        ]
+    },
+)

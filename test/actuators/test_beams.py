@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Slender bars under loads, cables and growth against beam theory at large deflection."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp
+
+from gdfe_ros import Simulation
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.simulation import Command
+
+LENGTH, SIDE, YOUNG = 0.5, 0.02, 1e6
+AREA, INERTIA = SIDE**2, SIDE**4 / 12
+BEAM = f"""
+name: beam
+mesh: {{bar: {{size: [{LENGTH}, {SIDE}, {SIDE}], cells: [50, 2, 2]}}}}
+materials: {{m: {{law: linear, young: {YOUNG}, poisson: 0.0, density: 1000.0}}}}
+regions: [{{material: m}}]
+handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
+probes: {{tip: [{LENGTH}, 0, 0]}}
+solver: {{tolerance: 1.0e-6, max_iterations: 20000}}
+"""
+
+
+def elastica(end: float, spread: float) -> tuple[float, float]:
+    """Return x and drop of the tip over the length of an inextensible clamped beam under dead loads.
+
+    ``end`` is F L^2 / E I, ``spread`` is w L^3 / E I: theta'' = -(end + spread (1 - s)) cos(theta).
+    """
+
+    def rates(s: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.stack([y[1], -(end + spread * (1 - s)) * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])])
+
+    def ends(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+        return np.array([start[0], stop[1], start[2], start[3]])
+
+    s = np.linspace(0, 1, 200)
+    solution = solve_bvp(rates, ends, s, np.stack([s, 1 - s, s, 0.5 * s]), tol=1e-8, max_nodes=20000)
+    assert solution.success
+    return float(solution.y[2, -1]), float(solution.y[3, -1])
+
+
+@pytest.mark.parametrize(("end", "spread"), [(3.0, 0.0), (0.0, 8.0)])
+def test_cantilever_follows_the_elastica(end: float, spread: float) -> None:
+    """Bend by a tip force and by gravity to more than half the length, within 1 %."""
+    force = end * YOUNG * INERTIA / LENGTH**2
+    gravity = spread * YOUNG * INERTIA / LENGTH**3 / (1000.0 * AREA)
+    loads = f"""
+loads:
+  tip: {{surface: {{where: {{face: x+}}, force: [0, 0, {-force}]}}}}
+  weight: {{gravity: [0, 0, {-gravity}]}}
+"""
+    simulation = Simulation(scene_from_text(BEAM + loads))
+    result = simulation.step()
+    assert result.converged
+    x, drop = elastica(end, spread)
+    tip = simulation.probe_positions()["tip"] / LENGTH
+    assert drop > 0.5
+    assert np.hypot(tip[0] - x, -tip[2] - drop) < 0.01 * drop
+    np.testing.assert_allclose(result.reactions["base"][2], force + gravity * 1000 * AREA * LENGTH, rtol=2e-3)
+
+
+def edge_cable(command: str) -> str:
+    """Return a cable along the upper edge."""
+    points = [[round(LENGTH * i / 50, 6), 0, SIDE / 2] for i in range(51)]
+    return f"actuators: {{cable: {{cable: {{points: {points}, command: {command}}}}}}}\n"
+
+
+def test_cable_along_the_edge_bends_to_a_circle() -> None:
+    """Compare with curvature T a / E I and compression T / E A, within 2 % of the displacement."""
+    tension = 0.006 * YOUNG * AREA
+    simulation = Simulation(scene_from_text(BEAM + edge_cable("tension")))
+    assert simulation.step(Command(actuators={"cable": tension})).converged
+    curvature = tension * SIDE / 2 / (YOUNG * INERTIA)
+    arc = LENGTH * (1 - 0.006)
+    exact = np.array([np.sin(curvature * arc), 1 - np.cos(curvature * arc)]) / curvature
+    tip = simulation.probe_positions()["tip"][[0, 2]]
+    assert np.linalg.norm(tip - exact) < 0.02 * np.linalg.norm(exact - [LENGTH, 0])
+    length = simulation.actuator_states()["cable"].extent
+    assert length == pytest.approx(arc * (1 - curvature * SIDE / 2), rel=2e-3)
+
+
+def test_cable_by_shortening_finds_the_same_state() -> None:
+    """Shorten by what a tension shortened; find that tension within 1 %, and slack when paid out."""
+    by_tension = Simulation(scene_from_text(BEAM + edge_cable("tension")))
+    by_tension.step(Command(actuators={"cable": 1.2}))
+    state = by_tension.actuator_states()["cable"]
+    simulation = Simulation(scene_from_text(BEAM + edge_cable("shortening")))
+    simulation.step(Command(actuators={"cable": LENGTH - state.extent}))
+    found = simulation.actuator_states()["cable"]
+    assert found.effort == pytest.approx(1.2, rel=0.01)
+    assert found.extent == pytest.approx(state.extent, abs=1e-6)
+    assert simulation.step(Command(actuators={"cable": -0.01})).converged
+    assert simulation.actuator_states()["cable"].effort == 0.0
+    np.testing.assert_allclose(simulation.positions, simulation.mesh.vertices, atol=1e-4 * LENGTH)
+
+
+def test_bilayer_curves_as_timoshenko_says() -> None:
+    """Grow one of two equal layers by 0.2 %: curvature 3/2 eps / h within 3 %."""
+    strain = 0.002
+    growth = f"actuators: {{heat: {{growth: {{stretch: [{1 + strain}, 1, 1], where: {{box: {{z: [0, 1]}}}}}}}}}}\n"
+    simulation = Simulation(scene_from_text(BEAM + growth))
+    assert simulation.step(Command(actuators={"heat": 1.0})).converged
+    tip = simulation.probe_positions()["tip"]
+    curvature = 1.5 * strain / SIDE
+    exact = (1 - np.cos(curvature * LENGTH)) / curvature
+    assert -tip[2] == pytest.approx(exact, rel=0.03)
+
+
+def test_work_of_a_cable_is_the_strain_energy() -> None:
+    """Integrate the tension over the shortening along a slow path: strain energy within 0.5 %."""
+    simulation = Simulation(scene_from_text(BEAM + edge_cable("tension")))
+    path = [(0.0, LENGTH)]
+    for tension in np.linspace(0, 2.0, 31)[1:]:
+        result = simulation.step(Command(actuators={"cable": tension}))
+        path.append((tension, result.actuators["cable"].extent))
+    tensions, lengths = np.array(path).T
+    work = -np.sum(0.5 * (tensions[1:] + tensions[:-1]) * np.diff(lengths))
+    assert result.energy == pytest.approx(work, rel=0.005)
+
+
+def test_jacobian_matches_differences_and_leaves_the_state() -> None:
+    """Compare d(tip)/d(tension) with two equilibria and step on bitwise as if it had not been asked for."""
+    scene = scene_from_text(BEAM + edge_cable("tension"))
+    asked, plain = Simulation(scene), Simulation(scene)
+    for simulation in (asked, plain):
+        simulation.step(Command(actuators={"cable": 1.0}))
+    jacobian = asked.jacobian(["tip"], ["cable"])
+    assert jacobian.shape == (1, 3, 1)
+    tips = []
+    for tension in (0.99, 1.01):
+        other = Simulation(scene)
+        other.step(Command(actuators={"cable": tension}))
+        tips.append(other.probe_positions()["tip"])
+    np.testing.assert_allclose(jacobian[0, :, 0], (tips[1] - tips[0]) / 0.02, rtol=5e-3, atol=1e-4)
+    for simulation in (asked, plain):
+        simulation.step(Command(actuators={"cable": 1.1}))
+    np.testing.assert_array_equal(asked.positions, plain.positions)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every actuator's force is the derivative of its energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros.actuators import Cable, Chamber, Gravity, Growth, Mode, PointLoad, SurfaceLoad, embed
+from gdfe_ros.actuators.external import EFFORT, STIFFNESS, TARGET, chamber_volume, external_energy
+from gdfe_ros.materials import Linear, Material, NeoHookean
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.cavities import find_cavities
+from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.round_bodies import sphere
+from gdfe_ros.solver.actuation import Actuation
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.fields import corner_forces
+
+RUBBER = NeoHookean(young=1e6, poisson=0.4, density=1000.0)
+LINEAR = Linear(young=1e6, poisson=0.4)
+"""Its hourglass stiffness stays, so that its forces are the derivative of its energy at every state."""
+
+
+def make_body(mesh: HexMesh, material: Material = RUBBER) -> Body:
+    """Build a body of one material without handles."""
+    return Body.build(mesh.vertices, mesh.cells, (material,), np.zeros(mesh.n_cells, np.int32), ())
+
+
+def assert_derivative(actuation: Actuation, x: np.ndarray) -> None:
+    """Compare the force with central differences along random directions."""
+    force = np.zeros_like(x)
+    external_energy(x, actuation.external, force)
+    random = np.random.default_rng(1)
+    scratch = np.zeros_like(x)
+    for _ in range(5):
+        direction = random.standard_normal(x.shape)
+        h = 1e-7
+        high, _ = external_energy(x + h * direction, actuation.external, scratch)
+        low, _ = external_energy(x - h * direction, actuation.external, scratch)
+        assert (high - low) / (2 * h) == pytest.approx(np.vdot(force, direction), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize(("effort", "stiffness", "target"), [(3.0, 0.0, 0.0), (0.5, 400.0, 0.1), (0.0, 400.0, 0.9)])
+def test_cable_force_is_the_derivative(effort: float, stiffness: float, target: float) -> None:
+    """Check a given tension, a taut cable of given length and a slack one."""
+    mesh = bar([0.2, 0.05, 0.05], [4, 2, 2])
+    points = embed(mesh, [[0.0, 0.01, 0.02], [0.07, 0, 0.02], [0.12, -0.01, 0.0], [0.2, 0, -0.02]], what="cable")
+    actuation = Actuation(make_body(mesh), [Cable(name="c", mode=Mode.TENSION, points=points)])
+    actuation.external.cable[0, [EFFORT, STIFFNESS, TARGET]] = effort, stiffness, target
+    x = mesh.vertices + 0.003 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
+    assert_derivative(actuation, x)
+    force = np.zeros_like(x)
+    external_energy(x, actuation.external, force)
+    assert force.any() == (target < 0.5), "a slack cable must not pull"
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("effort", "stiffness"), [(5e4, 0.0), (2e4, 1e12)])
+def test_chamber_force_is_the_derivative(effort: float, stiffness: float) -> None:
+    """Check a given pressure and a given volume on warped quads."""
+    mesh = sphere(0.01, 0.015, [3, 1])
+    cavity = find_cavities(mesh)[0]
+    actuation = Actuation(make_body(mesh), [Chamber(name="c", mode=Mode.PRESSURE, quads=cavity.quads)])
+    actuation.external.chamber[0, [EFFORT, STIFFNESS, TARGET]] = effort, stiffness, cavity.volume
+    x = mesh.vertices + 0.0005 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
+    assert_derivative(actuation, x)
+    far = x + np.array([3.0, -2.0, 5.0])
+    assert chamber_volume(far, actuation.external, 0) == pytest.approx(enclosed_volume(x, cavity.quads), rel=1e-10)
+
+
+def test_dead_loads_sum_to_their_force_and_moment() -> None:
+    """Check total force and moment of gravity, a point load and a surface load on a tilted, graded mesh."""
+    mesh = bar([0.2, 0.04, 0.06], [4, 2, 3])
+    mesh.vertices[:, 1] *= 1.0 + mesh.vertices[:, 0]
+    mesh.vertices[:, 2] += 0.2 * mesh.vertices[:, 0]
+    pull = np.array([1.0, -2.0, 3.0])
+    weight = Gravity(name="g", acceleration=pull, density=np.full(mesh.n_cells, 1000.0))
+    body = make_body(mesh)
+    np.testing.assert_allclose(weight.forces(body.rest, body.cells).sum(axis=0), 1000 * body.shape.volume.sum() * pull)
+    at = [0.13, 0.005, 0.03]
+    forces = PointLoad(name="p", point=embed(mesh, [at], what="p"), force=pull).forces(body.rest, body.cells)
+    np.testing.assert_allclose(np.cross(body.rest, forces).sum(axis=0), np.cross(at, pull), atol=1e-9)
+    end = mesh.surface()[(mesh.vertices[mesh.surface(), 0] > 0.1999).all(axis=1)]
+    forces = SurfaceLoad(name="s", quads=end, traction=pull).forces(body.rest, body.cells)
+    np.testing.assert_allclose(forces.sum(axis=0), 0.04 * 1.2 * 0.06 * pull, rtol=1e-9)
+
+
+@pytest.mark.parametrize("material", [RUBBER, LINEAR])
+def test_growth_energy_is_that_of_the_elastic_part(material: Material) -> None:
+    """Compare det G W(F G^-1) with an ungrown body stretched by F G^-1, and its force with differences."""
+    mesh = bar([0.02, 0.02, 0.02], [2, 2, 2])
+    random = np.random.default_rng(2)
+    target = np.diag([1.3, 0.9, 1.1])
+    body = make_body(mesh, material)
+    growth = Growth(name="g", mode=Mode.GROWTH, cells=np.arange(mesh.n_cells), stretch=target)
+    Actuation(body, [growth]).grown.apply({"g": 1.0})
+    gradient = np.eye(3) + 0.2 * random.standard_normal((3, 3))
+    none = np.zeros(mesh.n_cells)
+    _, grown = corner_forces(body, mesh.vertices @ gradient.T, none)
+    elastic = gradient @ np.linalg.inv(target)
+    _, plain = corner_forces(make_body(mesh, material), mesh.vertices @ elastic.T, none)
+    np.testing.assert_allclose(grown, np.linalg.det(target) * plain, rtol=1e-10)
+    amplitude = 0.0005 if material is LINEAR else 0.0
+    x = mesh.vertices @ gradient.T + amplitude * random.standard_normal(mesh.vertices.shape)
+    force, _ = corner_forces(body, x, none)
+    direction, h = random.standard_normal(x.shape), 1e-8
+    slope = sum(side * corner_forces(body, x + side * h * direction, none)[1].sum() for side in (1, -1)) / (2 * h)
+    assert slope == pytest.approx(np.einsum("eai,eai", force, direction[mesh.cells]), rel=1e-6)

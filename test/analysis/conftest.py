@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags as the node writes them, made in this process: its messages and its recorder, without its threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.node import messages
+from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.writer import BagWriter
+from gdfe_ros.scene import Scene, load_scene
+from gdfe_ros.simulation import Command, Simulation
+
+COARSE = {"mesh.bar.cells": [10, 1, 1], "solver.tolerance": 1e-8}
+_OUTCOMES = ["converged", "iterations", "substeps", "residual", "energy", "min_det", "wall_time", "skipped", "message"]
+
+
+class BagMaker:
+    """Steps a scene and writes what the node would publish.
+
+    Args:
+        path: of the bag.
+        scene: that is simulated.
+        node: full name of the node that it pretends to be.
+    """
+
+    def __init__(self, path: Path, scene: Scene, *, node: str = "/gdfe_sim") -> None:
+        self.scene, self.simulation, self._node = scene, Simulation(scene), node
+        kinds = {"step_record": "std_msgs/msg/String", "mesh": "sensor_msgs/msg/PointCloud2"}
+        kinds |= {"strain": "sensor_msgs/msg/PointCloud2", "scene": "std_msgs/msg/String"}
+        for name in self.simulation.handle_names:
+            kinds[f"handles/{name}/pose"] = "geometry_msgs/msg/PoseStamped"
+            kinds[f"handles/{name}/wrench"] = "geometry_msgs/msg/WrenchStamped"
+        settings = {**asdict(scene.solver), "policy": scene.solver.policy.value}
+        topics = [TopicInfo(name=f"{node}/{name}", type=kind) for name, kind in kinds.items()]
+        self._writer = BagWriter(path, topics, run=RunInfo(scene=scene.source, settings=settings))
+        self._count, self._begin = 0, Begin.REST
+        self._send("scene", String(data=scene.source), 0)
+
+    def step(self, handles: Mapping[str, Pose] | None = None, *, dt: float = 0.01) -> None:
+        """Make a step and write it, the mesh first, as the node does; ``repeat`` writes the record first."""
+        handles = dict(handles or {})
+        result = self.simulation.step(Command(handles=handles), dt=dt)
+        outcome = {name: getattr(result, name) for name in _OUTCOMES}
+        record = StepRecord(
+            step=self._count, begin=self._begin, time=result.time, dt=dt, handles=handles, cut=False, **outcome
+        )
+        self._count, self._begin = self._count + 1, Begin.LAST
+        head, moment = messages.header(result.time, "base_link"), messages.to_nanoseconds(result.time)
+        self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)
+        self._send("step_record", String(data=record.to_json()), moment)
+        self._send("strain", messages.strain_cloud(head, self.simulation.fields()), moment)
+        for name in self.simulation.handle_names:
+            self._send(f"handles/{name}/pose", messages.pose_stamped(head, self.simulation.handle_pose(name)), moment)
+            self._send(f"handles/{name}/wrench", messages.wrench_stamped(head, result.reactions[name]), moment)
+
+    def repeat(self, count: int, *, dt: float = 0.01) -> None:
+        """Write the present state again as ``count`` further steps, without solving."""
+        result, fields = self.simulation.result, self.simulation.fields()
+        for number in range(1, count + 1):
+            time = result.time + number * dt
+            outcome = {name: getattr(result, name) for name in _OUTCOMES}
+            record = StepRecord(step=self._count, begin=Begin.LAST, time=time, dt=dt, **outcome)
+            self._count += 1
+            head, moment = messages.header(time, "base_link"), messages.to_nanoseconds(time)
+            self._send("step_record", String(data=record.to_json()), moment)
+            self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)
+            self._send("strain", messages.strain_cloud(head, fields), moment)
+
+    def reset(self) -> None:
+        """Go back to rest."""
+        self.simulation.reset()
+        self._begin = Begin.REST
+
+    def skip(self) -> None:
+        """Pretend that the record of a step was dropped."""
+        self._count += 1
+
+    def close(self) -> Path:
+        """Complete the bag and return its directory."""
+        self._writer.close({"messages_dropped": "0"})
+        return self._writer.path
+
+    def _send(self, topic: str, message: Any, moment: int) -> None:
+        self._writer.write(f"{self._node}/{topic}", serialize_message(message), moment)
+
+
+@pytest.fixture
+def maker() -> type[BagMaker]:
+    """Give the class that writes bags."""
+    return BagMaker
+
+
+@pytest.fixture
+def make_bag(tmp_path: Path) -> Callable[..., Path]:
+    """Give a function that lifts the tip of bend5 step by step and returns the bag."""
+
+    def make(name: str = "bag", *, heights: Iterable[float] = np.linspace(0.0, 0.1, 6), **overrides: Any) -> Path:
+        changes = {key.replace("__", "."): value for key, value in overrides.items()}
+        bag = BagMaker(tmp_path / name, load_scene("bend5", overrides={**COARSE, **changes}))
+        for z in heights:
+            bag.step({"tip": Pose(translation=(0.0, 0.0, float(z)))})
+        return bag.close()
+
+    return make

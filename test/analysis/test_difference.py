@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What counts as a small difference."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros.analysis.difference import Differences, Verdict
+from gdfe_ros.analysis.message_values import Values
+from gdfe_ros.scene import load_scene
+
+TOLERANCE = 1e-8
+
+
+def _differences() -> Differences:
+    return Differences(load_scene("bend5", overrides={"solver.tolerance": TOLERANCE, "mesh.bar.cells": [10, 1, 1]}))
+
+
+def _record(*, converged: bool, residual: float) -> Values:
+    return {"converged": np.array([float(converged)]), "residual": np.array([residual])}
+
+
+def _step(gap: float, *, converged: bool, residual: float) -> tuple[dict[str, Values], dict[str, Values]]:
+    """Give one step of two runs whose positions differ by ``gap`` times the body's size of 0.5 m."""
+    record = _record(converged=converged, residual=residual)
+    first, second = np.array([0.1, 0.2]), np.array([0.1, 0.2 + 0.5 * gap])
+    return {"step_record": record, "mesh": {"x": first}}, {"step_record": dict(record), "mesh": {"x": second}}
+
+
+@pytest.mark.parametrize(
+    ("gap", "converged", "residual", "verdict"),
+    [
+        (5e-8, True, 9e-9, Verdict.WITHIN),
+        (5e-7, True, 9e-9, Verdict.DIFFERENT),
+        (5e-7, False, 9e-8, Verdict.WITHIN),
+        (5e-6, False, 9e-8, Verdict.DIFFERENT),
+    ],
+)
+def test_a_step_is_judged_by_what_it_was_solved_to(
+    gap: float, converged: bool, residual: float, verdict: Verdict
+) -> None:
+    """Allow ten times the tolerance where a step converged, ten times its residual where it was cut."""
+    differences = _differences()
+    differences.add((0, 0), *_step(gap, converged=converged, residual=residual))
+    assert differences.verdict(10.0) is verdict
+    needed = differences.factor_needed()
+    assert 0.0 < needed < gap / (TOLERANCE if converged else residual)
+    assert differences.verdict(needed * (1.0 + 1e-9)) is Verdict.WITHIN
+
+
+def test_a_cut_step_excuses_no_other() -> None:
+    """Differ by as much in a step that was cut and in one that converged: the second is too much."""
+    differences = _differences()
+    differences.add((0, 0), *_step(5e-5, converged=False, residual=1e-5))
+    assert differences.verdict(10.0) is Verdict.WITHIN
+    differences.add((1, 0), *_step(5e-5, converged=False, residual=1e-7))
+    assert differences.verdict(10.0) is Verdict.WITHIN  # it went on from the first
+    differences.add((2, 0), *_step(4e-5, converged=True, residual=1e-9))
+    assert differences.verdict(10.0) is Verdict.DIFFERENT
+
+
+def test_whether_a_step_converges_is_judged_only_where_it_did() -> None:
+    """Lose convergence in the second run: different where the first had converged, open where it had not."""
+    for converged, verdict in ((True, Verdict.DIFFERENT), (False, Verdict.WITHIN)):
+        differences = _differences()
+        first, second = ({"step_record": _record(converged=c, residual=5e-8)} for c in (converged, not converged))
+        differences.add((0, 0), first, second)
+        assert differences.verdict(10.0) is verdict

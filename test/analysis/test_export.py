@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Exports, read back by the libraries that others use."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import meshio
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.cli import main
+
+
+def test_vtk_series_holds_the_run(make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """Export for ParaView: times in the collection, positions and fields in the files."""
+    bag, out = make_bag(), tmp_path / "series"
+    assert main(["export", str(bag), "--out", str(out), "--format", "vtk"]) == 0
+    entries = ElementTree.parse(out / "run.pvd").getroot().findall(".//DataSet")
+    assert [float(entry.get("timestep")) for entry in entries] == pytest.approx(np.arange(1, 7) * 0.01)
+    grid = meshio.read(out / entries[-1].get("file"))
+    np.testing.assert_array_equal(grid.points, BagRun(bag).last_positions())
+    assert grid.cells_dict["hexahedron"].shape == (10, 8)
+    assert grid.point_data["displacement"][:, 2].max() == pytest.approx(0.1)
+    assert set(grid.cell_data) == {"eps_eq", "J", "omega", "tangent", "energy_density"}
+
+
+def test_npz_holds_every_array(make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """Export to numpy: steps first, float32 as published."""
+    out = tmp_path / "run.npz"
+    assert main(["export", str(make_bag()), "--out", str(out)]) == 0
+    with np.load(out) as data:
+        assert data["positions"].shape == (6, 44, 3)
+        assert data["positions"].dtype == np.float32
+        assert data["eps_eq"].shape == (6, 10)
+        np.testing.assert_allclose(data["handles/tip/pose/pose.position.z"][:, 0], np.linspace(0, 0.1, 6), atol=1e-15)
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_tables_hold_a_row_for_each_step(make_bag: Callable[..., Path], tmp_path: Path, kind: str) -> None:
+    """Export numbers of every second step: commands, responses, costs."""
+    bag, out = make_bag(), tmp_path / f"run.{kind}"
+    assert main(["export", str(bag), "--out", str(out), "--every", "2"]) == 0
+    if kind == "csv":
+        with out.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    else:
+        rows = pyarrow.parquet.read_table(out).to_pylist()
+    assert [float(row["target.tip.z"]) for row in rows] == pytest.approx([0.0, 0.04, 0.08])
+    assert float(rows[-1]["handles/tip/wrench.wrench.force.z"]) > 0.0
+    assert int(float(rows[-1]["iterations"])) > 0
+
+
+def test_an_unknown_ending_is_refused(make_bag: Callable[..., Path], tmp_path: Path, capsys: Any) -> None:
+    """Ask for a spreadsheet: exit status 2, and what there is."""
+    assert main(["export", str(make_bag()), "--out", str(tmp_path / "run.xlsx")]) == 2
+    assert "vtk, npz, csv, parquet" in capsys.readouterr().err

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Replays of recorded runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.cli import main
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import RecordingError, SceneError
+from gdfe_ros.scene import load_scene
+from gdfe_ros.solver import global_matrix
+
+
+def _pose(z: float) -> dict[str, Pose]:
+    return {"tip": Pose(translation=(0.0, 0.0, z))}
+
+
+def test_a_replay_is_bit_identical(make_bag: Callable[..., Path]) -> None:
+    """Replay what the node's packers wrote: every array of every topic has the same bits."""
+    report = Replay(BagRun(make_bag())).run()
+    assert report.differences.verdict() is Verdict.IDENTICAL
+    assert report.differences.steps == 6
+    topics = {topic for topic, _ in report.differences.fields}
+    assert topics == {
+        "step_record",
+        "mesh",
+        "strain",
+        *(f"handles/{h}/{t}" for h in ("base", "tip") for t in ("pose", "wrench")),
+    }
+    assert not report.unknown
+    assert not report.strays
+
+
+def test_a_reset_is_replayed(maker: Any, tmp_path: Path) -> None:
+    """Reset a run in the middle: its stamps begin again at zero, and the replay is still bit-identical."""
+    bag = maker(tmp_path / "bag", load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}))
+    bag.step(_pose(0.02))
+    bag.step(_pose(0.04))
+    bag.reset()
+    bag.step(_pose(0.03))
+    differences = Replay(BagRun(bag.close())).run().differences
+    assert differences.verdict() is Verdict.IDENTICAL
+    assert differences.steps == 3
+
+
+def test_one_changed_modulus_is_found_at_its_stamp(make_bag: Callable[..., Path], capsys: Any) -> None:
+    """Change one modulus: fields of the material differ at rest, positions from the first motion on."""
+    bag = make_bag()
+    assert main(["replay", str(bag), "--set", "materials.e40.young=41e3"]) == 1
+    shown = capsys.readouterr().out
+    assert "different" in shown
+    assert "first divergent stamp: 0.01 s" in shown
+    differences = Replay(BagRun(bag), overrides={"materials.e40.young": 41e3}).run().differences
+    tangent, height = differences.fields["strain", "tangent"], differences.fields["mesh", "z"]
+    assert tangent.first.stamp == pytest.approx(0.01)
+    centroids = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).mesh.centroids
+    assert 0.3 < centroids[tangent.first.element, 0] < 0.4
+    assert height.first.stamp == pytest.approx(0.02)
+    assert 1e-5 < height.largest < 1e-3
+    assert height.differing == 5
+
+
+def test_another_tolerance_is_within_its_bound(make_bag: Callable[..., Path]) -> None:
+    """Replay a run of tolerance 1e-5 with 1e-8: different bits, but within ten times the recorded tolerance."""
+    bag = make_bag(solver__tolerance=1e-5)
+    assert main(["replay", str(bag), "--tolerance", "1e-8"]) == 1
+    assert main(["replay", str(bag), "--tolerance", "1e-8", "--within", "10"]) == 0
+    assert main(["replay", str(bag), "--set", "materials.e40.young=41e3", "--within", "10"]) == 1
+
+
+def test_another_mesh_is_compared_where_it_can_be(make_bag: Callable[..., Path]) -> None:
+    """Replay on a finer mesh: arrays over the mesh have another length, wrenches are compared."""
+    differences = Replay(BagRun(make_bag()), overrides={"mesh.bar.cells": [20, 2, 2]}).run().differences
+    assert differences.fields["mesh", "x"].resized == 6
+    assert differences.verdict(factor=1e9) is Verdict.DIFFERENT
+    force = differences.fields["handles/tip/wrench", "wrench.force.z"]
+    assert 0.0 < force.largest < 0.1 * force.scale
+
+
+def test_a_policy_that_does_not_exist_is_refused(make_bag: Callable[..., Path]) -> None:
+    """Override a key with nonsense: the scene's error, no traceback."""
+    with pytest.raises(SceneError, match="policy"):
+        Replay(BagRun(make_bag()), overrides={"solver.policy": "fast"})
+
+
+def test_a_lost_step_is_refused(maker: Any, tmp_path: Path) -> None:
+    """Drop the record of a step: the states after it do not follow from the bag."""
+    bag = maker(tmp_path / "bag", load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}))
+    bag.step(_pose(0.02))
+    bag.skip()
+    bag.step(_pose(0.04))
+    with pytest.raises(RecordingError, match="lacks the steps 1 to 1"):
+        Replay(BagRun(bag.close()))
+
+
+def test_a_run_that_no_node_can_repeat_is_refused(make_bag: Callable[..., Path], capsys: Any) -> None:
+    """Ask for a replay through a node of a run that begins with a command: a node only publishes its state first."""
+    assert main(["replay", str(make_bag()), "--ros"]) == 2
+    assert "replay it without --ros" in capsys.readouterr().err
+
+
+def test_one_flipped_bit_is_found(make_bag: Callable[..., Path]) -> None:
+    """Compare two arrays that differ in the last bit of one number: where and by how much."""
+    run = BagRun(make_bag())
+    differences = Replay(run).run().differences
+    first = np.arange(5, dtype=np.float32)
+    second = first.copy()
+    second[3] = np.nextafter(second[3], np.float32(9))
+    differences.add((7, 0), {"mesh": {"x": first}}, {"mesh": {"x": second}})
+    entry = differences.fields["mesh", "x"]
+    assert (entry.first.key, entry.first.element) == ((7, 0), 3)
+    assert entry.largest == pytest.approx(float(np.spacing(np.float32(3))))
+
+
+def test_every_bag_of_the_repository_replays(kept_bags: dict[Path, float]) -> None:
+    """Replay bags/ as CI does: within the factor that their README states, and faster than real time."""
+    bags = list(kept_bags)
+    assert {"bend5", "twist90", "tensile", "bend5_wall"} <= {
+        bag.name for bag, factor in kept_bags.items() if factor <= 10
+    }
+    assert {bag.name for bag in bags} == {path.parent.name for path in bags[0].parent.glob("*/metadata.yaml")}
+    assert sum(file.stat().st_size for bag in bags for file in bag.iterdir()) < 5e6
+    Replay(BagRun(bags[0])).run()  # kernels are compiled or loaded outside of the timing
+    for bag in bags:
+        run = BagRun(bag)
+        assert run.scene.solver.tolerance == 1e-8
+        started = time.perf_counter()
+        report = Replay(run).run()
+        elapsed = time.perf_counter() - started
+        verdict = report.differences.verdict(kept_bags[bag])
+        print(f"{bag.name}: {verdict.value}, {elapsed:.2f} s for {report.duration:.2f} s")
+        assert verdict is not Verdict.DIFFERENT, (bag.name, report.differences.factor_needed())
+        assert not report.unknown
+        assert elapsed < report.duration
+
+
+def test_bags_replay_without_the_fast_factorisation(kept_bags: dict[Path, float], monkeypatch: Any) -> None:
+    """Take cholespy away, as on a machine without it: other bits, but within the factor times the tolerance."""
+    monkeypatch.setattr(global_matrix, "cholespy", None)  # as its import leaves it there
+    for bag in (bag for bag in kept_bags if bag.name in ("twist90", "tensile")):
+        differences = Replay(BagRun(bag)).run().differences
+        assert differences.verdict() is Verdict.DIFFERENT
+        assert differences.verdict(kept_bags[bag]) is Verdict.WITHIN, (bag.name, differences.factor_needed())

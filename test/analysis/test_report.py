@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report: its content, and how it behaves in a real browser."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import Select, WebDriverWait
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
+from gdfe_ros.analysis.report.writer import write_report
+from gdfe_ros.cli import main
+from gdfe_ros.constraints import Pose
+from gdfe_ros.scene import load_scene
+
+ARTEFACTS = Path(__file__).parents[2] / ".ci" / "artefacts"
+CHARTS = {
+    "Position of tip, from rest",
+    "Reaction forces",
+    "Equivalent strain over time",
+    "Solver iterations",
+    "Residual over the body's size",
+    "Solve time",
+}
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+_OPTIONS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--window-size=1400,1500",
+    # The page must open offline: no name resolves.
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+)
+
+
+@pytest.fixture
+def browser() -> Iterator[webdriver.Chrome]:
+    """Give a headless Chromium without a network that keeps what its console says."""
+    program, driver = next(filter(None, map(shutil.which, _BROWSERS)), None), shutil.which("chromedriver")
+    if program is None or driver is None:
+        pytest.fail("this test needs Chromium and its driver: apt-get install chromium chromium-driver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    for option in _OPTIONS:
+        options.add_argument(option)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    yield chrome
+    chrome.quit()
+
+
+def _open(browser: webdriver.Chrome, page: Path) -> None:
+    browser.get(page.as_uri())
+    WebDriverWait(browser, 60).until(lambda chrome: chrome.execute_script("return document.body.dataset.ready"))
+
+
+def _drawn(browser: webdriver.Chrome, axis: str) -> np.ndarray:
+    """Give what plotly draws now, a number a vertex of the surface."""
+    return np.array(browser.execute_script(f"return Array.from(document.getElementById('mesh').data[0].{axis})"))
+
+
+def _body(browser: webdriver.Chrome) -> dict[str, str]:
+    return browser.execute_script("return Object.assign({}, document.body.dataset)")
+
+
+def _intensity(browser: webdriver.Chrome) -> list[float]:
+    return browser.execute_script("return Array.from(document.getElementById('mesh').data[0].intensity)")
+
+
+def _picture(browser: webdriver.Chrome, name: str) -> np.ndarray:
+    """Keep a picture of the window, and give the part that shows the mesh."""
+    ARTEFACTS.mkdir(parents=True, exist_ok=True)
+    browser.save_screenshot(str(ARTEFACTS / name))
+    return np.asarray(Image.open(ARTEFACTS / name).convert("RGB"), dtype=float)[150:650]
+
+
+def _slide(browser: webdriver.Chrome, frame: int) -> None:
+    script = "const s = document.getElementById('time'); s.value = arguments[0]; s.dispatchEvent(new Event('input'))"
+    browser.execute_script(script, frame)
+    WebDriverWait(browser, 30).until(
+        lambda c: c.find_element(By.TAG_NAME, "body").get_attribute("data-frame") == str(frame)
+    )
+    time.sleep(0.5)
+
+
+def test_the_report_works_in_a_browser(
+    browser: webdriver.Chrome, make_bag: Callable[..., Path], tmp_path: Path
+) -> None:
+    """Open the page offline: no error in the console, the slider moves the mesh, the list changes its colours."""
+    bag, page = make_bag(mesh__bar__cells=[20, 2, 2]), tmp_path / "report.html"
+    write_report(bag, page)
+    _open(browser, page)
+    surface = np.unique(BagRun(bag).mesh.surface())
+    shown = _drawn(browser, "z")
+    np.testing.assert_allclose(shown, BagRun(bag).last_positions()[surface, 2], atol=0.3 / 65535)
+    last = _picture(browser, "report_last.png")
+    _slide(browser, 0)
+    np.testing.assert_allclose(_drawn(browser, "z"), BagRun(bag).mesh.vertices[surface, 2], atol=0.3 / 65535)
+    assert np.abs(last - _picture(browser, "report_first.png")).mean() > 1.0
+    _slide(browser, 5)
+    before = _intensity(browser)
+    Select(browser.find_element(By.ID, "field")).select_by_visible_text("energy_density [J/m^3]")
+    assert max(_intensity(browser)) > 100 * max(before)
+    headings = [heading.text for heading in browser.find_elements(By.CSS_SELECTOR, "#charts h2")]
+    assert set(headings) >= CHARTS
+    script = "return [...document.querySelectorAll('.chart')].filter(c => c.querySelector('svg.main-svg')).length"
+    assert browser.execute_script(script) == len(headings)
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+    fetched = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)")
+    assert [name for name in fetched if not name.startswith("data:")] == []
+
+
+def test_a_large_run_fits(maker: Any, tmp_path: Path) -> None:
+    """Report 2000 steps of 2142 vertices: under 60 s and 30 MB, and the thinning is stated."""
+    bag = maker(tmp_path / "bag", load_scene("bend5", overrides={"mesh.bar.cells": [50, 5, 6]}))
+    bag.step({"tip": Pose(translation=(0.0, 0.0, 0.05))})
+    bag.repeat(1999)
+    started = time.perf_counter()
+    facts = write_report(bag.close(), tmp_path / "report.html")
+    elapsed = time.perf_counter() - started
+    print(f"{facts} in {elapsed:.1f} s")
+    assert (facts.steps, facts.frames) == (2000, 400)
+    assert facts.size < 30e6
+    assert elapsed < 60.0
+    assert "The surface shows 400 of 2000 steps" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_command_writes_page_picture_and_motion(make_bag: Callable[..., Path], tmp_path: Path, capsys: Any) -> None:
+    """Ask for everything: an HTML page, a PNG beside it, a GIF of as many frames as asked for."""
+    out, gif = tmp_path / "r.html", tmp_path / "r.gif"
+    assert main(["report", str(make_bag()), "--out", str(out), "--gif", str(gif), "--frames", "3"]) == 0
+    assert "6 steps, 6 frames" in capsys.readouterr().out
+    assert Image.open(out.with_suffix(".png")).size == (1350, 750)
+    assert Image.open(gif).n_frames == 3
+    text = out.read_text(encoding="utf-8")
+    assert not re.search(r"<(script|link|img)[^>]*(src|href)=\"http", text)
+
+
+def test_a_video_has_every_frame(make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """Ask for an mp4 of five frames: it decodes to five pictures of the PNG's size, and the last shows the bent bar."""
+    out, mp4 = tmp_path / "r.html", tmp_path / "r.mp4"
+    assert main(["report", str(make_bag()), "--out", str(out), "--mp4", str(mp4), "--frames", "5"]) == 0
+    with av.open(str(mp4)) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+        assert float(container.duration / av.time_base) == pytest.approx(4.0, abs=0.1)
+    assert [frame.shape for frame in frames] == [(750, 1350, 3)] * 5
+    assert all(np.ptp(frame) > 200 for frame in frames)
+    assert np.abs(frames[0].astype(int) - frames[-1]).mean() > 1.0
+
+
+def test_a_video_without_its_library_is_refused(
+    make_bag: Callable[..., Path], tmp_path: Path, monkeypatch: Any, capsys: Any
+) -> None:
+    """Take PyAV away: the message names the extra, and nothing is written."""
+    monkeypatch.setitem(sys.modules, "av", None)
+    assert main(["report", str(make_bag()), "--out", str(tmp_path / "r.html"), "--mp4", str(tmp_path / "r.mp4")]) == 2
+    assert "gdfe_ros[video]" in capsys.readouterr().err
+    assert not (tmp_path / "r.html").exists()
+
+
+def test_names_cannot_break_the_page(make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """Describe a scene in HTML: it is shown as text."""
+    page = tmp_path / "report.html"
+    write_report(make_bag(description='"</script><script>alert(1)</script>"'), page)
+    text = page.read_text(encoding="utf-8")
+    assert "<script>alert(1)" not in text
+    assert "&lt;script&gt;alert(1)" in text
+
+
+def test_the_histogram_counts_every_cell() -> None:
+    """Add strains over six orders of magnitude: shares sum to one, and lie in the right classes."""
+    histogram = StrainHistogram(4, columns=2)
+    for number, most in enumerate((1e-7, 1e-4, 0.01, 0.5)):
+        histogram.add(number, 0.1 * number, np.linspace(0.0, most, 100, dtype=np.float32))
+    times, edges, shares = histogram.shares(10)
+    assert times.tolist() == pytest.approx([0.1, 0.3])
+    assert edges[-1] == pytest.approx(0.5)
+    np.testing.assert_allclose(shares.sum(axis=0), 1.0)
+    assert shares[0].tolist() == pytest.approx([1.0, 0.55], abs=0.01)

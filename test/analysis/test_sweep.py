@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sweeps over a scene."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+
+from gdfe_ros.analysis.sweep.cases import Case, grid_cases, read_axes, read_list
+from gdfe_ros.analysis.sweep.runner import connect, run_cases
+from gdfe_ros.cli import main
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene import load_scene
+
+
+def test_a_grid_is_every_combination() -> None:
+    """Combine an evenly spread axis with a list of lists; names depend on the values only."""
+    axes = read_axes(["materials.e20.young=1e4:4e4:4", "mesh.bar.cells=[[10, 1, 1], [20, 2, 2]]"])
+    cases = grid_cases(axes)
+    assert len(cases) == 8
+    assert cases[2].overrides == {"materials.e20.young": 2e4, "mesh.bar.cells": [10, 1, 1]}
+    assert cases[2].name == Case({"mesh.bar.cells": [10, 1, 1], "materials.e20.young": 2e4}).name
+    assert len({case.name for case in cases}) == 8
+
+
+def test_a_list_names_its_cases(tmp_path: Path) -> None:
+    """Read the same two cases from CSV and from YAML."""
+    (tmp_path / "a.csv").write_text("solver.steps,materials.e20.young\n2,1e4\n3,20000.0\n")
+    (tmp_path / "a.yaml").write_text("- {solver.steps: 2, materials.e20.young: 1.0e+4}\n- {solver.steps: 3}\n")
+    assert read_list(tmp_path / "a.csv")[1] == {"solver.steps": 3, "materials.e20.young": 20000.0}
+    assert read_list(tmp_path / "a.yaml")[1] == {"solver.steps": 3}
+
+
+@pytest.mark.parametrize("entry", ["young", "young=5", "young=[", "young=1:2:x"])
+def test_a_bad_axis_is_refused(entry: str) -> None:
+    """Write an axis that is none: the message says what one looks like."""
+    with pytest.raises(GdfeError, match=r"KEY=VALUES|list"):
+        read_axes([entry])
+
+
+def test_a_sweep_is_resumed_and_reports_failures(tmp_path: Path, capsys: Any) -> None:
+    """Run three cases of which one is impossible, then four: only the new one is run, the bad one is told."""
+    out = tmp_path / "sweep"
+    base = ["sweep", "bend5", "--out", str(out), "--workers", "1", "--grid", "solver.steps=[2]"]
+    assert main([*base, "--grid", "mesh.bar.cells=[[10,1,1],[12,1,1],[0,1,1]]"]) == 1
+    assert "number of cells along x, y, z" in capsys.readouterr().out
+    table = pyarrow.parquet.read_table(out / "results.parquet").to_pylist()
+    assert [row["status"] for row in table] == ["converged", "converged", "failed"]
+    assert table[0]["tip.z"] == pytest.approx(0.2)
+    assert (out / "results.png").stat().st_size > 5000
+    stamps = {path.name: path.stat().st_mtime_ns for path in (out / "cases").iterdir()}
+    assert main([*base, "--grid", "mesh.bar.cells=[[10,1,1],[12,1,1],[0,1,1],[14,1,1]]"]) == 1
+    again = {path.name: path.stat().st_mtime_ns for path in (out / "cases").iterdir()}
+    assert len(again) == 4
+    assert {name: again[name] for name in stamps} == stamps
+
+
+def test_results_of_another_scene_are_not_mixed(tmp_path: Path, capsys: Any) -> None:
+    """Point a sweep at the results of another scene: exit status 2."""
+    (tmp_path / "sweep.json").write_text('{"scene_sha256": "0"}')
+    assert main(["sweep", "bend5", "--out", str(tmp_path), "--grid", "solver.steps=[1]"]) == 2
+    assert "another scene" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_killed_worker_costs_no_case(workers: int) -> None:
+    """Kill a worker while it works on several short cases: every case is done all the same, and once."""
+    scene = load_scene("bend5", overrides={"mesh.bar.cells": [20, 2, 2]}).source
+    cases = grid_cases({"materials.e20.young": [1e4 + 100.0 * k for k in range(80)]})
+    with connect(None, workers) as client:
+        victim = min(client.run(os.getpid).values())
+        results = run_cases(client, scene, cases)
+        done = [next(results) for _ in range(8)]  # by now short cases are put together
+        os.kill(victim, signal.SIGKILL)
+        done += results
+    assert sorted(case.name for case, _ in done) == sorted(case.name for case in cases)
+    assert {result["status"] for _, result in done} == {"converged"}

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Isolation of tests: a ROS domain for each worker, one thread, strict message fields, logs out of the way.
+
+The environment is set before anything imports rclpy, a message package or numba; subprocesses inherit it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+def _domain() -> str:
+    """Choose a ROS domain from 1 to 100 (above 101, ports collide with those that Linux gives out).
+
+    It differs between the workers of one run, and most likely between runs at the same time.
+    """
+    run = os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid()))
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    return str(1 + (zlib.crc32(run.encode()) + worker) % 100)
+
+
+os.environ.update(
+    ROS_DOMAIN_ID=_domain(),
+    ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+    # Wrong scalar types raise, instead of being serialised as garbage.
+    ROS_PYTHON_CHECK_FIELDS="1",
+    ROS_LOG_DIR=os.path.join(tempfile.gettempdir(), "gdfe_ros_test_logs"),
+    NUMBA_NUM_THREADS="1",
+    OMP_NUM_THREADS="1",
+    OPENBLAS_NUM_THREADS="1",
+    MPLBACKEND="Agg",
+)
+
+
+class RosSession:
+    """A ROS context of its own with an executor; nodes made here are destroyed with it.
+
+    Attributes:
+        context: the rclpy context.
+        executor: single-threaded; spin it with ``executor.spin_once(timeout_sec=...)``.
+    """
+
+    def __init__(self) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self._nodes: list[Any] = []
+
+    def node(self, kind: str | Callable[..., Any], **options: Any) -> Any:
+        """Make a plain node of this name, or an instance of this class, and add it to the executor."""
+        import rclpy
+
+        make = (lambda **more: rclpy.create_node(kind, **more)) if isinstance(kind, str) else kind
+        node = make(context=self.context, **options)
+        self.executor.add_node(node)
+        self._nodes.append(node)
+        return node
+
+    def close(self) -> None:
+        """Destroy the nodes and shut the context down."""
+        import rclpy
+
+        for node in self._nodes:
+            self.executor.remove_node(node)
+            node.destroy_node()
+        self.executor.shutdown()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def ros() -> Iterator[RosSession]:
+    """Give a ROS session that ends with the test."""
+    session = RosSession()
+    yield session
+    session.close()
+
+
+@pytest.fixture
+def kept_bags() -> dict[Path, float]:
+    """Give the bags of the repository, and the factor on the tolerance that their README states for elsewhere."""
+    folder = Path(__file__).parents[1] / "bags"
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    cells = [re.split(r"\s*\|\s*", line) for line in text.splitlines() if line.startswith("| `")]
+    return {folder / row[1].strip("`"): float(row[8]) for row in cells}

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of plates: rotation vectors beyond half a turn, interpolation, refusals."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gdfe_ros.constraints import Pose
+
+SQUARE = np.array([[0.0, 1.0, 1.0], [0.0, -1.0, 1.0], [0.0, -1.0, -1.0], [0.0, 1.0, -1.0]])
+
+
+def test_rest_moves_nothing() -> None:
+    """Apply the pose of rest: the same points, bit by bit."""
+    np.testing.assert_array_equal(Pose().apply(SQUARE, [5.0, 6.0, 7.0]), SQUARE)
+
+
+def test_translation_moves_every_point() -> None:
+    """Translate: the centre does not matter."""
+    moved = Pose(translation=(1.0, 2.0, 3.0)).apply(SQUARE, [9.0, 9.0, 9.0])
+    np.testing.assert_array_equal(moved, SQUARE + np.array([1.0, 2.0, 3.0]))
+
+
+def test_rotation_is_about_the_centre_of_the_plate() -> None:
+    """Turn a square off the origin by a right angle: its centre stays, y becomes z (right-handed)."""
+    centre = np.array([10.0, 20.0, 30.0])
+    moved = Pose(rotation=(math.pi / 2.0, 0.0, 0.0)).apply(SQUARE + centre, centre)
+    np.testing.assert_allclose(moved.mean(axis=0), centre, atol=1e-12)
+    np.testing.assert_allclose(moved[0] - centre, (0.0, -1.0, 1.0), atol=1e-12)
+
+
+def test_rotation_comes_before_translation() -> None:
+    """Turn and translate: the centre goes where the translation says."""
+    centre = np.array([10.0, 20.0, 30.0])
+    moved = Pose(translation=(1.0, 2.0, 3.0), rotation=(0.3, -0.2, 1.0)).apply(SQUARE + centre, centre)
+    np.testing.assert_allclose(moved.mean(axis=0), centre + np.array([1.0, 2.0, 3.0]), atol=1e-12)
+    distances = np.linalg.norm(moved[:, None] - moved[None], axis=2)
+    np.testing.assert_allclose(distances, np.linalg.norm(SQUARE[:, None] - SQUARE[None], axis=2), atol=1e-12)
+
+
+def test_a_full_turn_is_not_rest() -> None:
+    """Turn by 360 degrees: the points are back, the pose remembers the turn."""
+    turn = Pose(rotation=(2.0 * math.pi, 0.0, 0.0))
+    np.testing.assert_allclose(turn.apply(SQUARE, np.zeros(3)), SQUARE, atol=1e-14)
+    assert turn != Pose()
+
+
+def test_blend_passes_through_more_than_half_a_turn() -> None:
+    """Blend from rest to 540 degrees: halfway is 270 degrees, not the short way round."""
+    end = Pose(translation=(2.0, 0.0, 0.0), rotation=(3.0 * math.pi, 0.0, 0.0))
+    assert Pose().blend(end, 0.5) == Pose(translation=(1.0, 0.0, 0.0), rotation=(1.5 * math.pi, 0.0, 0.0))
+    assert Pose().blend(end, 0.0) == Pose()
+    assert Pose().blend(end, 1.0) == end
+
+
+def test_poses_are_values_of_plain_floats() -> None:
+    """Give arrays and integers: a hashable pose of floats comes out."""
+    pose = Pose(translation=np.array([1, 2, 3]), rotation=[0, 0, 1])
+    assert pose == Pose(translation=(1.0, 2.0, 3.0), rotation=(0.0, 0.0, 1.0))
+    assert hash(pose) == hash(Pose(translation=(1.0, 2.0, 3.0), rotation=(0.0, 0.0, 1.0)))
+    assert all(type(value) is float for value in (*pose.translation, *pose.rotation))
+
+
+@pytest.mark.parametrize("name", ["translation", "rotation"])
+@pytest.mark.parametrize("bad", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0), (0, 0, 0, 1), 1.0])
+def test_poses_are_checked(name: str, bad: object) -> None:
+    """Refuse what is not three finite numbers; name the field and the value."""
+    with pytest.raises(ValueError, match=f"{name} must be three finite numbers, got"):
+        Pose(**{name: bad})

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tip of the three-chamber arm follows a circle, in closed loop with the real node."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros.examples.tip_tracker import TipTracker, circle
+from gdfe_ros.simulation import Command
+from gdfe_ros.testing import Simulator, tracking_error
+
+RADIUS = 0.005
+STEPS = 100
+
+
+def _follow(gain: float, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """Track a circle around the point a radius above the resting tip; return tips and goals (steps, 3)."""
+    tips, goals = [], []
+    with Simulator("three_chamber_arm", overrides={"solver.tolerance": 1e-6}) as simulator:
+        actuators = simulator.scene.actuators
+        tracker = TipTracker(
+            simulator.jacobian()[0, 1:],
+            np.zeros(len(actuators)),
+            low=[actuator.low for actuator in actuators],
+            high=[actuator.high for actuator in actuators],
+            axes=(1, 2),
+            gain=gain,
+        )
+        state = simulator.state
+        centre = np.array(state.probes["tip"].translation)
+        centre[2] += RADIUS
+        for step in range(1, steps + 1):
+            goals.append(circle(centre, RADIUS, step / STEPS))
+            command = tracker.command(state.probes["tip"].translation, goals[-1])
+            names = [actuator.name for actuator in actuators]
+            state = simulator.step(Command(actuators=dict(zip(names, command, strict=True))))
+            tips.append(state.probes["tip"].translation)
+    tips, goals = np.array(tips), np.array(goals)
+    goals[:, 0] = tips[:, 0]
+    return tips, goals
+
+
+def test_the_tip_follows_a_circle_within_two_percent_of_its_radius() -> None:
+    """Go round once in 100 steps: the largest distance to the goal is under 2 % of the radius."""
+    error = tracking_error(*_follow(gain=1.0, steps=STEPS))
+    assert error.largest < 0.02 * RADIUS, error
+
+
+def test_the_wrong_sign_is_found_out() -> None:
+    """Flip the controller's sign: the same measure fails by far."""
+    assert tracking_error(*_follow(gain=-1.0, steps=15)).largest > 0.2 * RADIUS
+
+
+def test_broyden_learns_a_wrong_jacobian() -> None:
+    """Control a linear plant with a Jacobian that is off by half: after some steps the error is gone."""
+    plant = np.array([[2.0, 1.0], [0.5, 1.5]])
+    tracker = TipTracker(1.5 * plant, [0.0, 0.0], low=[-9, -9], high=[9, 9], axes=(0, 1))
+    tip = np.zeros(3)
+    for step in range(12):
+        command = tracker.command(tip, [1.0, np.sin(step), 0.0])
+        tip = np.array([*(plant @ command), 0.0])
+    assert tip[:2] == pytest.approx([1.0, np.sin(11)], abs=1e-4)
+
+
+def test_commands_stay_in_range() -> None:
+    """Ask for more than the actuators give: the command stops at its limit."""
+    tracker = TipTracker([[1.0]], [0.0], low=[0.0], high=[0.5], axes=(0,))
+    assert tracker.command([0.0, 0, 0], [3.0, 0, 0]) == pytest.approx([0.5], abs=1e-9)
+    assert tracker.command([0.5, 0, 0], [-3.0, 0, 0]) == pytest.approx([0.0], abs=1e-9)

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Launch files name what the package has: executables, parameters, files.
+
+The launch packages of ROS are no wheels. Where they are not installed, stand-ins with the same names take their place:
+the files run, and what they describe is checked; that launch itself accepts them is then left to a machine with ROS.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import sys
+from collections.abc import Iterable
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gdfe_ros.examples.tip_tracking import TipTracking
+from gdfe_ros.node.interface import NODE_NAME, PARAMETERS
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((ROOT / "launch").glob("*.launch.py"))
+INSTALLED = find_spec("launch_ros") is not None
+
+
+def _record(kind: str) -> type:
+    """Make a class that keeps what it was made with."""
+
+    def make(self: Any, *given: Any, **named: Any) -> None:
+        self.given, self.named = given, named
+
+    return type(kind, (), {"__init__": make, "perform": lambda self, context: context[self.given[0]]})
+
+
+@pytest.fixture
+def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put stand-ins where launch is not installed."""
+    if not INSTALLED:
+        names = {
+            "launch": ("LaunchDescription", "LaunchContext"),
+            "launch.actions": ("DeclareLaunchArgument", "OpaqueFunction"),
+            "launch.substitutions": ("LaunchConfiguration", "PathJoinSubstitution"),
+            "launch_ros": (),
+            "launch_ros.actions": ("Node",),
+            "launch_ros.parameter_descriptions": ("ParameterValue",),
+        }
+        for name, kinds in names.items():
+            module = ModuleType(name)
+            for kind in kinds:
+                setattr(module, kind, _record(kind))
+            monkeypatch.setitem(sys.modules, name, module)
+        index = SimpleNamespace(get_package_share_directory=lambda name: str(ROOT))
+        monkeypatch.setitem(sys.modules, "ament_index_python", ModuleType("ament_index_python"))
+        monkeypatch.setitem(sys.modules, "ament_index_python.packages", index)
+
+
+def _describe(path: Path) -> Any:
+    spec = importlib.util.spec_from_file_location(path.name.replace(".", "_"), path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.generate_launch_description()
+
+
+def _entry_points() -> dict[str, str]:
+    """Read the console scripts out of setup.py."""
+    tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
+    strings = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    return dict(text.split(" = ") for text in strings if text.count(" = ") == 1 and ":" in text)
+
+
+def test_there_are_launch_files() -> None:
+    """Find the three launch files."""
+    assert [path.name for path in FILES] == ["control_loop.launch.py", "robots.launch.py", "sim.launch.py"]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_a_launch_file_names_what_there_is(path: Path, stand_ins: None) -> None:
+    """Run the file: its nodes are executables of this package, its parameters theirs, its arguments explained."""
+    description = _describe(path)
+    if INSTALLED:
+        assert description.entities
+        return
+    (entities,) = description.given
+    declared = _of_kind(entities, "DeclareLaunchArgument")
+    assert all(entity.named["description"] for entity in declared)
+    arguments = {entity.given[0]: entity.named["default_value"] for entity in declared}
+    nodes = _of_kind(entities, "Node")
+    for entity in _of_kind(entities, "OpaqueFunction"):
+        nodes += entity.named["function"](arguments)
+    assert nodes
+    for node in nodes:
+        _check_node(node, arguments)
+
+
+def _of_kind(entities: Iterable[Any], kind: str) -> list[Any]:
+    return [entity for entity in entities if type(entity).__name__ == kind]
+
+
+def _check_node(node: Any, arguments: dict[str, str]) -> None:
+    executable = node.named["executable"]
+    assert node.named["package"] == "gdfe_ros"
+    assert executable in _entry_points()
+    if executable == "sim_node":
+        assert node.named["name"] == NODE_NAME
+    for source in node.named["parameters"]:
+        if isinstance(source, dict):
+            assert set(source) <= _parameters(executable), set(source) - _parameters(executable)
+        else:
+            assert Path(arguments[source.given[0]]).is_file()
+
+
+def _parameters(executable: str) -> set[str]:
+    if executable == "sim_node":
+        return {spec.name for spec in PARAMETERS}
+    source = ast.parse(Path(sys.modules[TipTracking.__module__].__file__).read_text(encoding="utf-8"))
+    calls = [node for node in ast.walk(source) if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)]
+    return {call.args[0].value for call in calls if call.func.attr == "declare_parameter"}
+
+
+def test_the_parameter_file_names_parameters_of_the_node() -> None:
+    """Read config/sim.yaml: every entry is a parameter, with the type of its default."""
+    import yaml
+
+    entries = yaml.safe_load((ROOT / "config" / "sim.yaml").read_text(encoding="utf-8"))[NODE_NAME]["ros__parameters"]
+    kinds = {spec.name: type(spec.default) for spec in PARAMETERS}
+    assert {name: type(value) for name, value in entries.items()}.items() <= kinds.items()

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws as a user states them: moduli, uniaxial curves, refusals."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden
+
+STRAINS = np.array([0.0, 0.01, 0.2, 0.7, 1.3, 2.5, 6.0])
+POLYNOMIAL = CurveData.polynomial([1e5, -1e4])
+
+
+def test_moduli_belong_together(law: Material) -> None:
+    """Check E = 2 mu (1 + nu) and K = E / (3 (1 - 2 nu)) for every law."""
+    assert law.young0 == pytest.approx(2.0 * law.shear0 * (1.0 + law.poisson), rel=1e-12)
+    assert law.bulk == pytest.approx(law.young0 / (3.0 * (1.0 - 2.0 * law.poisson)), rel=1e-12)
+
+
+def test_moduli_at_rest_are_the_given_ones() -> None:
+    """Find the moduli where the user stated them: E, sum of mu, slope of the curve at rest over three."""
+    assert Linear(young=2e5, poisson=0.3).young0 == 2e5
+    assert NeoHookean(young=2e5, poisson=0.3).shear0 == pytest.approx(2e5 / 2.6)
+    assert Ogden(mu=(1e5, -2e4), alpha=(1.5, -3.0), poisson=0.4).shear0 == pytest.approx(8e4)
+    assert Curve(data=POLYNOMIAL, poisson=0.4).shear0 == pytest.approx(1e5 / 3.0)
+
+
+def test_tangent_is_the_slope_of_the_stress(law: Material) -> None:
+    """Compare the tangent modulus with a difference of stresses."""
+    strain, step = STRAINS[1:] + 1e-3, 1e-6
+    slope = (law.stress_at(strain + step) - law.stress_at(strain - step)) / (2.0 * step)
+    np.testing.assert_allclose(law.tangent_at(strain), slope, rtol=1e-6, atol=1e-9 * law.young0)
+
+
+def test_stress_starts_at_zero(law: Material) -> None:
+    """Pull nothing: no stress, and a positive modulus."""
+    assert law.stress_at(np.zeros(1))[0] == pytest.approx(0.0, abs=1e-9 * law.young0)
+    assert law.tangent_at(np.zeros(1))[0] > 0.0
+
+
+def test_ogden_with_exponent_two_is_neo_hookean() -> None:
+    """Reduce Ogden's law to one term of exponent 2: E/3 (l - l^-2)."""
+    ogden = Ogden(mu=(1e5 / 3.0,), alpha=(2.0,), poisson=0.45)
+    np.testing.assert_allclose(ogden.stress_at(STRAINS), NeoHookean(young=1e5, poisson=0.45).stress_at(STRAINS))
+
+
+def test_terms_of_ogden_add_up() -> None:
+    """Split a term in two halves: the curve stays."""
+    whole = Ogden(mu=(1e5,), alpha=(3.0,), poisson=0.45)
+    halves = Ogden(mu=(4e4, 6e4), alpha=(3.0, 3.0), poisson=0.45)
+    np.testing.assert_allclose(halves.stress_at(STRAINS), whole.stress_at(STRAINS))
+    np.testing.assert_allclose(halves.tangent_at(STRAINS), whole.tangent_at(STRAINS))
+
+
+def test_laws_know_what_they_are() -> None:
+    """Name each law by its number in the kernels."""
+    kinds = {
+        Law.LINEAR: Linear(young=1.0, poisson=0.0),
+        Law.NEO_HOOKEAN: NeoHookean(young=1.0, poisson=0.0),
+        Law.OGDEN: Ogden(mu=(1.0,), alpha=(1.0,), poisson=0.0),
+        Law.CURVE: Curve(data=POLYNOMIAL, poisson=0.0),
+    }
+    assert {law: material.law for law, material in kinds.items()} == {law: law for law in Law}
+
+
+@pytest.mark.parametrize("poisson", [-1.0, 0.51, 0.7, math.nan, math.inf])
+def test_poissons_ratio_is_checked(poisson: float) -> None:
+    """Refuse ratios at which the bulk or shear modulus is not positive; 0.5 is incompressible."""
+    assert Linear(young=1e5, poisson=0.5).bulk == math.inf
+    with pytest.raises(ValueError, match=r"poisson must lie in -1 < poisson <= 0\.5, got .*incompressible"):
+        Linear(young=1e5, poisson=poisson)
+
+
+@pytest.mark.parametrize("young", [0.0, -1e5, math.nan, math.inf, 1e14])
+@pytest.mark.parametrize("kind", [Linear, NeoHookean])
+def test_youngs_modulus_is_checked(kind: type[Linear], young: float) -> None:
+    """Refuse a modulus that is not positive and finite."""
+    with pytest.raises(ValueError, match=r"young must lie in .* in Pa"):
+        kind(young=young, poisson=0.3)
+
+
+@pytest.mark.parametrize("density", [0.0, -1.0, math.nan, math.inf])
+def test_density_is_checked(density: float) -> None:
+    """Refuse a density that is not positive and finite."""
+    with pytest.raises(ValueError, match=r"density must lie in .* in kg/m\^3"):
+        Linear(young=1e5, poisson=0.3, density=density)
+
+
+@pytest.mark.parametrize("omega", [0.0, -0.1, 1.1, math.nan])
+def test_given_shape_factor_is_checked(omega: float) -> None:
+    """Refuse a shape factor outside 0 < omega <= 1."""
+    with pytest.raises(ValueError, match="omega must lie in 0 < omega <= 1"):
+        Linear(young=1e5, poisson=0.3, omega=omega)
+
+
+@pytest.mark.parametrize(
+    ("mu", "alpha", "message"),
+    [
+        ((), (), "equal length of 1 to 6"),
+        ((1e5,), (1.0, 2.0), "equal length of 1 to 6"),
+        ((1e5,) * 7, (1.0,) * 7, "equal length of 1 to 6"),
+        ((1e5,), (0.0,), "no alpha zero"),
+        ((math.nan,), (1.0,), "finite"),
+        ((1e5,), (math.inf,), "finite"),
+        ((1e5,), (25.0,), r"alpha must lie in -20 \.\. 20"),
+        ((1e5, -2e5), (1.0, 2.0), "sum of mu"),
+    ],
+)
+def test_ogden_terms_are_checked(mu: tuple[float, ...], alpha: tuple[float, ...], message: str) -> None:
+    """Refuse terms that are missing, not finite or without stiffness at rest."""
+    with pytest.raises(ValueError, match=message):
+        Ogden(mu=mu, alpha=alpha, poisson=0.4)
+
+
+def test_materials_are_values() -> None:
+    """Compare and hash two equal materials: they are one."""
+    first, second = (Ogden(mu=(1e5,), alpha=(2.0,), poisson=0.4) for _ in range(2))
+    assert first == second
+    assert len({first, second}) == 1
+    with pytest.raises(AttributeError):
+        first.poisson = 0.3

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each law against its formula, written out again from the docstrings and DESIGN 4, on one cube."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.materials import Linear, Material, NeoHookean, Ogden
+
+MakeCube = Callable[[Material], Any]
+STRETCHES = [1.0 + 1e-6, 1.01, 1.1, 1.5, 2.0, 3.0, 5.0]
+
+
+def area_under(curve: Callable[[NDArray[np.float64]], NDArray[np.float64]], end: float) -> float:
+    """Return the integral of a curve from 0 to ``end``, by Gauss points on 200 intervals."""
+    points, weights = np.polynomial.legendre.leggauss(4)
+    edges = np.linspace(0.0, end, 201)
+    nodes = edges[:-1, None] + 0.5 * (points + 1.0) * np.diff(edges)[:, None]
+    return float(np.sum(curve(nodes) @ weights) * end / 400.0)
+
+
+def energy_density(material: Material, stretches: NDArray[np.float64]) -> float:
+    """Return W [J/m^3] at signed principal stretches, by the law's formula."""
+    l, j = np.asarray(stretches), float(np.prod(stretches))  # noqa: E741
+    volumetric = 0.5 * material.bulk * (j - 1.0) ** 2
+    spread = np.sum((l - l.mean()) ** 2)
+    if isinstance(material, NeoHookean):
+        mu, nu = material.shear0, material.poisson
+        lame = 2.0 * mu * nu / (1.0 - 2.0 * nu)
+        return 0.5 * mu * (np.sum(l**2) - 3.0) - mu * np.log(j) + 0.5 * lame * np.log(j) ** 2
+    if isinstance(material, Linear):
+        return 0.5 * material.young / (1.0 + material.poisson) * spread + volumetric
+    if isinstance(material, Ogden):
+        isochoric = l * j ** (-1.0 / 3.0)
+        terms = zip(material.mu, material.alpha, strict=True)
+        return sum(2.0 * m / a**2 * (np.sum(isochoric**a) - 3.0) for m, a in terms) + volumetric
+    equivalent = np.sqrt(1.5 * spread) / 1.5
+    stretch = brentq(lambda t: (t - t**-0.5) / 1.5 - equivalent, 1.0, 20.0, xtol=1e-14) if equivalent > 0.0 else 1.0
+    return area_under(material.stress_at, stretch - 1.0) + volumetric
+
+
+def deviatoric_tension(material: Material, stretch: ArrayLike) -> NDArray[np.float64]:
+    """Return the nominal stress [Pa] of uniaxial tension at J = 1, the lateral stress removed by a pressure."""
+    stretch = np.asarray(stretch)
+    lateral = stretch**-0.5
+    if isinstance(material, NeoHookean):
+        return material.shear0 * (stretch - stretch**-2.0)
+    if isinstance(material, Linear):
+        return material.young / (1.0 + material.poisson) * (stretch - lateral) * (2.0 + lateral / stretch) / 3.0
+    return material.stress_at(stretch - 1.0)
+
+
+def uniaxial(stretch: float) -> NDArray[np.float64]:
+    """Return F of uniaxial tension along x at J = 1."""
+    return np.diag([stretch, stretch**-0.5, stretch**-0.5])
+
+
+@pytest.mark.parametrize("stretch", STRETCHES)
+def test_uniaxial_tension_follows_the_curve(law: Material, cube: MakeCube, stretch: float) -> None:
+    """Pull the cube at constant volume: the stress, lateral traction removed, is the law's uniaxial curve."""
+    stress = cube(law).stress(uniaxial(stretch))
+    nominal = stress[0, 0] - stress[1, 1] * stretch**-1.5
+    assert nominal == pytest.approx(float(deviatoric_tension(law, stretch)), rel=2e-6, abs=1e-7 * law.shear0)
+
+
+@pytest.mark.parametrize("stretch", STRETCHES)
+def test_uniaxial_energy_is_the_area_under_the_curve(law: Material, cube: MakeCube, stretch: float) -> None:
+    """Pull the cube at constant volume: the energy density is the work of the uniaxial stress."""
+    work = area_under(lambda strain: deviatoric_tension(law, 1.0 + strain), stretch - 1.0)
+    assert cube(law).density(uniaxial(stretch)) == pytest.approx(work, rel=2e-6, abs=1e-10 * law.shear0)
+
+
+def test_energy_is_the_formula_at_random_deformations(law: Material, cube: MakeCube) -> None:
+    """Deform the cube at random, with stretches from 0.5 to 3: the energy is the law's formula."""
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        stretches = np.exp(random.uniform(np.log(0.5), np.log(3.0), 3))
+        u, v = Rotation.random(2, random_state=random).as_matrix()
+        density = cube(law).density(u @ np.diag(stretches) @ v.T)
+        assert density == pytest.approx(energy_density(law, stretches), rel=1e-6, abs=1e-9 * law.shear0)
+
+
+def test_inverted_energy_counts_the_smallest_stretch_negative(corotated_law: Material, cube: MakeCube) -> None:
+    """Turn the cube inside out: the rotation stays proper, so the law sees one negative stretch."""
+    u, v = Rotation.random(2, random_state=2).as_matrix()
+    stretches = np.array([1.2, 1.0, -0.3])
+    density = cube(corotated_law).density(u @ np.diag(stretches) @ v.T)
+    assert density == pytest.approx(energy_density(corotated_law, stretches), rel=1e-6)
+
+
+def test_an_inverted_cube_costs_more_than_its_mirror_image(law: Material, cube: MakeCube) -> None:
+    """Compare equal stretches: the inverted cube has the higher energy, for every law."""
+    for squeeze in (0.05, 0.3, 1.0):
+        upright, inverted = (cube(law).density(np.diag([1.2, 1.0, sign * squeeze])) for sign in (1.0, -1.0))
+        assert inverted > upright
+
+
+DEFORMED = {
+    "random": [1.3, 0.9, 0.8],
+    "large": [4.0, 2.0, 0.4],
+    "squeezed": [1.3, 0.9, 0.04],
+    "needle": [1.5, 0.06, 0.03],
+    "flat": [1.1, 0.9, 0.0],
+    "inverted": [1.3, 0.9, -0.6],
+    "inverted-needle": [1.5, 0.06, -0.03],
+    "inverted-far": [1.3, 0.9, -0.85],
+}
+"""Signed principal stretches; where the last two nearly cancel, the rotation is all but undefined."""
+
+
+@pytest.mark.parametrize("stretches", DEFORMED.values(), ids=DEFORMED)
+def test_forces_are_the_derivative_of_the_energy(law: Material, cube: MakeCube, stretches: list[float]) -> None:
+    """Move each corner of a deformed cube to and fro: the energy changes by the force times the way."""
+    random = np.random.default_rng(3)
+    body = cube(law)
+    for _ in range(3):
+        u, v = Rotation.random(2, random_state=random.integers(1000)).as_matrix()
+        x = body.positions(u @ np.diag(stretches) @ v.T)
+        forces, slopes, step = body.forces(x), np.zeros((8, 3)), 1e-6 * body.side
+        for corner in np.ndindex(8, 3):
+            move = np.zeros((8, 3))
+            move[corner] = step
+            slopes[corner] = (body.energy(x + move) - body.energy(x - move)) / (2.0 * step)
+        np.testing.assert_allclose(slopes, forces, rtol=0.0, atol=2e-6 * np.abs(forces).max())
+
+
+@pytest.mark.parametrize("stretch", [0.7, 0.95, 1.0, 1.05, 1.5])
+def test_hydrostatic_tension_is_the_bulk_law(law: Material, cube: MakeCube, stretch: float) -> None:
+    """Swell the cube equally: no shear, and the traction is the slope of the volume energy."""
+    stress = cube(law).stress(stretch * np.eye(3))
+    step = 1e-5
+    swollen, shrunk = (energy_density(law, (stretch + s) * np.ones(3)) for s in (step, -step))
+    expected = (swollen - shrunk) / (2.0 * step) / 3.0
+    np.testing.assert_allclose(stress, expected * np.eye(3), rtol=1e-6, atol=1e-6 * law.bulk)
+
+
+@pytest.mark.parametrize("plane", [(0, 1), (1, 2), (2, 0), (1, 0)])
+def test_small_shear_has_the_shear_modulus(law: Material, cube: MakeCube, plane: tuple[int, int]) -> None:
+    """Shear the cube by 1e-5: the shear stress is mu0 times the shear, on both faces."""
+    shear = 1e-5
+    gradient = np.eye(3)
+    gradient[plane] += shear
+    stress = cube(law).stress(gradient)
+    assert stress[plane] == pytest.approx(law.shear0 * shear, rel=1e-3)
+    assert stress[plane[::-1]] == pytest.approx(law.shear0 * shear, rel=1e-3)
+
+
+def test_large_shear_of_the_neo_hookean_law_is_linear(cube: MakeCube) -> None:
+    """Shear a neo-Hookean cube by 2: its shear stress is mu times the shear (Rivlin)."""
+    law = NeoHookean(young=1e5, poisson=0.3)
+    gradient = np.eye(3)
+    gradient[0, 1] = 2.0
+    assert cube(law).stress(gradient)[0, 1] == pytest.approx(2.0 * law.shear0, rel=1e-9)
+
+
+def test_small_tension_has_youngs_modulus_and_poissons_ratio(law: Material, cube: MakeCube) -> None:
+    """Stretch the cube by 1e-5 and let it thin by nu: the stress is E0 along x and none across."""
+    strain = 1e-5
+    lateral = 1.0 - law.poisson * strain
+    stress = cube(law).stress(np.diag([1.0 + strain, lateral, lateral]))
+    assert stress[0, 0] == pytest.approx(law.young0 * strain, rel=3e-3)
+    assert abs(stress[1, 1]) < 3e-3 * law.young0 * strain
+
+
+def test_energy_and_stress_do_not_depend_on_the_frame(law: Material, cube: MakeCube) -> None:
+    """Turn the deformed cube: the energy stays, the stress turns along (objectivity)."""
+    gradient = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
+    turn = Rotation.from_rotvec([1.0, -2.0, 0.5]).as_matrix()
+    here, there = cube(law).stress(gradient), cube(law).stress(turn @ gradient)
+    np.testing.assert_allclose(there, turn @ here, rtol=1e-8, atol=1e-9 * np.abs(here).max())
+    assert cube(law).density(turn @ gradient) == pytest.approx(cube(law).density(gradient), rel=1e-10)
+
+
+def test_material_has_no_direction(law: Material, cube: MakeCube) -> None:
+    """Turn the cube before it deforms: the energy stays (isotropy)."""
+    gradient = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
+    turn = Rotation.from_rotvec([1.0, -2.0, 0.5]).as_matrix()
+    assert cube(law).density(gradient @ turn) == pytest.approx(cube(law).density(gradient), rel=1e-10)
+
+
+def test_rotation_costs_nothing(law: Material, cube: MakeCube) -> None:
+    """Turn the cube by any angle, half turns included: neither energy nor force."""
+    for vector in [(0, 0, 0), (0.1, 0.2, 0.3), (np.pi, 0, 0), (0, 2.0, -2.0), (1e-9, 0, 0)]:
+        turn = Rotation.from_rotvec(vector).as_matrix()
+        assert abs(cube(law).density(turn)) < 1e-12 * law.bulk
+        assert np.abs(cube(law).stress(turn)).max() < 1e-11 * law.bulk
+
+
+@pytest.mark.parametrize(
+    "gradient",
+    [
+        np.zeros((3, 3)),
+        np.diag([1.0, 1.0, 0.0]),
+        np.diag([1.0, 0.0, 0.0]),
+        -np.eye(3),
+        np.diag([-1.0, 1.0, 1.0]),
+        np.diag([1e-9, 1.0, -1e-9]),
+        1e3 * np.eye(3),
+        -1e3 * np.eye(3),
+        np.diag([100.0, 1e-3, 1e-3]),
+    ],
+    ids=["point", "flat", "needle", "mirrored", "inside-out", "almost-needle", "huge", "huge-mirrored", "thread"],
+)
+def test_no_deformation_overflows(law: Material, cube: MakeCube, gradient: NDArray[np.float64]) -> None:
+    """Collapse, invert and blow up the cube: energy and forces stay finite and the energy positive."""
+    assert np.isfinite(cube(law).density(gradient))
+    assert cube(law).density(gradient) > 0.0
+    assert np.isfinite(cube(law).stress(gradient)).all()
+
+
+@pytest.mark.parametrize("squeeze", [0.9, 0.5, 0.2, 0.05, 0.0, -0.3, -1.0, -3.0])
+def test_a_squeezed_cube_pushes_back(law: Material, cube: MakeCube, squeeze: float) -> None:
+    """Squeeze the cube to nothing and through itself: it always pushes towards the rest shape."""
+    assert cube(law).stress(np.diag([1.0, 1.0, squeeze]))[2, 2] < 0.0
+
+
+def test_forces_scale_with_the_modulus(cube: MakeCube) -> None:
+    """Double the modulus: energy and stress double."""
+    gradient = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
+    for kind in (Linear, NeoHookean):
+        soft, hard = cube(kind(young=1e5, poisson=0.4)), cube(kind(young=2e5, poisson=0.4))
+        assert hard.density(gradient) == pytest.approx(2.0 * soft.density(gradient), rel=1e-12)
+        np.testing.assert_allclose(hard.stress(gradient), 2.0 * soft.stress(gradient), rtol=1e-9)
+
+
+def test_the_pressure_term_meets_the_plain_law_at_moderate_poisson(cube: MakeCube) -> None:
+    """Cross the ratio from which a pressure carries the volume: energy and stress do not jump."""
+    gradient = np.array([[1.1, 0.2, 0.0], [0.1, 0.9, 0.1], [0.0, 0.1, 1.05]])
+    for kind in (Linear, NeoHookean):
+        plain, carried = cube(kind(young=1e5, poisson=0.45)), cube(kind(young=1e5, poisson=0.45 + 1e-9))
+        assert carried.density(gradient) == pytest.approx(plain.density(gradient), rel=1e-6)
+        np.testing.assert_allclose(carried.stress(gradient), plain.stress(gradient), rtol=1e-6, atol=1e-3)

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Generated meshes have the documented numbering, extent and volume."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh import bar, check_mesh
+from gdfe_ros.mesh.generators import grid
+
+
+def test_bar_numbers_vertices_and_cells_as_documented() -> None:
+    """Place vertex i+(nx+1)(j+(ny+1)k) and cell i+nx(j+ny k) on the grid."""
+    nx, ny, nz = 3, 2, 4
+    mesh = bar([0.3, 0.2, 0.8], [nx, ny, nz])
+    for i, j, k in np.ndindex(nx + 1, ny + 1, nz + 1):
+        index = i + (nx + 1) * (j + (ny + 1) * k)
+        np.testing.assert_allclose(mesh.vertices[index], [0.1 * i, 0.1 * j - 0.1, 0.2 * k - 0.4], atol=1e-15)
+    for i, j, k in np.ndindex(nx, ny, nz):
+        expected = [0.1 * (i + 0.5), 0.1 * (j + 0.5) - 0.1, 0.2 * (k + 0.5) - 0.4]
+        np.testing.assert_allclose(mesh.centroids[i + nx * (j + ny * k)], expected, atol=1e-15)
+
+
+def test_bar_uses_the_flat_layout() -> None:
+    """Return C-contiguous float64 and int32 arrays."""
+    mesh = bar([1, 1, 1], [2, 1, 1])
+    assert mesh.vertices.dtype == np.float64
+    assert mesh.vertices.flags.c_contiguous
+    assert mesh.cells.dtype == np.int32
+    assert mesh.cells.flags.c_contiguous
+    assert mesh.cells[0].tolist() == [0, 1, 4, 3, 6, 7, 10, 9]
+
+
+def test_bar_is_sound_and_has_its_volume() -> None:
+    """Fill length x width x height with boxes."""
+    report = check_mesh(bar([0.5, 0.05, 0.02], [10, 2, 1]))
+    assert report.defects == []
+    assert report.volume == pytest.approx(0.5 * 0.05 * 0.02, rel=1e-14)
+    assert report.min_scaled_jacobian == pytest.approx(1.0)
+    assert report.max_aspect == pytest.approx(2.5)
+
+
+def test_bar_names_every_bad_argument() -> None:
+    """Refuse negative sizes and counts that are not whole and positive."""
+    with pytest.raises(MeshError, match=r"size.*allowed: finite lengths > 0"):
+        bar([0.1, -0.1, 0.1], [1, 1, 1])
+    with pytest.raises(MeshError, match=r"cells.*whole numbers >= 1"):
+        bar([0.1, 0.1, 0.1], [1, 0, 1])
+    with pytest.raises(MeshError, match=r"cells"):
+        bar([0.1, 0.1, 0.1], [1, 1.5, 1])
+
+
+def test_grid_has_the_planes_asked_for() -> None:
+    """Mesh a block with uneven planes: every plane, every cell's volume."""
+    x, y, z = [0.0, 0.1, 0.4], [-0.2, 0.3], [0.0, 0.01, 0.02, 0.1]
+    mesh = grid(x, y, z)
+    for axis, planes in enumerate((x, y, z)):
+        np.testing.assert_array_equal(np.unique(mesh.vertices[:, axis]), planes)
+    assert mesh.n_cells == 2 * 1 * 3
+    assert check_mesh(mesh).volume == pytest.approx(0.4 * 0.5 * 0.1, rel=1e-14)
+
+
+def test_grid_names_every_bad_argument() -> None:
+    """Refuse a single plane, two at the same place, and one that is no number."""
+    with pytest.raises(MeshError) as caught:
+        grid([0.0], [0.0, 0.0, 0.1], [0.0, np.nan])
+    assert [defect.split(" ")[0] for defect in caught.value.defects] == ["grid.x", "grid.y", "grid.z"]

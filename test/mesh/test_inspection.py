@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inspection tells what is in a file and raises nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import pytest
+import trimesh
+
+from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.generators import cut
+from gdfe_ros.mesh.inspection import inspect_file
+from gdfe_ros.mesh.selection import Box
+from gdfe_ros.mesh.units import guess_unit, unit_defects
+
+
+def test_a_hollow_block_is_described(tmp_path: Path) -> None:
+    """Report counts, bounds, quality and the cavity."""
+    body = cut(bar([0.05, 0.05, 0.05], [5, 5, 5]), [Box((0.01, 0.04), (-0.015, 0.015), (-0.015, 0.015))])
+    meshio.Mesh(body.vertices, [("hexahedron", body.cells)]).write(tmp_path / "block.vtu")
+    found = inspect_file(tmp_path / "block.vtu")
+    facts = dict(found.facts)
+    assert found.defects == []
+    assert facts["vertices, cells"] == "208, 98"
+    assert facts["least scaled Jacobian"] == "1"
+    assert facts["inverted or flat cells"] == "0"
+    assert facts["disconnected parts"] == "1"
+    assert facts["cavities"] == "2.7e-05 m^3"
+    assert found.mesh.n_cells == 98
+
+
+def test_defects_are_findings(tmp_path: Path) -> None:
+    """Return the defects of a file in millimetres, of an open surface and of no file at all."""
+    body = bar([200, 50, 50], [4, 1, 1])
+    meshio.Mesh(body.vertices, [("hexahedron", body.cells)]).write(tmp_path / "mm.vtu")
+    found = inspect_file(tmp_path / "mm.vtu")
+    assert dict(found.facts)["unit, a guess from the size"] == "mm"
+    assert "scale: 0.001" in found.defects[0]
+    assert inspect_file(tmp_path / "mm.vtu", scale=0.001).defects == []
+    (tmp_path / "open.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert "the surface is open" in inspect_file(tmp_path / "open.obj").defects[0]
+    assert "no such file" in inspect_file(tmp_path / "none.msh").defects[0]
+
+
+def test_a_surface_is_described(tmp_path: Path) -> None:
+    """Count bodies and cavities of an STL and propose a first cell."""
+    box, ball = trimesh.creation.box((0.1, 0.06, 0.04)), trimesh.creation.icosphere(radius=0.012)
+    trimesh.util.concatenate([box, ball]).export(tmp_path / "a.stl")
+    facts = dict(inspect_file(tmp_path / "a.stl").facts)
+    assert facts["bodies, cavities"] == "1, 1"
+    assert facts["a first cell size"] == "0.0025 m"
+
+
+@pytest.mark.parametrize(("size", "unit"), [(0.1, "m"), (1.0, "m"), (80.0, "mm"), (300.0, "mm"), (1e5, "um")])
+def test_the_unit_is_guessed_from_the_size(size: float, unit: str) -> None:
+    """Take the unit that makes the body as large as a hand."""
+    assert guess_unit(size) == unit
+
+
+def test_a_stated_scale_silences_the_guess() -> None:
+    """Complain about 80 without a scale, not with one."""
+    assert unit_defects(80.0, None)
+    assert not unit_defects(80.0, 1.0)
+    assert not unit_defects(0.08, None)

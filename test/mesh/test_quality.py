@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The quality check measures known shapes and names every defect with its ids."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh import HexMesh, bar, check_mesh, require_sound
+from gdfe_ros.mesh.quality import coincident_pairs
+from gdfe_ros.mesh.shape import cell_volumes, scaled_jacobians
+
+
+def cube(vertices: np.ndarray | None = None) -> HexMesh:
+    """Return one unit cube, possibly with other vertices."""
+    mesh = bar([1, 1, 1], [1, 1, 1])
+    return HexMesh(mesh.vertices if vertices is None else vertices, mesh.cells)
+
+
+def test_scaled_jacobian_of_a_sheared_cube() -> None:
+    """Shear by an angle a: every corner has 1 / sqrt(1 + s^2)."""
+    vertices = cube().vertices.copy()
+    vertices[:, 0] += 0.75 * vertices[:, 2]
+    assert scaled_jacobians(cube(vertices))[0] == pytest.approx(1 / np.hypot(1, 0.75))
+
+
+def test_volume_of_an_affine_map_is_its_determinant() -> None:
+    """Map a cube by a random matrix; the volume is the determinant, with its sign."""
+    matrix = np.random.default_rng(2).normal(size=(3, 3))
+    assert cell_volumes(cube(cube().vertices @ matrix.T))[0] == pytest.approx(np.linalg.det(matrix))
+
+
+def test_volume_of_a_frustum_is_exact() -> None:
+    """Taper a cube to half its section: h (a^2 + a b + b^2) / 3."""
+    vertices = cube().vertices.copy()
+    vertices[vertices[:, 2] > 0, :2] = 0.5 * (vertices[vertices[:, 2] > 0, :2])
+    assert cell_volumes(cube(vertices))[0] == pytest.approx((1 + 0.5 + 0.25) / 3)
+
+
+def test_volumes_of_a_distorted_mesh_add_up() -> None:
+    """Move inner vertices at random: the volume of the body stays."""
+    mesh = bar([1, 1, 1], [3, 3, 3])
+    vertices = mesh.vertices.copy()
+    inner = np.setdiff1d(np.arange(mesh.n_vertices), mesh.surface())
+    vertices[inner] += np.random.default_rng(3).uniform(-0.08, 0.08, (len(inner), 3))
+    report = check_mesh(HexMesh(vertices, mesh.cells))
+    assert report.volume == pytest.approx(1.0, rel=1e-13)
+    assert 0 < report.min_scaled_jacobian < 0.99
+
+
+def test_quality_does_not_depend_on_scale() -> None:
+    """Find a micrometre bar and a kilometre bar equally sound."""
+    for scale in (1e-6, 1e3):
+        report = check_mesh(bar([4 * scale, scale, scale], [4, 1, 1]))
+        assert report.defects == []
+        assert report.min_scaled_jacobian == pytest.approx(1.0)
+
+
+def test_every_kind_of_defect_of_one_mesh_is_listed() -> None:
+    """Name an inverted cell, a flat cell, an unused vertex and twins in one report."""
+    mesh = bar([4, 1, 1], [4, 1, 1])
+    cells = mesh.cells.copy()
+    cells[1] = cells[1][[4, 5, 6, 7, 0, 1, 2, 3]]
+    vertices = np.vstack([mesh.vertices, mesh.vertices[0], [9, 9, 9]])
+    vertices[[4, 9, 14, 19], 0] = 3.0
+    defects = check_mesh(HexMesh(vertices, cells)).defects
+    text = "\n".join(defects)
+    assert "1 cells that are inside out: 1;" in text
+    assert "cells that are flat (no volume at a corner): 3;" in text
+    assert "2 vertices that no cell uses: 20, 21;" in text
+    assert "10 vertices at the same place as another" in text
+    assert len(defects) == 4
+
+
+def test_a_folded_cell_is_told_from_an_inverted_one() -> None:
+    """Push one corner through the cell: positive volume, negative corner."""
+    vertices = cube().vertices.copy()
+    vertices[0] += 0.8
+    assert "folded at a corner" in check_mesh(cube(vertices)).defects[0]
+
+
+def test_a_mesh_that_is_inside_out_as_a_whole_gets_one_remedy() -> None:
+    """Say once to swap the two layers."""
+    mesh = bar([1, 1, 1], [2, 2, 2])
+    flipped = HexMesh(mesh.vertices, mesh.cells[:, [4, 5, 6, 7, 0, 1, 2, 3]])
+    assert check_mesh(flipped).defects == [
+        "every cell is inside out; remedy: swap the lower and upper four vertices of each cell"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda v, c: v.__setitem__((3, 1), np.nan), "1 vertices with a coordinate that is not finite: 3"),
+        (lambda v, c: c.__setitem__((0, 2), 99), "1 cells that name vertices outside 0 to 11: 0"),
+        (lambda v, c: c.__setitem__((1, 2), c[1, 1]), "1 cells that name a vertex twice: 1"),
+        (lambda v, c: c.__setitem__(1, c[0]), "1 cells that repeat another cell: 1"),
+    ],
+)
+def test_broken_arrays_are_named(change: object, expected: str) -> None:
+    """Name NaN, ids out of range, repeated vertices and repeated cells with their ids."""
+    mesh = bar([2, 1, 1], [2, 1, 1])
+    vertices, cells = mesh.vertices.copy(), mesh.cells.copy()
+    change(vertices, cells)
+    defects = check_mesh(HexMesh(vertices, cells)).defects
+    assert any(expected in defect for defect in defects), defects
+
+
+def test_three_cells_on_one_face_are_a_defect() -> None:
+    """Find a third cell that shares a face with two others."""
+    mesh = bar([2, 1, 1], [2, 1, 1])
+    extra = mesh.cells[1].copy()
+    extra[[1, 2, 5, 6]] = [12, 13, 14, 15]
+    vertices = np.vstack([mesh.vertices, mesh.vertices[mesh.cells[1][[1, 2, 5, 6]]] + [0.5, 0, 0]])
+    defects = check_mesh(HexMesh(vertices, np.vstack([mesh.cells, extra]))).defects
+    assert defects == [
+        "3 cells that share a face with two or more others: 0, 1, 2; remedy: re-mesh there",
+    ]
+
+
+def test_disconnected_parts_are_counted_and_no_defect() -> None:
+    """Number two separate bars as two parts."""
+    one, two = bar([1, 1, 1], [1, 1, 1]), bar([1, 1, 1], [2, 1, 1])
+    mesh = HexMesh(
+        np.vstack([one.vertices, two.vertices + 5.0]),
+        np.vstack([one.cells, two.cells + one.n_vertices]),
+    )
+    report = check_mesh(mesh)
+    assert report.defects == []
+    assert report.parts == 2
+    assert len(set(report.vertex_part[:8])) == len(set(report.vertex_part[8:])) == 1
+
+
+def test_long_lists_of_ids_are_cut() -> None:
+    """Show ten ids and count the rest."""
+    mesh = bar([1, 1, 1], [1, 1, 1])
+    vertices = np.vstack([mesh.vertices, np.arange(90).reshape(30, 3) + 10.0])
+    assert "30 vertices that no cell uses: 8, 9, 10, 11, 12, 13, 14, 15, 16, 17 and 20 more" in str(
+        check_mesh(HexMesh(vertices, mesh.cells)).defects
+    )
+
+
+def test_coincident_pairs_agree_with_all_pairs() -> None:
+    """Find the same pairs as the distance matrix does."""
+    points = np.random.default_rng(4).integers(0, 6, (150, 3)) * 0.1
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    expected = {(i, j) for i, j in np.argwhere(distance <= 1e-9) if i < j}
+    assert {tuple(pair) for pair in coincident_pairs(points, 1e-9)} == expected
+
+
+def test_require_sound_raises_with_all_defects() -> None:
+    """Raise MeshError that carries the list and the name of the mesh."""
+    mesh = bar([1, 1, 1], [1, 1, 1])
+    with pytest.raises(MeshError, match=r"my.msh: 1 defect"):
+        require_sound(HexMesh(np.vstack([mesh.vertices, [7, 7, 7]]), mesh.cells), "my.msh")
+    assert require_sound(mesh).volume == pytest.approx(1.0)

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Closed surfaces become cubes, cavities and all; unfit ones are refused clearly."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh import check_mesh
+from gdfe_ros.mesh.cavities import find_cavities
+from gdfe_ros.mesh.shells import points_inside, shells
+from gdfe_ros.mesh.voxels import fill_surface, read_voxels
+
+BOX = trimesh.creation.box((0.1, 0.06, 0.04))
+BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.012)
+HOLLOW = trimesh.util.concatenate([BOX, BALL])
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "off"])
+def test_a_box_is_filled_exactly(tmp_path: Path, suffix: str) -> None:
+    """Fill 0.1 x 0.06 x 0.04 with cubes of 0.01 on its very borders."""
+    BOX.export(tmp_path / f"box.{suffix}")
+    mesh = read_voxels(tmp_path / f"box.{suffix}", cell=0.01)
+    assert mesh.n_cells == 10 * 6 * 4
+    np.testing.assert_allclose(mesh.bounds, BOX.bounds, atol=1e-9)
+    assert check_mesh(mesh).defects == []
+    assert (np.diff(mesh.centroids[:10, 0]) > 0).all()
+
+
+@pytest.mark.parametrize("flip", [False, True])
+def test_a_cavity_is_kept_whatever_its_orientation(flip: bool) -> None:
+    """Keep a ball-shaped cavity in a box with its triangles facing either way."""
+    ball = BALL.copy()
+    if flip:
+        ball.invert()
+    hollow = trimesh.util.concatenate([BOX, ball])
+    mesh = fill_surface(hollow.vertices, hollow.faces, cell=0.002)
+    (cavity,) = find_cavities(mesh)
+    assert cavity.volume == pytest.approx(BALL.volume, rel=0.03)
+    np.testing.assert_allclose(cavity.center, 0, atol=1e-9)
+    assert mesh.n_cells * 0.002**3 == pytest.approx(BOX.volume - cavity.volume)
+
+
+def test_the_volume_of_a_torus_converges() -> None:
+    """Approach the volume within the surface as cubes shrink, as one sound piece."""
+    torus = trimesh.creation.torus(0.05, 0.02)
+    mesh = fill_surface(torus.vertices, torus.faces, cell=0.0025)
+    assert mesh.n_cells * 0.0025**3 == pytest.approx(torus.volume, rel=0.01)
+    assert check_mesh(mesh).parts == 1
+
+
+def test_points_on_edges_and_corners_are_counted_once() -> None:
+    """Put every column through vertices, edges and diagonals: still exactly the inner points."""
+    box = trimesh.creation.box((4, 4, 4)).apply_translation((4, 4, 4)).subdivide().subdivide()
+    inside = points_inside(box.vertices - [0, 0, 0.5], box.faces, (9, 9, 9))
+    assert inside.sum() == 4 * 4 * 4
+    turned = box.apply_transform(trimesh.transformations.rotation_matrix(0.7, [1, 2, 3], [4, 4, 4]))
+    grid = np.stack(np.meshgrid(*[np.arange(9.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    own = (grid - 4) @ trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
+    expected = (abs(own) < 2).all(axis=1).reshape(9, 9, 9)
+    np.testing.assert_array_equal(points_inside(turned.vertices, turned.faces, (9, 9, 9)), expected)
+
+
+def test_shells_know_their_nesting() -> None:
+    """Count a ball in a cavity in a box: depths 0, 1, 2, and the volume of the material."""
+    core = trimesh.creation.icosphere(subdivisions=2, radius=0.005)
+    nested = trimesh.util.concatenate([BOX, BALL, core])
+    found = shells(nested.vertices, nested.faces)
+    assert found.depths == (0, 1, 2)
+    assert found.n_cavities == 1
+    assert found.volume == pytest.approx(BOX.volume - BALL.volume + core.volume)
+
+
+def write(mesh: trimesh.Trimesh, scale: float = 1.0) -> object:
+    """Write a surface, scaled."""
+    return lambda path: mesh.copy().apply_scale(scale).export(path)
+
+
+SHELL = trimesh.util.concatenate([BOX, BOX.copy().apply_scale(0.9)])
+OPEN = BOX.copy()
+OPEN.update_faces(np.arange(12) != 3)
+BROKEN = [
+    ("open.stl", write(OPEN), 0.01, r"the surface is open: 3 edges .*, the first at \(.*close the holes"),
+    ("mm.stl", write(BOX, 1000), 0.01, r"diagonal is 123.* in mm: give `scale: 0.001`"),
+    ("thin.stl", write(SHELL), 0.5, r"no cube's centre lies inside"),
+    ("huge.stl", write(BOX), 0.5, r"the cubes have 52083% of the surface's volume"),
+    ("coarse.stl", write(HOLLOW), 0.019, r"of 1 cavities 0 are left; remedy: a smaller cell"),
+    ("fine.stl", write(BOX), 1e-6, r"gives 2.4e\+14 cubes; .*remedy: a cell of at least 0.00017 m"),
+    ("zero.stl", write(BOX), 0.0, r"cell = 0.0; allowed: edge of the cubes \[m\] > 0"),
+    ("text.stl", lambda path: path.write_text("no solid here"), 0.01, r"cannot be read as .stl|no triangles"),
+    ("empty.obj", lambda path: path.write_text("v 0 0 0\n"), 0.01, r"no triangles|cannot be read as .obj"),
+    (
+        "body.step",
+        lambda path: path.write_text("x"),
+        0.01,
+        r"unknown kind of file '.step'; allowed: .stl, .obj",
+    ),
+    ("none.stl", lambda path: None, 0.01, r"there is no such file"),
+]
+
+
+@pytest.mark.parametrize(("name", "make", "cell", "expected"), BROKEN)
+def test_unfit_surfaces_get_clear_messages(tmp_path: Path, name: str, make: object, cell: float, expected: str) -> None:
+    """Say in one line what is wrong and what to do."""
+    make(tmp_path / name)
+    with pytest.raises(MeshError) as caught:
+        read_voxels(tmp_path / name, cell=cell)
+    assert any(re.search(expected, defect) for defect in caught.value.defects), caught.value
+    assert str(tmp_path / name) in str(caught.value)
+
+
+def test_a_surface_in_millimetres_is_scaled(tmp_path: Path) -> None:
+    """Fill a box of 100 mm with cubes of 10 mm given in metres."""
+    write(BOX, 1000)(tmp_path / "mm.stl")
+    mesh = read_voxels(tmp_path / "mm.stl", cell=0.01, scale=0.001)
+    np.testing.assert_allclose(mesh.bounds, BOX.bounds, atol=1e-9)

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node in a process of its own, and a client that talks to it over Fast DDS."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosbags.highlevel import AnyReader
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Int32MultiArray, String
+
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.testing import NodeProcess
+from gdfe_ros.testing.discovery import await_discovery
+
+COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
+"""Parameters of a scene that is solved in a millisecond."""
+
+_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_OUTPUTS = {
+    "mesh": PointCloud2,
+    "strain": PointCloud2,
+    "step_record": String,
+    "topology": Int32MultiArray,
+    "scene": String,
+    "handles/tip/pose": PoseStamped,
+    "handles/tip/wrench": WrenchStamped,
+    "/diagnostics": DiagnosticArray,
+}
+
+
+class Client:
+    """Subscribes to every output of a node and keeps all that arrives, by topic.
+
+    Attributes:
+        received: messages by the topic's name without the node's.
+    """
+
+    def __init__(self, ros: Any, name: str = "/gdfe_sim") -> None:
+        self.node = ros.node("client")
+        self._executor, self._name = ros.executor, name
+        self.received: dict[str, list[Any]] = defaultdict(list)
+        for topic, kind in _OUTPUTS.items():
+            self.node.create_subscription(kind, self.full(topic), self.received[topic].append, _QOS)
+        self._publishers: dict[str, Any] = {}
+        self._services: dict[str, Any] = {}
+
+    def full(self, topic: str) -> str:
+        """Give a topic's full name."""
+        return topic if topic.startswith("/") else f"{self._name}/{topic}"
+
+    def wait(self, done: Callable[[], Any], *, seconds: float = 300.0) -> Any:
+        """Spin until ``done`` gives something true, and return that."""
+        end = time.monotonic() + seconds
+        while not (value := done()):
+            assert time.monotonic() < end, f"waited for {seconds} s in vain"
+            self._executor.spin_once(timeout_sec=0.05)
+        return value
+
+    def spin(self, seconds: float) -> None:
+        """Take what comes for a time [s]."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def target(self, z: float = 0.0, *, handle: str = "tip", turn: tuple = (0, 0, 0), **changes: Any) -> None:
+        """Command a plate: ``z`` [m], ``turn`` rotation vector [rad]; ``changes`` set parts of the quaternion."""
+        message = PoseStamped()
+        message.pose.position.z = float(z)
+        parts = dict(zip("xyzw", map(float, Rotation.from_rotvec(turn).as_quat()), strict=True))
+        for part, value in {**parts, **changes}.items():
+            setattr(message.pose.orientation, part, value)
+        self.publish(f"handles/{handle}/target", message)
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish on a topic of the node; the first time waits until the node is active and listens."""
+        if topic not in self._publishers:
+            publisher = self.node.create_publisher(type(message), self.full(topic), 1000)
+            self._publishers[topic] = publisher
+            self.wait(lambda: publisher.get_subscription_count() and self.received["mesh"])
+        self._publishers[topic].publish(message)
+
+    def call(self, kind: type, service: str, request: Any) -> Any:
+        """Call a service of the node."""
+        if service not in self._services:
+            client = self.node.create_client(kind, self.full(service))
+            self._services[service] = client
+            self.wait(client.service_is_ready)
+            await_discovery(self.node, self._name, self.wait)
+        future = self._services[service].call_async(request)
+        self.wait(future.done)
+        return future.result()
+
+    def transition(self, label: str) -> bool:
+        """Ask for a transition of the lifecycle."""
+        request = ChangeState.Request()
+        request.transition.label = label
+        return self.call(ChangeState, "change_state", request).success
+
+    def state(self) -> str:
+        """Ask for the state of the lifecycle."""
+        return self.call(GetState, "get_state", GetState.Request()).current_state.label
+
+    def set(self, **values: Any) -> list[SetParametersResult]:
+        """Set parameters, each by itself."""
+        messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        return self.call(SetParameters, "set_parameters", SetParameters.Request(parameters=messages)).results
+
+    def records(self) -> list[StepRecord]:
+        """Give the records of all steps that arrived."""
+        return [StepRecord.from_json(message.data) for message in self.received["step_record"]]
+
+    def meshes(self) -> list[np.ndarray]:
+        """Give all meshes that arrived: (n, 6) float32."""
+        return [np.frombuffer(message.data, "<f4").reshape(-1, 6) for message in self.received["mesh"]]
+
+    def wait_steps(self, count: int) -> None:
+        """Spin until records and meshes of ``count`` steps arrived: topics keep no order among each other."""
+        self.wait(lambda: len(self.received["step_record"]) >= count and len(self.received["mesh"]) >= count)
+
+    def wait_taken(self, count: int) -> None:
+        """Wait until the node's diagnostics tell of so many commands taken."""
+        self.wait(lambda: int(self.diagnostics()["commands taken"]) >= count)
+
+    def arrived(self, topic: str, stamp: Any) -> Any:
+        """Wait for the message of a topic with a stamp, and return it."""
+        found = lambda: [message for message in self.received[topic] if message.header.stamp == stamp]  # noqa: E731
+        return self.wait(found)[-1]
+
+    def diagnostics(self) -> dict[str, str]:
+        """Wait for the next diagnostics and give their values, with level and message."""
+        count = len(self.received["/diagnostics"])
+        self.wait(lambda: len(self.received["/diagnostics"]) > count)
+        status = self.received["/diagnostics"][-1].status[0]
+        values = {value.key: value.value for value in status.values}
+        return {**values, "message": status.message, "level": str(status.level[0])}
+
+
+@pytest.fixture
+def client(ros: Any) -> Client:
+    """Give a client that listens before any node starts."""
+    return Client(ros)
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., NodeProcess]]:
+    """Give a function that starts ``sim_node`` with parameters; what still runs is ended after the test."""
+    started: list[NodeProcess] = []
+
+    def make(*, namespace: str = "/", **parameters: Any) -> NodeProcess:
+        started.append(NodeProcess(parameters, namespace=namespace))
+        return started[-1]
+
+    yield make
+    for process in started:
+        process.stop()
+        print(f"--- log of sim_node (exit status {process.status}) ---\n{process.log}")
+        process.__exit__(None, None, None)
+
+
+@pytest.fixture
+def records_of() -> Callable[[Path], list[StepRecord]]:
+    """Give a function that reads the step records of a bag."""
+
+    def read(bag: Path) -> list[StepRecord]:
+        with AnyReader([bag]) as reader:
+            chosen = [connection for connection in reader.connections if connection.topic.endswith("/step_record")]
+            return [
+                StepRecord.from_json(reader.deserialize(raw, connection.msgtype).data)
+                for connection, _, raw in reader.messages(chosen)
+            ]
+
+    return read
+
+
+@pytest.fixture
+def coarse() -> dict[str, Any]:
+    """Give parameters of a scene that is solved in a millisecond."""
+    return dict(COARSE)

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clocks: wall, as fast as possible, lockstep; /clock for others; commands that move for a while; idleness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import TwistStamped
+from rclpy.parameter import Parameter
+
+from gdfe_ros.testing.bench import idle, lockstep
+
+
+def _twist(client: Any, *, z: float = 0.0, turn: float = 0.0) -> None:
+    message = TwistStamped()
+    message.twist.linear.z, message.twist.angular.x = z, turn
+    client.publish("handles/tip/velocity", message)
+
+
+def test_the_wall_clock_keeps_real_time(client: Any, start: Callable, coarse: dict) -> None:
+    """Move the tip for eight seconds at 50 Hz: simulation time keeps up with the wall, but for overruns.
+
+    Diagnostics read both clocks in the node at one moment, so that late messages do not matter.
+    """
+    start(**coarse, rate=50.0, dt=0.02, velocity_timeout=8.0)
+    _twist(client, z=0.0075)
+    client.wait(lambda: any(record.handles for record in client.records()))
+    client.wait(lambda: "overruns" in client.diagnostics())
+    readings = [_reading(client) for _ in range(7)]
+    spans = np.diff(readings, axis=0)
+    simulated, wall, missed = spans[:, 0], spans[:, 1], 0.02 * spans[:, 2]
+    assert (simulated < wall + 0.06).all(), readings
+    # On a busy machine a step may be late without being counted yet: one second in six must do.
+    assert (simulated + 2.0 * missed > wall - 0.06).any(), readings
+    moving = [record.time for record in client.records() if record.handles]
+    np.testing.assert_allclose(np.diff(moving), 0.02)
+    client.wait(lambda: client.meshes()[-1][:, 5].max() == pytest.approx(0.06, abs=1.5e-3))
+
+
+def _reading(client: Any) -> tuple[float, float, float]:
+    """Give simulation time [s], the node's clock [s] and overruns of the next diagnostics."""
+    values = client.diagnostics()
+    stamp = client.received["/diagnostics"][-1].header.stamp
+    return float(values["simulation time [s]"]), stamp.sec + 1e-9 * stamp.nanosec, float(values["overruns"])
+
+
+@pytest.mark.parametrize("case", ["lockstep, waiting for a command", "wall, settled, heartbeat 1 s", "wall, paused"])
+def test_an_idle_node_rests(case: str) -> None:
+    """Leave a node alone for four seconds: a heartbeat a second where there is one, and under 1 % of a core."""
+    found = idle.measure(case, seconds=4.0)
+    assert found.share < idle.LARGEST_SHARE
+    assert found.meshes in ((3, 4, 5) if "heartbeat" in case else (0,))
+
+
+def test_fast_steps_until_the_motion_is_over(
+    client: Any, start: Callable, coarse: dict, records_of: Callable, tmp_path: Path
+) -> None:
+    """Turn the tip for 2 s of simulation time as fast as possible: 200 steps, then time stands still."""
+    bag = tmp_path / "bag"
+    process = start(**coarse, clock="fast", heartbeat=0.0, velocity_timeout=2.0, record=True, bag_path=str(bag))
+    _twist(client, turn=2.0)
+    client.wait(lambda: int(client.diagnostics()["steps"]) >= 201)
+    steps = client.diagnostics()["steps"]
+    assert client.diagnostics()["steps"] == steps
+    process.stop()
+    records = records_of(bag)
+    assert records[-1].time == pytest.approx(2.01, abs=0.011)
+    turns = [record.handles["tip"].rotation[0] for record in records if record.handles]
+    np.testing.assert_allclose(turns, 0.02 * np.arange(1, len(turns) + 1), atol=1e-9)
+    assert turns[-1] > np.pi
+
+
+def test_lockstep_loses_no_command() -> None:
+    """Send 5000 commands, far ahead of their steps: 5000 steps, each with its own command, in order."""
+    found = lockstep.measure(5000)
+    assert (found.sent, found.consumed) == (5000, 5000)
+
+
+def test_a_bag_in_lockstep_is_complete(
+    client: Any, start: Callable, coarse: dict, records_of: Callable, tmp_path: Path
+) -> None:
+    """Send 500 commands at once: the bag holds 500 steps, each with its own command, in order."""
+    process = start(**coarse, clock="lockstep", record=True, bag_path=str(tmp_path / "bag"))
+    heights = 1e-4 * np.arange(1, 501)
+    for z in heights:
+        client.target(z)
+    client.wait(lambda: client.diagnostics()["steps"] == "501")
+    process.stop()
+    records = records_of(tmp_path / "bag")
+    assert [record.handles["tip"].translation[2] for record in records[1:]] == heights.tolist()
+    assert records[-1].time == pytest.approx(5.0)
+
+
+def test_a_command_set_makes_one_step(client: Any, start: Callable, coarse: dict) -> None:
+    """Ask for a target and a velocity: a step begins when both are there."""
+    start(**coarse, clock="lockstep", command_set=["handles/tip/target", "handles/tip/velocity"])
+    client.target(0.01)
+    client.target(0.02)
+    client.wait_taken(2)
+    assert client.diagnostics()["steps"] == "1"
+    _twist(client, z=1.0)
+    client.wait_taken(3)
+    client.wait_steps(2)
+    assert client.diagnostics()["steps"] == "2"
+
+
+def test_an_unknown_input_in_the_command_set_is_said(client: Any, start: Callable, coarse: dict) -> None:
+    """Name an input that is not there: activate fails and lists those that are."""
+    process = start(**coarse, clock="lockstep", command_set=["handles/tipp/target"])
+    client.wait(lambda: "could not be activated" in process.log)
+    assert "handles/tip/target" in process.log
+
+
+def test_clients_with_use_sim_time_follow_the_clock(client: Any, start: Callable, coarse: dict, ros: Any) -> None:
+    """Publish /clock in lockstep: a node with use_sim_time reads the time of the last step."""
+    follower = ros.node("follower", parameter_overrides=[Parameter("use_sim_time", value=True)])
+    start(**coarse, clock="lockstep", publish_clock=True, dt=0.25)
+    for z in (0.01, 0.02):
+        client.target(z)
+        client.wait(lambda z=z: client.records() and client.records()[-1].time == 0.25 * round(z / 0.01))
+    client.wait(lambda: follower.get_clock().now().nanoseconds >= 500_000_000)
+    assert follower.get_clock().now().nanoseconds == 500_000_000
+
+
+def test_a_ticking_wall_clock_goes_on_without_commands(client: Any, start: Callable, coarse: dict) -> None:
+    """Publish /clock under the wall clock: it ticks by one dt a step though nothing is commanded."""
+    start(**coarse, publish_clock=True, heartbeat=0.0)
+    client.wait(lambda: len(client.records()) >= 30)
+    records = client.records()[1:30]
+    np.testing.assert_allclose(np.diff([record.time for record in records]), 0.01)
+    assert not any(record.handles for record in records)
+    assert 0.0 < float(client.diagnostics()["real-time factor"]) < 1.5
+
+
+def test_overruns_are_reported(client: Any, start: Callable, coarse: dict) -> None:
+    """Ask for 10 kHz: the steps cannot keep up, diagnostics count the overruns and warn."""
+    start(**coarse, rate=1e4, dt=1e-3, velocity_timeout=8.0)
+    _twist(client, z=0.005)
+    client.wait(lambda: "overruns since the last report" in client.diagnostics()["message"])
+    values = client.diagnostics()
+    assert int(values["overruns"]) > 100
+    assert float(values["real-time factor"]) < 10.0
+
+
+def test_a_deadline_cuts_a_step_and_the_next_go_on(client: Any, start: Callable) -> None:
+    """Allow a large step 2 ms: it is returned unfinished and marked; the steps after it finish the job."""
+    start(scene="bend5", deadline=0.002)
+    client.target(0.2)
+    client.wait(lambda: any(record.cut for record in client.records()))
+    client.wait(lambda: client.records()[-1].converged and client.records()[-1].time > 0.0)
+    client.wait(lambda: client.meshes()[-1][:, 5].max() == pytest.approx(0.2, abs=1e-3))
+    assert np.isfinite(client.meshes()).all()

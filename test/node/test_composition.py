@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several robots: nodes in namespaces, in one process under one executor."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.parameter import Parameter
+
+from gdfe_ros.node.process import make_executor
+from gdfe_ros.node.sim_node import SimNode
+
+COARSE = ["mesh.bar.cells=[8, 2, 2]"]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [make_executor, lambda context: MultiThreadedExecutor(num_threads=3, context=context)],
+    ids=["events", "threads"],
+)
+def test_two_robots_run_in_one_process(make: Callable[[Any], Any]) -> None:
+    """Add two nodes to one executor, of either kind: both become active and step by themselves."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    executor = make(context)
+    nodes = [
+        SimNode(
+            namespace=f"robot_{number}",
+            context=context,
+            parameter_overrides=[Parameter("scene", value=scene), Parameter("scene_overrides", value=COARSE)],
+        )
+        for number, scene in enumerate(("bend5", "twist90"))
+    ]
+    for node in nodes:
+        executor.add_node(node)
+    end = time.monotonic() + 300.0
+    try:
+        while not all(node.lifecycle_state == "active" for node in nodes):
+            assert time.monotonic() < end
+            executor.spin_once(timeout_sec=0.1)
+        while not {"/robot_0/gdfe_sim/mesh", "/robot_1/gdfe_sim/mesh"} <= set(
+            dict(nodes[0].get_topic_names_and_types())
+        ):
+            assert time.monotonic() < end
+            executor.spin_once(timeout_sec=0.1)
+    finally:
+        for node in nodes:
+            node.close()
+            executor.remove_node(node)
+            node.destroy_node()
+        executor.shutdown()
+        rclpy.shutdown(context=context)

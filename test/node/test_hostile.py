@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Malformed and hostile commands in numbers: nothing crashes, nothing moves, all are counted, memory is flat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from std_srvs.srv import Trigger
+
+from gdfe_ros.testing.bench import flood, hostile
+
+REASONS = {"plates": hostile.HANDLE_REASONS, "actuators": hostile.ACTUATOR_REASONS}
+
+
+@pytest.mark.parametrize("scene", flood.SCENES)
+@pytest.mark.parametrize("count", [3000, pytest.param(50_000, marks=pytest.mark.torture)])
+def test_hostile_commands_change_nothing(scene: str, count: int) -> None:
+    """Send bad commands at some thousand a second: same mesh, all counted, memory flat, an orderly end."""
+    found = flood.measure(scene, count=count)
+    assert (found.refused, found.finite, found.moved, found.status) == (count, True, 0.0, 0)
+    assert sum(found.reasons.values()) == count
+    assert all(found.reasons[reason] > count / 500 for reason in REASONS[scene]), found.reasons
+    assert found.memory < flood.MOST_GROWTH
+
+
+def test_good_commands_work_among_bad_ones(client: Any, start: Callable, coarse: dict) -> None:
+    """Mix bad commands with a good one: the good one is carried out, the bad ones are counted."""
+    start(**coarse, command_max_age=1.0)
+    client.target(0.05)
+    commands = hostile.handle_commands(2)
+    publishers = {
+        topic: client.node.create_publisher(kind, client.full(topic), 1000)
+        for topic, kind in hostile.HANDLE_TOPICS.items()
+    }
+    client.wait(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()))
+    for _ in range(200):
+        topic, data = next(commands)
+        publishers[topic].publish(data)
+    client.target(0.06)
+    client.wait(lambda: int(client.diagnostics()["commands refused"]) >= 200)
+    client.wait_taken(2)
+    client.wait(lambda: client.meshes()[-1][:, 5].max() == pytest.approx(0.06, abs=1e-6))
+    values = client.diagnostics()
+    assert (values["commands refused"], values["commands taken"]) == ("200", "2")
+
+
+def test_wild_commands_at_a_thousand_a_second_leave_finite_meshes(client: Any, start: Callable, coarse: dict) -> None:
+    """Throw the tip about by up to five body lengths, at 1 kHz: only finite meshes; after a reset all is well."""
+    start(**coarse, deadline=0.05)
+    chance = np.random.default_rng(3)
+    for _ in range(1000):
+        client.target(chance.uniform(-2.5, 2.5), turn=tuple(chance.uniform(-3.0, 3.0, 3)))
+        client.spin(0.001)
+    client.wait_taken(1000)
+    assert client.call(Trigger, "reset", Trigger.Request()).success
+    client.target(0.05)
+    client.wait(lambda: client.meshes()[-1][:, 5].max() == pytest.approx(0.05, abs=1e-6))
+    assert client.diagnostics()["converged"] == "True"
+    assert all(np.isfinite(mesh).all() for mesh in client.meshes())

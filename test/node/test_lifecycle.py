@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Transitions over services, and what a bad scene or parameter leads to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gdfe_ros.scene import scene_names
+
+DEFECTS = """
+name: bad
+mesh: {bar: {size: [0.2, -0.05, 0.05], cells: [20, 0, 5]}}
+materials:
+  a: {law: linear, young: -1, poisson: 0.7}
+  b: {law: nonsense, young: 1}
+regions: [{material: c}]
+handles:
+  base: {where: {face: w-}, fixed: true}
+  tip: {where: {face: x+}, free: [q]}
+program: {duration: -1}
+solver: {policy: magic}
+"""
+
+
+def test_a_missing_scene_leaves_the_node_up_to_try_again(client: Any, start: Callable, coarse: dict) -> None:
+    """Start with an unknown scene: it says which there are; with a right one, configure and activate work."""
+    process = start(scene="nosuch")
+    client.wait(lambda: "autostart failed" in process.log)
+    assert f"does not exist; scenes: {', '.join(scene_names())}" in process.log
+    assert client.state() == "unconfigured"
+    assert "does not exist" in client.diagnostics()["message"]
+    assert all(result.successful for result in client.set(**coarse))
+    assert client.transition("configure")
+    assert client.transition("activate")
+    client.wait(lambda: client.received["mesh"])
+    assert client.diagnostics()["message"] == "active"
+
+
+def test_all_defects_of_a_scene_are_named_at_once(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Start with a scene that has ten defects: each is in the log, the node stays up."""
+    path = tmp_path / "bad.yaml"
+    path.write_text(DEFECTS, encoding="utf-8")
+    process = start(scene=str(path))
+    client.wait(lambda: "autostart failed" in process.log)
+    assert "10 defects" in process.log
+    for key in ("mesh.bar.size", "poisson = 0.7", "law = 'nonsense'", "face = 'w-'", "policy = 'magic'"):
+        assert key in process.log
+    assert client.state() == "unconfigured"
+
+
+def test_parameters_are_changed_when_they_may(client: Any, start: Callable, coarse: dict) -> None:
+    """Change parameters of an active node: rate is taken, as an integer too, others say what is allowed and when."""
+    start(**coarse)
+    client.wait(lambda: client.received["mesh"])
+    fine, scene, clock, low, nan, autostart = client.set(
+        rate=50, scene="tensile", clock="sundial", dt=-1.0, deadline=float("nan"), autostart=False
+    )
+    assert fine.successful
+    assert scene.reason == "scene can be changed while unconfigured; the node is active"
+    assert clock.reason == "parameter clock is 'sundial'; allowed: wall, fast, lockstep"
+    assert "dt" in low.reason
+    assert "deadline" in nan.reason
+    assert "autostart" in autostart.reason
+    assert not any(result.successful for result in (scene, clock, low, nan, autostart))
+
+
+def test_a_parameter_out_of_range_at_start_ends_the_process(start: Callable) -> None:
+    """Start with a rate of zero: exit status 2 and a message without a traceback."""
+    process = start(rate=0)
+    assert process.wait() == 2
+    assert process.log == "sim_node: parameter rate is 0; allowed: 0.01 to 10000 Hz\n"
+
+
+def test_the_state_outlives_deactivate_but_not_cleanup(client: Any, start: Callable, coarse: dict) -> None:
+    """Lift the tip, deactivate, activate: it is still lifted; after cleanup and configure it is at rest."""
+    start(**coarse)
+    client.target(0.1)
+    client.wait(lambda: client.meshes() and client.meshes()[-1][:, 5].max() > 0.09)
+    assert client.transition("deactivate")
+    client.received["mesh"].clear()
+    assert client.transition("activate")
+    client.wait(lambda: client.meshes())
+    assert client.meshes()[-1][:, 5].max() > 0.09
+    assert all(client.transition(label) for label in ("deactivate", "cleanup", "configure"))
+    client.received["mesh"].clear()
+    assert client.transition("activate")
+    client.wait(lambda: client.meshes() and abs(client.meshes()[-1][:, 3:]).max() < 1e-6)
+    assert client.diagnostics()["state"] == "active"
+
+
+def test_a_bag_in_the_way_is_said_and_can_be_put_right(
+    client: Any, start: Callable, coarse: dict, tmp_path: Path
+) -> None:
+    """Record into a directory that is not empty: activate fails and says so; another path works."""
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "file").touch()
+    process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
+    client.wait(lambda: "could not be activated" in process.log)
+    assert "exists and is not empty" in process.log
+    assert client.state() == "inactive"
+    assert client.set(bag_path=str(tmp_path / "other"))[0].successful
+    assert client.transition("activate")
+    assert process.stop() == 0
+    assert (tmp_path / "other" / "metadata.yaml").is_file()

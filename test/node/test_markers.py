@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Markers: patched bytes are the message that rclpy itself would make."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from visualization_msgs.msg import Marker
+
+from gdfe_ros.mesh.generators import bar
+from gdfe_ros.node.markers import SurfaceMarker, colour
+
+MESH = bar((0.3, 0.1, 0.1), (3, 1, 1))
+
+
+def test_the_surface_is_closed_and_looks_outwards() -> None:
+    """Unpack a marker: 28 triangles that enclose the bar's volume; stamp and frame are right."""
+    data = SurfaceMarker(MESH, "robot/base_link").pack(12.25, MESH.vertices, np.arange(3.0))
+    marker = deserialize_message(data, Marker)
+    assert (marker.header.frame_id, marker.header.stamp.sec, marker.header.stamp.nanosec) == (
+        "robot/base_link",
+        12,
+        250_000_000,
+    )
+    triangles = np.array([[point.x, point.y, point.z] for point in marker.points]).reshape(-1, 3, 3)
+    assert len(triangles) == 2 * (2 + 4 * 3)
+    assert np.linalg.det(triangles).sum() / 6 == pytest.approx(0.3 * 0.1 * 0.1)
+    assert len(marker.colors) == len(marker.points)
+    assert len(serialize_message(marker)) == len(data)
+
+
+def test_each_cell_has_its_colour() -> None:
+    """Give the cells rising values: the first is viridis' violet, the last its yellow."""
+    data = SurfaceMarker(MESH, "base_link").pack(0.0, MESH.vertices, np.array([1.0, 2.0, 3.0]))
+    marker = deserialize_message(data, Marker)
+    for point, found in zip(marker.points, marker.colors, strict=True):
+        if point.x == 0.0:
+            assert (found.r, found.g, found.b) == pytest.approx((0.267, 0.005, 0.329), abs=1e-6)
+        if point.x == pytest.approx(0.3):
+            assert (found.r, found.g, found.b) == pytest.approx((0.993, 0.906, 0.144), abs=1e-6)
+        assert found.a == 1.0
+
+
+def test_equal_values_have_one_colour() -> None:
+    """Colour a constant field: no division by zero."""
+    assert (colour(np.full(4, 7.0)) == colour(np.zeros(4))).all()
+
+
+def test_markers_are_throttled(client: Any, start: Callable, coarse: dict) -> None:
+    """Step much faster than `marker_rate`: a marker now and then, coloured by the field asked for."""
+    markers: list[Marker] = []
+    start(**coarse, clock="lockstep", marker_rate=2.0, marker_field="J")
+    client.node.create_subscription(Marker, client.full("markers"), markers.append, 10)
+    begin = time.monotonic()
+    client.target(0.001)
+    while len(markers) < 3:
+        client.target(1e-4 * (len(client.records()) % 100))
+        client.wait_steps(len(client.records()) + 1)
+    elapsed, steps = time.monotonic() - begin, len(client.records())
+    assert len(markers) <= 2.0 * elapsed + 2
+    assert steps > 3 * len(markers)
+    assert len(markers[-1].points) == 6 * (4 * 2 * 20 + 2 * 4)
+    assert client.set(marker_field="strength")[0].reason.startswith("parameter marker_field is 'strength'; allowed")

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages to orders: what is taken, and what is refused and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Duration, Time
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from gdfe_ros.actuators import Actuator, Mode
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.node.actuator_orders import ActuatorOrders
+from gdfe_ros.node.freshness import Freshness
+from gdfe_ros.node.handle_orders import pose_order, twist_order
+from gdfe_ros.node.orders import TwistOrder
+from gdfe_ros.node.refusals import Reason, Refusal
+
+TIP = Handle("tip", np.arange(4, dtype=np.int32))
+BASE = Handle("base", np.arange(4, dtype=np.int32), fixed=True)
+ORDERS = ActuatorOrders(
+    [
+        Actuator(name="left", mode=Mode.TENSION, low=0.0, high=10.0),
+        Actuator(name="right", mode=Mode.LENGTH, low=0.05, high=0.2),
+    ]
+)
+
+
+def _pose(**changes: float) -> PoseStamped:
+    message = PoseStamped()
+    for name, value in changes.items():
+        setattr(message.pose.position if name in "xyz" else message.pose.orientation, name[-1], value)
+    return message
+
+
+def _twist(**changes: float) -> TwistStamped:
+    message = TwistStamped()
+    for name, value in changes.items():
+        setattr(message.twist.linear if name in "xyz" else message.twist.angular, name[-1], value)
+    return message
+
+
+def _refused(make: Callable[[], Any]) -> Reason:
+    with pytest.raises(Refusal) as refusal:
+        make()
+    return refusal.value.reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"x": math.nan}, Reason.NOT_FINITE),
+        ({"z": -math.inf}, Reason.NOT_FINITE),
+        ({"qx": math.nan}, Reason.NOT_FINITE),
+        ({"qw": 0.0}, Reason.NOT_UNIT),
+        ({"qw": 1.01}, Reason.NOT_UNIT),
+        ({"y": 1e300}, Reason.TOO_FAR),
+        ({"y": 5.01}, Reason.TOO_FAR),
+    ],
+)
+def test_bad_poses_are_refused(changes: dict, reason: Reason) -> None:
+    """Refuse numbers that are not finite, quaternions that are not of unit length, and leaps."""
+    assert _refused(lambda: pose_order(_pose(**changes), TIP, size=0.5)) is reason
+
+
+def test_a_fixed_handle_takes_no_commands() -> None:
+    """Command a fixed handle: the refusal says that it is fixed, before anything else."""
+    assert _refused(lambda: pose_order(_pose(x=math.nan), BASE, size=0.5)) is Reason.FIXED
+    assert _refused(lambda: twist_order(_twist(), BASE, size=0.5)) is Reason.FIXED
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [({"x": math.inf}, Reason.NOT_FINITE), ({"x": 1e9}, Reason.TOO_FAST), ({"az": 1e4}, Reason.TOO_FAST)],
+)
+def test_bad_velocities_are_refused(changes: dict, reason: Reason) -> None:
+    """Refuse velocities that are not finite or out of all proportion."""
+    assert _refused(lambda: twist_order(_twist(**changes), TIP, size=0.5)) is reason
+
+
+def test_velocities_turn_a_plate_on_and_on() -> None:
+    """Turn at 40 rad/s in steps of 0.1 s: each adds 4 rad, past full turns; the offset axis stays."""
+    pose = Pose()
+    for step in range(1, 9):
+        pose = TwistOrder("tip", (0.1, 0.0, 0.0), (0.0, 0.0, 40.0)).after(pose, 0.1)
+        assert pose.rotation == pytest.approx((0.0, 0.0, 4.0 * step))
+    assert pose.translation == pytest.approx((0.08, 0.0, 0.0))
+
+
+def test_joint_states_command_by_name_and_mode() -> None:
+    """Give effort for a tension and position for a length, in any order and any subset."""
+    message = JointState(name=["right", "left"], position=[0.1, math.nan], effort=[math.nan, 3.0])
+    assert ORDERS.from_joint_state(message).values == {"right": 0.1, "left": 3.0}
+    assert ORDERS.from_joint_state(JointState(name=["left"], effort=[2.0])).values == {"left": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (JointState(), Reason.UNKNOWN),
+        (JointState(name=["middle"], effort=[1.0]), Reason.UNKNOWN),
+        (JointState(name=["left", "left"], effort=[1.0, 1.0]), Reason.MALFORMED),
+        (JointState(name=["left"], position=[1.0]), Reason.WRONG_SIZE),
+        (JointState(name=["left"], effort=[1.0, 2.0]), Reason.WRONG_SIZE),
+        (JointState(name=["left"], effort=[math.nan]), Reason.NOT_FINITE),
+        (JointState(name=["left"], effort=[-1.0]), Reason.OUT_OF_RANGE),
+    ],
+)
+def test_bad_joint_states_are_refused(message: JointState, reason: Reason) -> None:
+    """Refuse unknown and repeated names, wrong sizes, and values not finite or out of range."""
+    assert _refused(lambda: ORDERS.from_joint_state(message)) is reason
+
+
+def test_arrays_command_all_actuators() -> None:
+    """Give one value each in the scene's order; another number of values is refused."""
+    assert ORDERS.from_array(Float64MultiArray(data=[1.0, 0.1])).values == {"left": 1.0, "right": 0.1}
+    assert _refused(lambda: ORDERS.from_array(Float64MultiArray(data=[1.0]))) is Reason.WRONG_SIZE
+    assert _refused(lambda: ORDERS.from_array(Float64MultiArray(data=[1.0, 9.0]))) is Reason.OUT_OF_RANGE
+
+
+def _trajectory(*points: tuple[float, list[float]], start: int = 0) -> JointTrajectory:
+    message = JointTrajectory(joint_names=["left"])
+    message.header.stamp.sec = start
+    for moment, positions in points:
+        nanoseconds = round(moment * 1e9)
+        time = Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+        message.points.append(JointTrajectoryPoint(positions=positions, time_from_start=time))
+    return message
+
+
+def test_trajectories_are_taken_point_by_point() -> None:
+    """Read times and values; a stamp is simulation time."""
+    order = ORDERS.from_trajectory(_trajectory((0.5, [1.0]), (1.5, [3.0]), start=2), now=1.0)
+    assert (order.names, order.start) == (("left",), 2.0)
+    assert order.times.tolist() == [0.5, 1.5]
+    assert order.values.tolist() == [[1.0], [3.0]]
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (_trajectory(), Reason.WRONG_SIZE),
+        (_trajectory((1.0, [])), Reason.WRONG_SIZE),
+        (_trajectory((1.0, [1.0]), (1.0, [2.0])), Reason.OUT_OF_ORDER),
+        (_trajectory((1.0, [99.0])), Reason.OUT_OF_RANGE),
+        (_trajectory((1.0, [1.0]), start=5), Reason.STALE),
+    ],
+)
+def test_bad_trajectories_are_refused(message: JointTrajectory, reason: Reason) -> None:
+    """Refuse what is empty, of wrong size, not ascending, out of range, or over."""
+    assert _refused(lambda: ORDERS.from_trajectory(message, now=10.0)) is reason
+
+
+def test_stamps_must_not_be_old_or_go_back() -> None:
+    """Take rising stamps and zeros; refuse an earlier one and an old one; a reset forgets them."""
+    freshness = Freshness()
+
+    def check(seconds: int, max_age: float = 0.0) -> None:
+        freshness.check("in", Time(sec=seconds), now=100 * 10**9, max_age=max_age)
+
+    for seconds in (50, 50, 0, 60):
+        check(seconds)
+    assert _refused(lambda: check(59)) is Reason.OUT_OF_ORDER
+    assert _refused(lambda: check(70, max_age=20.0)) is Reason.STALE
+    check(90, max_age=20.0)
+    freshness.reset()
+    check(1)

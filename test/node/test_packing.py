@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Patched bytes are the messages that rclpy itself would make of the same numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.node import messages
+from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, WrenchPacker
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Command, Simulation
+
+FRAME = "robot/base_link"
+HEAD = messages.header(12.25, FRAME)
+
+
+@pytest.fixture(scope="module")
+def bent() -> Simulation:
+    """Give a small bar, bent."""
+    simulation = Simulation(load_scene("bend5", overrides={"mesh.bar.cells": [5, 2, 2]}))
+    simulation.step(Command(handles={"tip": Pose((0.0, 0.0, 0.1), (0.0, -0.3, 0.0))}))
+    return simulation
+
+
+def _same(data: bytes, message: Any) -> bool:
+    return deserialize_message(data, type(message)) == message
+
+
+def test_clouds_are_those_of_rclpy(bent: Simulation) -> None:
+    """Pack rest, then the bent state: the second message has nothing left of the first."""
+    rest, fields = bent.mesh.vertices, bent.fields()
+    mesh, strain = MeshPacker(rest, FRAME), StrainPacker(fields, FRAME)
+    mesh.pack(1.0, rest)
+    assert _same(mesh.pack(12.25, bent.positions), messages.mesh_cloud(HEAD, bent.positions, rest))
+    assert _same(strain.pack(12.25, fields), messages.strain_cloud(HEAD, fields))
+    assert isinstance(deserialize_message(strain.pack(12.25, fields), PointCloud2), PointCloud2)
+
+
+@pytest.mark.parametrize("rotation", [(0.0, 0.0, 0.0), (0.0, -0.3, 0.0), (5.0, 0.1, 0.0), (1e-9, 0.0, 0.0)])
+def test_poses_are_those_of_rclpy(rotation: tuple[float, float, float]) -> None:
+    """Pack poses without a turn, with one, beyond half a turn, and hardly turned."""
+    packer, pose = PosePacker(FRAME), Pose((0.1, -0.2, 0.3), rotation)
+    message = messages.pose_stamped(HEAD, pose)
+    assert isinstance(message, PoseStamped)
+    packer.pack(3.0, Pose((9.0, 9.0, 9.0), (1.0, 1.0, 1.0)))
+    assert _same(packer.pack(12.25, pose), message)
+
+
+def test_wrenches_are_those_of_rclpy() -> None:
+    """Pack a reaction after another one."""
+    packer, reaction = WrenchPacker(FRAME), np.array([1.0, -2.0, 3.0, -4.0, 5.0, 1e-12])
+    message = messages.wrench_stamped(HEAD, reaction)
+    assert isinstance(message, WrenchStamped)
+    packer.pack(3.0, np.ones(6))
+    assert _same(packer.pack(12.25, reaction), message)
+
+
+def test_fields_of_a_body_far_away_are_published_where_it_is() -> None:
+    """Put a bar 50 m away and evaluate its fields later, as the node does: the centroids are in world coordinates."""
+    scene = load_scene("bend5", overrides={"mesh.bar.cells": [5, 2, 2]})
+    mesh = dataclasses.replace(scene.mesh, vertices=scene.mesh.vertices + np.array([50.0, 0.0, 0.0]))
+    simulation = Simulation(dataclasses.replace(scene, mesh=mesh))
+    later = simulation.later_fields()
+    simulation.step(Command(handles={"tip": Pose((0.0, 0.0, 0.1))}))
+    np.testing.assert_allclose(later().centroids, mesh.vertices[mesh.cells].mean(axis=1), atol=1e-9)
+    assert later().centroids[:, 0].min() > 49.0

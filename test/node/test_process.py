@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Signals: the first asks for an orderly end, one that comes much later ends the process at once."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+_CODE = """
+import os, signal, sys, threading
+from gdfe_ros.node import process
+process._INSIST = float(sys.argv[1])
+stopping = threading.Event()
+process._catch_signals(stopping)
+os.kill(os.getpid(), signal.SIGINT)
+assert stopping.wait(10)
+os.kill(os.getpid(), signal.SIGTERM)
+print("goes on")
+"""
+
+
+def _run(insist: float) -> subprocess.CompletedProcess[str]:
+    """Send two signals in a process of its own, which counts the second if it comes later than ``insist`` [s]."""
+    command = [sys.executable, "-c", _CODE, str(insist)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_signals_in_quick_succession_are_one() -> None:
+    """Send SIGINT and SIGTERM at once: the process goes on to its orderly end."""
+    done = _run(60.0)
+    assert (done.returncode, done.stdout) == (0, "goes on\n"), done.stderr
+
+
+def test_a_later_signal_ends_the_process_at_once() -> None:
+    """Insist: the status names the signal, stderr tells how to get at the bag."""
+    done = _run(-1.0)
+    assert (done.returncode, done.stdout) == (128 + 15, "")
+    assert done.stderr == "ended at once; `gdfe recover` completes a bag that was cut off\n"

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bad commands: refused with a reason, counted, and the state stays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+
+from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
+
+
+def test_bad_commands_change_nothing(client: Any, start: Callable, coarse: dict) -> None:
+    """Send NaN, a long quaternion, a leap, a fixed and an unknown handle: each is counted, the mesh stays."""
+    process = start(**coarse)
+    client.target(0.05)
+    client.wait(lambda: client.meshes() and client.meshes()[-1][:, 5].max() > 0.049)
+    for _ in range(3):
+        client.target(math.nan)
+        client.target(w=2.0)
+        client.target(1e6)
+        client.target(handle="base")
+    client.node.create_publisher(PoseStamped, "/gdfe_sim/handles/tipp/target", 1)
+    client.wait(lambda: "did you mean 'tip'?" in process.log)
+    client.wait(lambda: int(client.diagnostics()["commands refused"]) >= 13)
+    values = client.diagnostics()
+    assert values["commands taken"] == "1"
+    assert values["commands refused"] == "13"
+    for reason, count in (("not finite", 3), ("quaternion not of unit length", 3), ("too far", 3)):
+        assert values[f"refused: {reason}"] == str(count)
+    assert values["refused: handle is fixed"] == "3"
+    assert values["refused: unknown name"] == "1"
+    assert "must be finite numbers" in process.log
+    assert process.log.count("must be finite numbers") == 1
+    assert math.isclose(client.meshes()[-1][:, 5].max(), 0.05, abs_tol=1e-6)
+    client.target(0.06)
+    client.wait(lambda: client.meshes()[-1][:, 5].max() > 0.0599)
+
+
+def test_warnings_are_throttled_by_input_and_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Refuse often: one warning in five seconds for each input and reason, the next says how many it stands for."""
+    now = [100.0]
+    monkeypatch.setattr("gdfe_ros.node.refusals.time.monotonic", lambda: now[0])
+    warnings: list[str] = []
+    log = RefusalLog(warnings.append)
+    for _ in range(4):
+        log.refuse("/a", Refusal(Reason.STALE, "old"))
+    log.refuse("/a", Refusal(Reason.FIXED, "fixed"))
+    log.refuse("/b", Refusal(Reason.STALE, "old"))
+    assert len(warnings) == 3
+    now[0] += 5.1
+    log.refuse("/a", Refusal(Reason.STALE, "old"))
+    assert warnings[-1] == "command on /a refused: old (3 more like it since the last warning)"
+    assert log.counts() == {
+        "commands taken": 0,
+        "commands refused": 7,
+        "refused: stale": 6,
+        "refused: handle is fixed": 1,
+    }

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A second process commands the node over topics and sees the mesh follow."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.simulation import Command, Simulation
+
+
+def test_the_mesh_follows_the_commands(client: Any, start: Callable, coarse: dict) -> None:
+    """Lift the tip by 0.1 m: vertices, pose, wrench, strain and topology say so."""
+    start(**coarse)
+    client.target(0.1)
+    client.wait(lambda: client.meshes() and np.isclose(client.meshes()[-1][:, 5].max(), 0.1, atol=1e-6))
+    mesh, stamp = client.meshes()[-1], client.received["mesh"][-1].header.stamp
+    assert mesh.shape == (21 * 9, 6)
+    np.testing.assert_allclose(mesh[:21, 0] - mesh[:21, 3], np.linspace(0, 0.5, 21), atol=1e-6)
+    assert client.arrived("handles/tip/pose", stamp).pose.position.z == 0.1
+    assert client.arrived("handles/tip/wrench", stamp).wrench.force.z > 0.0
+    strain = client.arrived("strain", stamp)
+    assert [field.name for field in strain.fields][3:] == ["eps_eq", "J", "omega", "tangent", "energy_density"]
+    assert np.frombuffer(strain.data, "<f4").reshape(-1, 8)[:, 3].max() > 1e-3
+    topology = client.wait(lambda: client.received["topology"])[-1]
+    assert [dimension.size for dimension in topology.layout.dim] == [80, 8]
+    assert max(topology.data) == 21 * 9 - 1
+    assert client.received["mesh"][-1].header.frame_id == "base_link"
+
+
+def test_a_plate_turns_on_and_on(client: Any, start: Callable, coarse: dict) -> None:
+    """Command quaternions of a growing angle: the targets consumed pass half a turn without a jump."""
+    start(**{**coarse, "scene": "twist90", "clock": "lockstep"})
+    for angle in np.arange(0.5, 4.6, 0.5):
+        client.target(turn=(angle, 0, 0))
+    client.wait(lambda: len(client.records()) >= 10)
+    turns = [record.handles["tip"].rotation[0] for record in client.records()[1:]]
+    np.testing.assert_allclose(turns, np.arange(0.5, 4.6, 0.5), atol=1e-12)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_a_whole_bag_that_others_read(
+    client: Any, start: Callable, coarse: dict, tmp_path: Path, number: signal.Signals
+) -> None:
+    """End a recording node by a signal: rosbags and mcap-ros2 read the meshes that were published."""
+    process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
+    for z in np.linspace(0.01, 0.1, 10):
+        client.target(z)
+        client.spin(0.03)
+    client.wait_taken(10)
+    client.wait(lambda: client.meshes()[-1][:, 5].max() > 0.0999)
+    assert process.stop(number) == 0, process.log
+    live = [bytes(message.data) for message in client.received["mesh"]]
+    with AnyReader([tmp_path / "bag"]) as reader:
+        chosen = [c for c in reader.connections if c.topic == "/gdfe_sim/mesh"]
+        rosbags = [bytes(reader.deserialize(raw, c.msgtype).data) for c, _, raw in reader.messages(chosen)]
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        decoded = reader.iter_decoded_messages("/gdfe_sim/mesh", log_time_order=False)
+        mcap = [bytes(message.data) for _, _, _, message in decoded]
+    assert rosbags == mcap
+    begin = rosbags.index(live[0])
+    assert rosbags[begin : begin + len(live)] == live
+    counts = BagReader(tmp_path / "bag").counts
+    assert counts["/gdfe_sim/handles/tip/target"] == 10
+    assert counts["/gdfe_sim/topology"] == counts["/gdfe_sim/scene"] == 1
+
+
+def test_a_bag_of_the_wall_clock_replays_to_the_bit(client: Any, start: Callable, coarse: dict, tmp_path: Path) -> None:
+    """Feed the step records of a bag to a simulation of the bag's scene: every mesh is the same, bit for bit."""
+    process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
+    for z in np.linspace(0.01, 0.1, 10):
+        before = len(client.records())
+        client.target(z, turn=(0, -z, 0))
+        client.wait(lambda before=before: len(client.records()) > before)
+    process.stop()
+    with AnyReader([tmp_path / "bag"]) as reader:
+        messages = [(c.topic, reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages()]
+    records = [StepRecord.from_json(m.data) for topic, m in messages if topic == "/gdfe_sim/step_record"]
+    meshes = [m.data.view("<f4").reshape(-1, 6) for topic, m in messages if topic == "/gdfe_sim/mesh"]
+    simulation = Simulation(scene_from_text(BagReader(tmp_path / "bag").run.scene))
+    assert len(records) == len(meshes) > 3
+    for record, mesh in zip(records, meshes, strict=True):
+        result = simulation.step(Command(handles=record.handles), dt=record.dt)
+        assert (result.time, result.residual) == (record.time, record.residual)
+        assert np.array_equal(result.positions.astype(np.float32), mesh[:, :3])
+    assert simulation.targets["tip"].translation == Pose((0, 0, 0.1)).translation

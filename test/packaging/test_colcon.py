@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tree builds with colcon, and ROS tools find what they look for.
+
+colcon comes from the registry into an environment of its own (it needs setuptools below 80), which pytest's
+cache directory keeps between runs. What was built is then used by the Python that runs the tests, as a
+sourced workspace would be.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def colcon(pytestconfig: pytest.Config, run: Callable[..., str]) -> Path:
+    """Give a colcon executable."""
+    place = pytestconfig.cache.mkdir(f"colcon-{sys.version_info.major}.{sys.version_info.minor}")
+    done = place / "installed"
+    if not done.exists():
+        run(sys.executable, "-m", "venv", "--clear", place)
+        run(place / "bin" / "pip", "install", "--quiet", "setuptools<80", "colcon-common-extensions")
+        done.touch()
+    return place / "bin" / "colcon"
+
+
+@pytest.fixture(scope="module", params=[(), ("--symlink-install",)], ids=["copied", "symlinked"])
+def workspace(
+    request: pytest.FixtureRequest,
+    colcon: Path,
+    source_copy: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    run: Callable[..., str],
+) -> Path:
+    """Give a built workspace."""
+    place = tmp_path_factory.mktemp("workspace")
+    bases = [
+        "--base-paths",
+        source_copy,
+        "--build-base",
+        place / "build",
+        "--install-base",
+        place / "install",
+    ]
+    output = run(colcon, "--log-base", place / "log", "build", *bases, *request.param)
+    assert "1 package finished" in output
+    return place
+
+
+@pytest.fixture
+def in_workspace(workspace: Path, run: Callable[..., str]) -> Callable[[str], str]:
+    """Give a function that runs Python code after sourcing the workspace's setup.bash."""
+
+    def call(code: str) -> str:
+        script = f'source "{workspace}/install/setup.bash" && exec "$0" -c "$1"'
+        return run("bash", "-c", script, sys.executable, code).strip()
+
+    return call
+
+
+def test_ament_index_finds_the_package(workspace: Path, in_workspace: Callable[[str], str]) -> None:
+    """Ask the ament index for the share directory, in a shell that sourced the workspace."""
+    found = in_workspace(
+        "from ament_index_python.packages import get_package_share_directory as find; print(find('gdfe_ros'))"
+    )
+    assert Path(found) == workspace / "install" / "gdfe_ros" / "share" / "gdfe_ros"
+
+
+def test_executables_lie_where_ros2_run_looks(workspace: Path) -> None:
+    """Find both commands in lib/gdfe_ros, executable."""
+    place = workspace / "install" / "gdfe_ros" / "lib" / "gdfe_ros"
+    assert {file.name for file in place.iterdir() if os.access(file, os.X_OK)} == {"gdfe", "sim_node", "tip_tracking"}
+
+
+def test_share_holds_scenes_parameters_and_launch_files(workspace: Path, root: Path) -> None:
+    """Find every file of config/ and launch/ in the package's share directory."""
+    share = workspace / "install" / "gdfe_ros" / "share" / "gdfe_ros"
+    for part in ("config", "launch"):
+        files = [p.relative_to(root) for p in (root / part).rglob("*") if p.suffix in {".yaml", ".csv", ".py"}]
+        assert files
+        assert [name for name in files if not (share / name).is_file()] == []
+
+
+def test_the_built_package_finds_its_scenes(workspace: Path, in_workspace: Callable[[str], str]) -> None:
+    """Load a scene by its name from the workspace's code and the files that belong to it."""
+    code = "import gdfe_ros; print(gdfe_ros.__file__); print(gdfe_ros.load_scene('bend5').path)"
+    module, scene = (Path(line).resolve() for line in in_workspace(code).splitlines())
+    assert scene.name == "bend5.yaml"
+    assert module.parent.parent in scene.parents or workspace in scene.parents
+
+
+def test_the_command_starts(workspace: Path, in_workspace: Callable[[str], str]) -> None:
+    """Run the installed command's script with the Python of the tests."""
+    script = workspace / "install" / "gdfe_ros" / "lib" / "gdfe_ros" / "gdfe"
+    start = f"sys.argv = ['gdfe', '--help']; runpy.run_path({str(script)!r}, run_name='__main__')"
+    assert "solve" in in_workspace(f"import runpy, sys; {start}")

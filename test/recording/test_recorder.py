@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recording beside a simulation: cheap, never silent about loss, and whole at the end."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader
+
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.writer import BagWriter
+
+MEGABYTE = b"\0\1\0\0" + bytes(1 << 20)
+
+# Records incompressible messages until told to stop, or until the limit of the file size [B] ends it.
+CHILD = """
+import os, resource, sys, time
+from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.topic import TopicInfo
+
+path, limit, ending = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+if limit:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+recorder = Recorder(path, [TopicInfo(name="/mesh", type="sensor_msgs/msg/PointCloud2")])
+print("begun", flush=True)
+taken = 0
+try:
+    for step in range(200 if limit or ending == "exit" else 100000):
+        taken += recorder.record("/mesh", os.urandom(44000), step)
+        if step == 20:
+            print("recording", flush=True)
+        time.sleep(0.005)
+except KeyboardInterrupt:
+    pass
+if ending == "close":
+    recorder.close()
+    print("closed", taken, flush=True)
+print("steps", step + 1, "taken", taken, "error", recorder.error, flush=True)
+"""
+
+
+@pytest.fixture
+def stalled(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Make the disk stand still until the event is set."""
+    released = threading.Event()
+    write = BagWriter.write
+
+    def slow_write(self: BagWriter, *message: object) -> None:
+        released.wait(10)
+        write(self, *message)
+
+    monkeypatch.setattr(BagWriter, "write", slow_write)
+    return released
+
+
+def test_every_message_arrives_in_order(
+    tmp_path: Path, mesh_topic: TopicInfo, make_cloud: Callable[..., bytes]
+) -> None:
+    """Record 200 clouds and read them back with rosbags, byte for byte."""
+    values = np.random.default_rng(2).normal(size=(200, 50, 6)).astype(np.float32)
+    clouds = [make_cloud(cloud, index) for index, cloud in enumerate(values)]
+    with Recorder(tmp_path / "bag", [mesh_topic]) as recorder:
+        assert all(recorder.record(mesh_topic.name, cloud, index) for index, cloud in enumerate(clouds))
+    assert (recorder.status.written, recorder.status.dropped, recorder.error) == (200, {}, None)
+    with Reader(tmp_path / "bag") as reader:
+        assert [(stamp, raw) for _, stamp, raw in reader.messages()] == list(enumerate(clouds))
+
+
+def test_record_costs_less_than_a_tenth_of_a_millisecond(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+    """Time `record` at 100 Hz with 1836 vertices: the median stays under 0.1 ms."""
+    data = b"\0\1\0\0" + np.random.default_rng(3).bytes(24 * 1836)
+    costs = []
+    with Recorder(tmp_path / "bag", [mesh_topic]) as recorder:
+        for step in range(100):
+            begin = time.perf_counter()
+            recorder.record(mesh_topic.name, data, step)
+            costs.append(time.perf_counter() - begin)
+            time.sleep(0.01)
+    assert recorder.status.written == 100
+    assert np.median(costs) < 1e-4
+
+
+def test_messages_are_on_disk_within_the_flush_interval(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+    """Find a message in the file soon after it was recorded, long before a chunk is full."""
+    with Recorder(tmp_path / "bag", [mesh_topic], queue=QueueOptions(flush_seconds=0.01)) as recorder:
+        recorder.record(mesh_topic.name, b"\0\1\0\0needle", 0)
+        deadline = time.monotonic() + 60
+        while b"needle" not in (tmp_path / "bag" / "bag_0.mcap").read_bytes():
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+
+
+def test_drop_refuses_at_once_and_counts(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
+    """Fill the queue of a standing disk: the rest is refused without a wait, counted, and told in the bag."""
+    queue = QueueOptions(max_bytes=5 << 20)
+    with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
+        begin = time.monotonic()
+        taken = [recorder.record(mesh_topic.name, MEGABYTE, step) for step in range(20)]
+        assert time.monotonic() - begin < 1
+        assert recorder.status.dropped == {mesh_topic.name: 20 - sum(taken)}
+        assert sum(taken) == 4
+        stalled.set()
+    reader = BagReader(tmp_path / "bag")
+    assert len(reader) == 4
+    assert reader.notes["messages_dropped"] == "16"
+    assert reader.notes["messages_dropped_by_topic"] == '{"/gdfe_sim/mesh": 16}'
+
+
+def test_block_waits_for_room(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
+    """Let the disk stand for 0.2 s: under BLOCK every message gets in."""
+    queue = QueueOptions(max_bytes=2 << 20, back_pressure=BackPressure.BLOCK, block_seconds=5)
+    with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
+        begin = time.monotonic()
+        threading.Timer(0.2, stalled.set).start()
+        assert all(recorder.record(mesh_topic.name, MEGABYTE, step) for step in range(10))
+        assert time.monotonic() - begin > 0.15
+    assert len(BagReader(tmp_path / "bag")) == 10
+
+
+def test_block_gives_up_after_its_bound(tmp_path: Path, mesh_topic: TopicInfo, stalled: threading.Event) -> None:
+    """Let the disk stand for longer than `block_seconds`: the message is refused and counted."""
+    queue = QueueOptions(max_bytes=1 << 20, back_pressure=BackPressure.BLOCK, block_seconds=0.1)
+    with Recorder(tmp_path / "bag", [mesh_topic], queue=queue) as recorder:
+        assert recorder.record(mesh_topic.name, MEGABYTE, 0)
+        assert not recorder.record(mesh_topic.name, MEGABYTE, 1)
+        assert recorder.status.dropped_total == 1
+        stalled.set()
+
+
+def test_a_failing_writer_stops_the_recording_only(
+    tmp_path: Path, mesh_topic: TopicInfo, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Break the writer: `record` goes on without raising, the error can be asked for, losses are counted."""
+
+    def broken(*_: object) -> None:
+        raise TypeError("broken on purpose")
+
+    recorder = Recorder(tmp_path / "bag", [mesh_topic])
+    monkeypatch.setattr(BagWriter, "write", broken)
+    recorder.record(mesh_topic.name, b"", 0)
+    deadline = time.monotonic() + 60
+    while recorder.error is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not recorder.record(mesh_topic.name, b"", 1)
+    status = recorder.close()
+    assert isinstance(status.error, RecordingError)
+    assert "broken on purpose" in str(status.error)
+    assert status.dropped == {mesh_topic.name: 2}
+    assert "broken on purpose" in BagReader(tmp_path / "bag").notes["error"]
+
+
+def test_topics_can_be_added_while_recording(tmp_path: Path, mesh_topic: TopicInfo, command_topic: TopicInfo) -> None:
+    """Declare a second topic after the first messages; an undeclared one is a mistake and raises."""
+    with Recorder(tmp_path / "bag", [mesh_topic]) as recorder:
+        recorder.record(mesh_topic.name, b"\0\1\0\0", 0)
+        with pytest.raises(RecordingError, match="is not in bag"):
+            recorder.record(command_topic.name, b"\0\1\0\0", 1)
+        recorder.add_topic(command_topic)
+        recorder.record(command_topic.name, b"\0\1\0\0", 1)
+    assert BagReader(tmp_path / "bag").counts == {mesh_topic.name: 1, command_topic.name: 1}
+
+
+def test_closing_twice_is_harmless_and_later_messages_are_counted(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+    """Close twice, record once more: no error, the message counts as dropped."""
+    recorder = Recorder(tmp_path / "bag", [mesh_topic])
+    recorder.close()
+    assert not recorder.record(mesh_topic.name, b"", 0)
+    assert recorder.close().dropped_total == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"max_bytes": 1}, "max_bytes"),
+        ({"block_seconds": -1}, "block_"),
+        ({"flush_seconds": 0}, "0.005 to 10"),
+    ],
+)
+def test_queue_options_out_of_range_are_refused(options: dict, message: str) -> None:
+    """Name the option, its value and the range."""
+    with pytest.raises(ValueError, match=message):
+        QueueOptions(**options)
+
+
+def _finish(process: subprocess.Popen[str]) -> str:
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    return output
+
+
+@pytest.mark.parametrize("ending", ["close", "exit"])
+def test_an_interrupted_process_leaves_a_whole_bag(
+    tmp_path: Path, start_process: Callable[..., subprocess.Popen[str]], ending: str
+) -> None:
+    """Send SIGINT to a recording process that then closes, or runs to its end without closing."""
+    process = start_process(CHILD, tmp_path / "bag", 0, ending)
+    assert process.stdout.readline() == "begun\n"
+    assert process.stdout.readline() == "recording\n"
+    process.send_signal(signal.SIGINT)
+    taken = int(_finish(process).split("taken ")[1].split()[0])
+    with Reader(tmp_path / "bag") as reader:
+        assert sum(1 for _ in reader.messages()) == reader.message_count == taken > 0
+
+
+def test_a_full_disk_stops_the_recording_and_leaves_a_whole_bag(
+    tmp_path: Path, start_process: Callable[..., subprocess.Popen[str]]
+) -> None:
+    """Limit the file size to 3 MB: the simulation ends its 200 steps, the error is clear, the bag reads."""
+    output = _finish(start_process(CHILD, tmp_path / "bag", 3_000_000, "close"))
+    assert "steps 200 " in output
+    assert "takes no more messages: [Errno 27] File too large" in output
+    reader = BagReader(tmp_path / "bag")
+    assert 55 <= len(reader) <= 68
+    assert "File too large" in reader.notes["error"]
+    assert int(reader.notes["messages_dropped"]) >= 1
+    with Reader(tmp_path / "bag") as foreign:
+        assert sum(1 for _ in foreign.messages()) == len(reader)

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Step records: nothing is lost between a step and its replay."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.step_record import Begin, StepRecord
+
+_NUMBER = st.floats(allow_nan=False, allow_infinity=False)
+_TRIPLE = st.tuples(_NUMBER, _NUMBER, _NUMBER)
+
+
+@given(time=_NUMBER, translation=_TRIPLE, rotation=_TRIPLE, command=_NUMBER)
+def test_every_double_survives(time: float, translation: tuple, rotation: tuple, command: float) -> None:
+    """Write and read records of any numbers: they are equal, bit for bit."""
+    record = StepRecord(
+        step=7,
+        begin=Begin.LOADED,
+        time=time,
+        dt=0.01,
+        handles={"tip": Pose(translation, rotation)},
+        actuators={"flexor": command},
+        skipped={"solve": 1},
+        message="so so",
+    )
+    assert StepRecord.from_json(record.to_json()) == record
+
+
+def test_a_residual_without_bound_survives() -> None:
+    """Write a residual that is infinite: it is read back."""
+    record = StepRecord(step=0, begin=Begin.REST, time=0.0, dt=0.0, residual=math.inf)
+    assert StepRecord.from_json(record.to_json()).residual == math.inf
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", "null", '{"format": 99}', '{"format": 1, "step": 1}'])
+def test_other_texts_are_refused(text: str) -> None:
+    """Read what is no record, or one of another format: the error shows it."""
+    with pytest.raises(RecordingError, match="cannot be read"):
+        StepRecord.from_json(text)
+
+
+def test_the_text_is_plain_json() -> None:
+    """Read a record with any JSON parser: six numbers for each handle."""
+    text = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5, handles={"tip": Pose((1, 2, 3))}).to_json()
+    assert json.loads(text)["handles"] == {"tip": [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]}
+    assert text.startswith('{"format": 1, "step": 1, "begin": "last"')

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reservation: a file can always be ended, whatever the disk does."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.bag_file import Compression
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.storage import ReservedFile
+from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.writer import BagOptions, BagWriter
+
+
+class Disk:
+    """Stands in for ``os.posix_fallocate`` with a limited number of bytes."""
+
+    def __init__(self, capacity: int) -> None:
+        self.capacity = capacity
+        self._fallocate = os.posix_fallocate
+
+    def __call__(self, fd: int, offset: int, length: int) -> None:
+        """Allocate, or say that there is no room."""
+        if offset + length > self.capacity:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self._fallocate(fd, offset, length)
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
+    """Give a disk for files of at most 300 kB."""
+    small = Disk(300_000)
+    monkeypatch.setattr(os, "posix_fallocate", small)
+    return small
+
+
+def test_a_file_is_cut_to_what_was_written(tmp_path: Path) -> None:
+    """Write less than was reserved: the closed file has the length written."""
+    file = ReservedFile(tmp_path / "file")
+    file.reserve(100)
+    file.write(b"abc")
+    assert (tmp_path / "file").stat().st_size > 3
+    assert file.tell() == 3
+    file.close(sync=True)
+    file.close()
+    assert (tmp_path / "file").read_bytes() == b"abc"
+    with pytest.raises(ValueError, match="is closed"):
+        file.write(b"more")
+
+
+def test_a_reservation_that_fails_leaves_the_last_one(tmp_path: Path, disk: Disk) -> None:
+    """Ask for too much, then use what was granted before."""
+    file = ReservedFile(tmp_path / "file")
+    file.reserve(250_000)
+    with pytest.raises(OSError, match="No space left"):
+        file.reserve(350_000)
+    file.write(bytes(250_000))
+    file.close()
+    assert (tmp_path / "file").stat().st_size == 250_000
+
+
+def test_without_reservation_files_are_written_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take a file system that cannot reserve: writing goes on; another error is not hidden."""
+
+    def refuse(code: int) -> None:
+        def fallocate(*_: int) -> None:
+            raise OSError(code, os.strerror(code))
+
+        monkeypatch.setattr(os, "posix_fallocate", fallocate)
+
+    refuse(errno.EOPNOTSUPP)
+    file = ReservedFile(tmp_path / "file")
+    file.reserve(10)
+    file.write(b"abc")
+    refuse(errno.EIO)
+    with pytest.raises(OSError, match="Input/output"):
+        file.reserve(10 << 20)
+    file.close()
+    assert (tmp_path / "file").read_bytes() == b"abc"
+
+
+def _fill(writer: BagWriter, topic: TopicInfo, accepted: list[bytes], count: int = 1000) -> None:
+    """Write messages that cannot be compressed, and note those that were accepted."""
+    for _ in range(count):
+        message = os.urandom(1500)
+        writer.write(topic.name, message, len(accepted))
+        accepted.append(message)
+
+
+@pytest.mark.parametrize("compression", Compression)
+def test_a_bag_on_a_full_disk_can_be_closed(
+    tmp_path: Path, disk: Disk, mesh_topic: TopicInfo, compression: Compression
+) -> None:
+    """Write incompressible messages until there is no room: each one that was accepted is in the bag."""
+    options = BagOptions(compression=compression, chunk_size=1024)
+    writer = BagWriter(tmp_path / "bag", [mesh_topic], options=options)
+    accepted: list[bytes] = []
+    with pytest.raises(RecordingError, match="No space left"):
+        _fill(writer, mesh_topic, accepted)
+    disk.capacity = 0
+    writer.close()
+    assert len(accepted) > 80
+    assert [m.data for m in BagReader(tmp_path / "bag").messages()] == accepted
+
+
+def test_no_room_for_the_next_part_leaves_the_last_one(tmp_path: Path, disk: Disk, mesh_topic: TopicInfo) -> None:
+    """Fill the disk between two files of a split bag: the first ones are whole, no empty one is left."""
+    writer = BagWriter(tmp_path / "bag", [mesh_topic], options=BagOptions(split_bytes=1 << 16))
+    accepted: list[bytes] = []
+    _fill(writer, mesh_topic, accepted, count=100)
+    disk.capacity = 0
+    with pytest.raises(RecordingError, match="No space left"):
+        _fill(writer, mesh_topic, accepted)
+    writer.close()
+    reader = BagReader(tmp_path / "bag")
+    assert [m.data for m in reader.messages()] == accepted
+    assert sorted((tmp_path / "bag").glob("*.mcap")) == reader.files
+
+
+def test_a_bag_without_room_for_its_beginning_is_refused(tmp_path: Path, disk: Disk, mesh_topic: TopicInfo) -> None:
+    """Begin a bag on a full disk: a clear error, and no file is left."""
+    disk.capacity = 0
+    with pytest.raises(RecordingError, match=r"cannot be begun.*No space left"):
+        BagWriter(tmp_path / "bag", [mesh_topic])
+    assert not list((tmp_path / "bag").iterdir())

@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What BagWriter writes is read back by two readers that are not ours, and by ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+import gdfe_ros
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.bag_file import Compression
+from gdfe_ros.recording.decoding import array_decoder, rclpy_decoder
+from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.topic import Durability, History, Qos, Reliability, TopicInfo
+from gdfe_ros.recording.writer import BagOptions, BagWriter, FsyncPolicy
+
+STEP = 10_000_000
+SCENE = "name: bar\ndescription: Übung, 5 µm\n"
+
+
+@pytest.fixture
+def values() -> np.ndarray:
+    """Give 40 clouds of 100 vertices, (40, 100, 6) float32."""
+    return np.random.default_rng(1).normal(size=(40, 100, 6)).astype(np.float32)
+
+
+@pytest.fixture
+def write_bag(tmp_path: Path, values: np.ndarray, mesh_topic: TopicInfo, make_cloud: Callable[..., bytes]):
+    """Give a function that writes the clouds, one every 10 ms, with the options given."""
+
+    def write(**options: object) -> Path:
+        path = tmp_path / "bag"
+        writer = BagWriter(path, [mesh_topic], run=RunInfo(scene=SCENE), options=BagOptions(**options))
+        for index, cloud in enumerate(values):
+            writer.write(mesh_topic.name, make_cloud(cloud, index * STEP), index * STEP)
+        writer.close({"messages_dropped": "0"})
+        return path
+
+    return write
+
+
+def _as_array(message: object) -> np.ndarray:
+    return np.frombuffer(bytes(message.data), "<f4").reshape(-1, 6)
+
+
+@pytest.mark.parametrize("compression", Compression)
+def test_rosbags_reads_equal_arrays(write_bag: Callable, values: np.ndarray, compression: Compression) -> None:
+    """Read every cloud back with rosbags."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Reader(write_bag(compression=compression)) as reader:
+        found = [(stamp, _as_array(store.deserialize_cdr(raw, c.msgtype))) for c, stamp, raw in reader.messages()]
+        assert reader.message_count == len(values)
+        assert reader.connections[0].digest == store.hash_rihs01("sensor_msgs/msg/PointCloud2")
+    assert [stamp for stamp, _ in found] == [index * STEP for index in range(len(values))]
+    np.testing.assert_array_equal([array for _, array in found], values)
+
+
+def test_mcap_ros2_reads_equal_arrays(write_bag: Callable, values: np.ndarray) -> None:
+    """Read every cloud back with mcap's reader and its ROS 2 decoder, checksums checked."""
+    with (write_bag() / "bag_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        found = [_as_array(item.decoded_message) for item in reader.iter_decoded_messages()]
+    np.testing.assert_array_equal(found, values)
+
+
+@pytest.mark.parametrize("use_rclpy", [False, True])
+def test_our_reader_gives_messages_and_run(write_bag: Callable, values: np.ndarray, use_rclpy: bool) -> None:
+    """Read messages, topic, times, notes and the embedded run back with BagReader."""
+    reader = BagReader(write_bag())
+    decode = rclpy_decoder() if use_rclpy else array_decoder(reader.topics.values())
+    messages = list(reader.messages())
+    np.testing.assert_array_equal([_as_array(decode(m.type, m.data)) for m in messages], values)
+    assert [m.sequence for m in messages] == list(range(len(values)))
+    assert (len(reader), reader.start, reader.end) == (40, 0, 39 * STEP)
+    assert reader.notes == {"messages_dropped": "0"}
+    assert reader.run == RunInfo(scene=SCENE)
+    assert reader.run.package_version == gdfe_ros.__version__
+    assert {"platform", "processor", "numpy", "numba"} <= set(reader.run.machine)
+
+
+def test_our_reader_selects_topics_and_times(tmp_path: Path, mesh_topic: TopicInfo, command_topic: TopicInfo) -> None:
+    """Keep one topic and a half-open range of log times; refuse a topic that is not there."""
+    writer = BagWriter(tmp_path / "bag", [mesh_topic, command_topic])
+    for index in range(10):
+        writer.write(mesh_topic.name, b"\0\1\0\0mesh", index)
+        writer.write(command_topic.name, b"\0\1\0\0pose", index, publish_time=index + 5)
+    writer.close()
+    reader = BagReader(tmp_path / "bag")
+    chosen = list(reader.messages([command_topic.name], start=3, end=6))
+    assert [(m.topic, m.type, m.log_time, m.publish_time) for m in chosen] == [
+        (command_topic.name, command_topic.type, time, time + 5) for time in (3, 4, 5)
+    ]
+    with pytest.raises(RecordingError, match=r"no topic \['/nowhere'\]; it has .*mesh"):
+        reader.messages(["/nowhere"])
+
+
+def test_metadata_is_version_9(write_bag: Callable) -> None:
+    """Hold metadata.yaml to rosbag2's version 9, with the notes as custom data."""
+    path = write_bag()
+    info = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert (info["version"], info["storage_identifier"], info["message_count"]) == (9, "mcap", 40)
+    assert info["duration"] == {"nanoseconds": 39 * STEP}
+    assert info["relative_file_paths"] == ["bag_0.mcap"]
+    assert info["custom_data"] == {"messages_dropped": "0"}
+    entry = info["topics_with_message_count"][0]["topic_metadata"]
+    assert entry["type_description_hash"].startswith("RIHS01_")
+    assert entry["offered_qos_profiles"][0]["reliability"] == "reliable"
+    with (path / "bag_0.mcap").open("rb") as stream:
+        records = {record.name: record.metadata for record in make_reader(stream).iter_metadata()}
+    assert yaml.safe_load(records["rosbag2"]["serialized_metadata"]) == info
+
+
+def test_quality_of_service_survives(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+    """Write a latched best-effort topic and find its profile again."""
+    qos = Qos(
+        reliability=Reliability.BEST_EFFORT,
+        durability=Durability.TRANSIENT_LOCAL,
+        history=History.KEEP_ALL,
+        depth=0,
+    )
+    BagWriter(tmp_path / "bag", [replace(mesh_topic, qos=qos)]).close()
+    assert BagReader(tmp_path / "bag").topics[mesh_topic.name].qos == qos
+
+
+def test_qos_is_taken_from_rclpy() -> None:
+    """Translate rclpy's sensor profile."""
+    from rclpy.qos import qos_profile_sensor_data
+
+    assert Qos.from_rclpy(qos_profile_sensor_data) == Qos(reliability=Reliability.BEST_EFFORT, depth=5)
+
+
+def test_splits_by_size(write_bag: Callable, values: np.ndarray) -> None:
+    """Begin new files near the size given; rosbags and our reader see one bag."""
+    path = write_bag(split_bytes=65536, chunk_size=4096, compression=Compression.NONE, fsync=FsyncPolicy.NEVER)
+    files = sorted(path.glob("*.mcap"))
+    assert [file.name for file in files] == ["bag_0.mcap", "bag_1.mcap"]
+    assert 65536 <= files[0].stat().st_size < 1.3 * 65536
+    reader = BagReader(path)
+    assert [m.log_time for m in reader.messages()] == [index * STEP for index in range(len(values))]
+    assert reader.run == RunInfo(scene=SCENE)
+    with Reader(path) as foreign:
+        assert sum(1 for _ in foreign.messages()) == foreign.message_count == len(values)
+    for file in files:
+        assert BagReader(file).run == RunInfo(scene=SCENE)
+
+
+def test_splits_by_time(write_bag: Callable) -> None:
+    """Begin a new file after every 0.15 s of log time."""
+    info = yaml.safe_load((write_bag(split_seconds=0.15) / "metadata.yaml").read_text())
+    files = info["rosbag2_bagfile_information"]["files"]
+    assert [file["message_count"] for file in files] == [15, 15, 10]
+    assert [file["starting_time"]["nanoseconds_since_epoch"] // STEP for file in files] == [0, 15, 30]
+
+
+def test_chunks_are_small(write_bag: Callable) -> None:
+    """Give many small chunks, compressed with lz4, unless told otherwise."""
+    with (write_bag() / "bag_0.mcap").open("rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+    assert {chunk.compression for chunk in chunks} == {"lz4"}
+    assert max(chunk.uncompressed_size for chunk in chunks) < 100_000
+
+
+def test_a_flushed_message_is_in_the_file(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+    """Find the bytes of a message on disk as soon as it was flushed, under every fsync policy."""
+    for policy in FsyncPolicy:
+        path = tmp_path / policy.value
+        options = BagOptions(fsync=policy, compression=Compression.NONE)
+        writer = BagWriter(path, [mesh_topic], options=options)
+        writer.write(mesh_topic.name, b"\0\1\0\0needle", 1)
+        assert b"needle" not in next(path.glob("*.mcap")).read_bytes()
+        writer.flush()
+        assert b"needle" in next(path.glob("*.mcap")).read_bytes()
+        writer.close()
+
+
+def test_an_empty_bag_is_whole(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+    """Close without a message: both readers accept it."""
+    BagWriter(tmp_path / "bag", [mesh_topic]).close()
+    assert len(BagReader(tmp_path / "bag")) == 0
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 0
+
+
+def test_mistakes_are_refused(tmp_path: Path, mesh_topic: TopicInfo, command_topic: TopicInfo) -> None:
+    """Refuse an occupied directory, an unknown topic, a changed type and a closed bag."""
+    writer = BagWriter(tmp_path / "bag", [mesh_topic])
+    with pytest.raises(RecordingError, match="exists and is not empty"):
+        BagWriter(tmp_path / "bag")
+    with pytest.raises(RecordingError, match=r"/other is not in bag"):
+        writer.write("/other", b"", 0)
+    with pytest.raises(RecordingError, match="is of type sensor_msgs/msg/PointCloud2, not geometry_msgs"):
+        writer.add_topic(replace(command_topic, name=mesh_topic.name))
+    writer.close()
+    with pytest.raises(RecordingError, match="is closed"):
+        writer.write(mesh_topic.name, b"", 0)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RecordingError, match="cannot be begun"):
+        BagWriter(tmp_path / "file" / "bag")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"chunk_size": 0}, "chunk_size is 0"),
+        ({"split_bytes": 1}, "split_bytes"),
+        ({"split_seconds": 0}, "0 s"),
+    ],
+)
+def test_options_out_of_range_are_refused(options: dict, message: str) -> None:
+    """Name the option, its value and the range."""
+    with pytest.raises(ValueError, match=message):
+        BagOptions(**options)

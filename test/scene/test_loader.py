@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes load by name, path and text, with overrides, and rebuild from their source."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+import pytest
+
+from gdfe_ros.constraints import Axis
+from gdfe_ros.errors import SceneError
+from gdfe_ros.materials import Curve, Linear, NeoHookean, Ogden
+from gdfe_ros.scene import Scene, load_scene, scene_from_text, scene_names
+from gdfe_ros.solver.settings import Policy
+
+
+def assert_same(one: Scene, two: Scene) -> None:
+    """Compare everything that the solver sees."""
+    np.testing.assert_array_equal(one.mesh.vertices, two.mesh.vertices)
+    np.testing.assert_array_equal(one.mesh.cells, two.mesh.cells)
+    np.testing.assert_array_equal(one.cell_material, two.cell_material)
+    assert one.materials == two.materials
+    assert list(one.materials) == list(two.materials)
+    assert (one.name, one.program, one.solver) == (two.name, two.program, two.solver)
+    for a, b in zip(one.handles, two.handles, strict=True):
+        assert (a.name, a.fixed, a.free, a.vertices.tolist()) == (
+            b.name,
+            b.fixed,
+            b.free,
+            b.vertices.tolist(),
+        )
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_shipped_scenes_rebuild_from_their_source(name: str) -> None:
+    """Load each scene, then load its source, and get the same."""
+    scene = load_scene(name)
+    assert scene.name == name
+    assert_same(scene_from_text(scene.source), scene)
+
+
+def test_bend5_is_the_scene_of_section_5_1() -> None:
+    """Find 250 cells of each modulus from left to right, 36 vertices on each plate."""
+    scene = load_scene("bend5")
+    assert scene.mesh.n_cells == 1250
+    np.testing.assert_allclose(scene.mesh.bounds, [[0, -0.025, -0.025], [0.5, 0.025, 0.025]], atol=1e-15)
+    segment = (scene.mesh.centroids[:, 0] / 0.1).astype(int)
+    np.testing.assert_array_equal(scene.cell_material, segment)
+    assert [material.young for material in scene.materials.values()] == [1e5, 8e4, 6e4, 4e4, 2e4]
+    assert all(isinstance(material, NeoHookean) for material in scene.materials.values())
+    base, tip = scene.handles
+    assert base.fixed
+    assert tip.free == (Axis.X,)
+    assert len(base.vertices) == len(tip.vertices) == 36
+    assert scene.program.handle_poses(1.0)["tip"].translation == (0.0, 0.0, 0.2)
+
+
+def test_twist90_states_the_same_law_in_both_ways() -> None:
+    """Take Cheetah from its numbers and from the preset alike; turn by 90 degrees about x."""
+    scene = load_scene("twist90", overrides={"materials.cheetah": {"preset": "cheetah", "poisson": 0.495}})
+    assert scene.materials == load_scene("twist90").materials
+    assert all(isinstance(material, Ogden) for material in scene.materials.values())
+    assert (scene.cell_material == (scene.mesh.centroids[:, 0] > 0.1)).all()
+    np.testing.assert_allclose(scene.program.handle_poses(1.0)["tip"].rotation, [np.pi / 2, 0, 0])
+
+
+def test_tensile_curve_uses_the_polynomials() -> None:
+    """Stretch 0.04 m by 100 % with the curve law."""
+    scene = load_scene("tensile_curve")
+    assert all(isinstance(material, Curve) for material in scene.materials.values())
+    assert scene.materials["cheetah"].data.initial_modulus == pytest.approx(19.13e6)
+    assert scene.program.handle_poses(1.0)["tip"].translation == (0.04, 0.0, 0.0)
+
+
+def test_calibration_gives_shape_factors() -> None:
+    """Set omega 0.9 and 0.03, policy relative, moduli in the ratio of Eq. 7."""
+    scene = load_scene("calibration")
+    left, right = scene.materials.values()
+    assert (left.omega, right.omega) == (0.9, 0.03)
+    assert scene.solver.policy is Policy.RELATIVE
+    ratio = left.young / right.young
+    assert 0.0017 * ratio**2 + 1.42245 * ratio - 0.4141 == pytest.approx(30, rel=1e-3)
+
+
+def test_later_regions_win(sound: str) -> None:
+    """Overwrite the soft material in the right half only."""
+    scene = scene_from_text(sound)
+    np.testing.assert_array_equal(scene.cell_material, scene.mesh.centroids[:, 0] > 0.1)
+    assert scene.cell_material.dtype == np.int32
+    assert list(scene.materials) == ["soft", "hard"]
+
+
+def test_numbers_such_as_1e5_are_numbers(sound: str) -> None:
+    """Read 1e5, which YAML 1.1 takes for text, and quoted numbers as numbers."""
+    assert scene_from_text(sound).materials["soft"] == Linear(young=1e5, poisson=0.45)
+    quoted = scene_from_text(sound.replace("1e5", "'1E+5'"))
+    assert quoted.materials["soft"].young == 1e5
+
+
+def test_overrides_replace_values_before_validation(sound: str) -> None:
+    """Set a number, a list, a list item, a text that is YAML, and a key that is not in the file."""
+    scene = scene_from_text(
+        sound,
+        overrides={
+            "materials.soft.poisson": 0.3,
+            "mesh.bar.cells": np.array([8, 1, 1]),
+            "program.handles.tip.1.translation": (0, 0, 0.2),
+            "solver.policy": "relative",
+            "solver.steps": "7",
+        },
+    )
+    assert scene.materials["soft"].poisson == 0.3
+    assert scene.mesh.n_cells == 8
+    assert scene.program.handle_poses(2.0)["tip"].translation == (0, 0, 0.2)
+    assert (scene.solver.policy, scene.solver.steps) == (Policy.RELATIVE, 7)
+    assert_same(scene_from_text(scene.source), scene)
+
+
+@pytest.mark.parametrize(
+    ("key", "expected"),
+    [
+        ("materials.soft.young.x", "materials.soft.young is 100000.0 and has no keys"),
+        ("regions.2.material", "regions is a list; allowed: an index 0 to 1"),
+        ("materials.soft.yung", "materials.soft.yung (override): unknown key; did you mean 'young'?"),
+    ],
+)
+def test_overrides_that_lead_nowhere_are_defects(sound: str, key: str, expected: str) -> None:
+    """Name the override, not a line of the file."""
+    with pytest.raises(SceneError) as caught:
+        scene_from_text(sound, overrides={key: 1.0})
+    assert expected in str(caught.value)
+
+
+def test_source_is_the_file_itself_when_nothing_is_put_in(sound: str) -> None:
+    """Keep comments and layout of the file in the source."""
+    assert scene_from_text("# mine\n" + sound).source == "# mine\n" + sound
+
+
+def test_curves_from_csv_are_put_into_the_source(tmp_path: Path, sound: str) -> None:
+    """Read the csv beside the scene; the source needs no file."""
+    strain = [0.0, 0.1, 0.35, 1.0]
+    stress = [0.0, 1.1e4, 3.3e4, 7.123456789012345e4]
+    rows = "\n".join(f"{e!r};{s!r}" for e, s in zip(strain, stress, strict=True))
+    (tmp_path / "test.csv").write_text(f"# a comment\nStrain;Stress\n{rows}\n")
+    text = sound.replace("law: linear, young: 1e5", "law: curve, csv: test.csv")
+    (tmp_path / "mine.yaml").write_text(text)
+    scene = load_scene(tmp_path / "mine.yaml")
+    assert scene.path == tmp_path / "mine.yaml"
+    assert scene.materials["soft"].data.stress == tuple(stress)
+    assert "test.csv" not in scene.source
+    assert_same(scene_from_text(scene.source), scene)
+
+
+def test_a_scene_is_found_by_name_and_by_path(tmp_path: Path, sound: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Prefer a shipped name; take anything with a folder or a suffix for a path."""
+    (tmp_path / "mine.yml").write_text(sound)
+    monkeypatch.chdir(tmp_path)
+    assert load_scene("mine.yml").name == "sound"
+    assert load_scene(str(tmp_path / "mine.yml")).name == "sound"
+    assert load_scene("bend5").path.name == "bend5.yaml"
+
+
+def test_a_missing_scene_lists_what_there_is(tmp_path: Path) -> None:
+    """Suggest the closest name and list all."""
+    with pytest.raises(
+        SceneError, match=r"bend6: .*\n.*did you mean 'bend5'\? scenes: bend5, bending_tube, calibration"
+    ):
+        load_scene("bend6")
+    with pytest.raises(SceneError, match=r"does not exist"):
+        load_scene(tmp_path / "no.yaml")
+    with pytest.raises(SceneError, match=r"is a directory"):
+        load_scene(tmp_path)
+
+
+def test_a_binary_file_is_not_a_scene(tmp_path: Path) -> None:
+    """Say that a bag is no YAML file."""
+    (tmp_path / "run.mcap").write_bytes(b"\x89MCAP0\r\n\xff\xfe\x00")
+    with pytest.raises(SceneError, match=r"cannot be read as text.*a scene is a YAML file"):
+        load_scene(tmp_path / "run.mcap")
+
+
+def test_loading_is_quick() -> None:
+    """Load the 1250 cells of bend5 within 50 ms of processor time once everything is imported (best of five)."""
+    times = []
+    for _ in range(5):
+        start = process_time()
+        load_scene("bend5")
+        times.append(process_time() - start)
+    assert min(times) < 0.05
+
+
+def test_importing_scenes_is_light() -> None:
+    """Import no ROS, plotting or data-frame library with gdfe_ros.scene, in a fresh process."""
+    heavy = "rclpy pandas pyvista matplotlib numba meshio trimesh"
+    code = f"import sys, gdfe_ros.scene; print([m for m in '{heavy}'.split() if m in sys.modules])"
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=root, check=True)
+    assert done.stdout.strip() == "[]"

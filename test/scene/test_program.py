@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A program moves handles linearly between its keyframes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.scene import Keyframe, Program
+
+UP = Pose((0.0, 0.0, 0.2), (4.0, 0.0, 0.0))
+BACK = Pose((0.1, 0.0, 0.0))
+PROGRAM = Program(
+    5.0,
+    {"tip": (Keyframe(0.0, Pose()), Keyframe(2.0, UP), Keyframe(3.0, BACK)), "late": (Keyframe(4.0, UP),)},
+)
+
+
+@pytest.mark.parametrize(
+    ("time", "translation", "rotation"),
+    [
+        (-1.0, (0, 0, 0), (0, 0, 0)),
+        (0.5, (0, 0, 0.05), (1, 0, 0)),
+        (2.0, (0, 0, 0.2), (4, 0, 0)),
+        (2.5, (0.05, 0, 0.1), (2, 0, 0)),
+        (3.0, (0.1, 0, 0), (0, 0, 0)),
+        (9.0, (0.1, 0, 0), (0, 0, 0)),
+    ],
+)
+def test_poses_change_linearly(time: float, translation: tuple, rotation: tuple) -> None:
+    """Interpolate translation and rotation vector, beyond half a turn too, and hold both ends."""
+    pose = PROGRAM.handle_poses(time)["tip"]
+    np.testing.assert_allclose(pose.translation, translation, atol=1e-15)
+    np.testing.assert_allclose(pose.rotation, rotation, atol=1e-15)
+
+
+def test_a_late_first_keyframe_starts_from_rest_at_time_zero() -> None:
+    """Ramp from rest to the only keyframe."""
+    assert PROGRAM.handle_poses(1.0)["late"].translation == pytest.approx((0, 0, 0.05))
+
+
+def test_times_are_all_moments_of_change() -> None:
+    """List 0, the keyframes and the duration once each."""
+    assert PROGRAM.times == (0.0, 2.0, 3.0, 4.0, 5.0)

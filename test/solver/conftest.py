@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies under test: regular, distorted and sheared meshes, each law, plates at chosen faces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Handle
+from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.solver.body import Body
+
+LAWS: dict[str, Material] = {
+    "linear": Linear(young=1e5, poisson=0.3),
+    "linear-0.499": Linear(young=1e5, poisson=0.499),
+    "neo-hookean": NeoHookean(young=1e5, poisson=0.45),
+    "neo-hookean-0.495": NeoHookean(young=1e5, poisson=0.495),
+    "ogden": preset("ninjaflex", law=Law.OGDEN, poisson=0.4),
+    "ogden-0.495": preset("cheetah", law=Law.OGDEN, poisson=0.495),
+    "curve-polynomial": preset("cheetah", law=Law.CURVE, poisson=0.45),
+    "curve-table": Curve(data=CurveData.table([0.1, 0.4, 1.0, 2.0], [1.6e5, 4e5, 6.4e5, 11.9e5]), poisson=0.495),
+}
+
+
+@pytest.fixture(params=LAWS.values(), ids=LAWS)
+def law(request: pytest.FixtureRequest) -> Material:
+    """Give each stress-strain law in turn."""
+    return request.param
+
+
+@pytest.fixture(scope="session")
+def distorted() -> HexMesh:
+    """Mesh a block of 3 x 3 x 3 general hexahedra: every vertex off its place by up to a fifth of an edge."""
+    mesh = bar([0.3, 0.3, 0.3], [3, 3, 3])
+    return HexMesh(mesh.vertices + np.random.default_rng(5).uniform(-0.02, 0.02, mesh.vertices.shape), mesh.cells)
+
+
+@pytest.fixture(scope="session", params=["cube", "box", "sheared", "distorted"])
+def element(request: pytest.FixtureRequest) -> HexMesh:
+    """Give one element of each shape."""
+    cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
+    shapes = {
+        "cube": cube.vertices,
+        "box": cube.vertices * (1.0, 2.0, 0.5),
+        "sheared": cube.vertices @ np.array([[1.0, 0.3, 0.1], [0.0, 1.2, 0.4], [0.0, 0.0, 0.7]]),
+        "distorted": cube.vertices + np.random.default_rng(4).uniform(-0.015, 0.015, (8, 3)),
+    }
+    return HexMesh(shapes[request.param], cube.cells)
+
+
+MakeBody = Callable[..., Body]
+
+
+@pytest.fixture(scope="session")
+def make_body() -> MakeBody:
+    """Make a body of one material, or of several where ``cell_material`` says which cell has which."""
+
+    def make(
+        mesh: HexMesh,
+        material: Material | Sequence[Material] | None = None,
+        handles: Sequence[Handle] = (),
+        cell_material: NDArray[np.int32] | None = None,
+    ) -> Body:
+        if material is None:
+            material = LAWS["linear"]
+        materials = [material] if isinstance(material, Material) else list(material)
+        which = np.zeros(mesh.n_cells, np.int32) if cell_material is None else cell_material
+        return Body.build(mesh.vertices, mesh.cells, materials, which, handles)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def end() -> Callable[[HexMesh, str], NDArray[np.int32]]:
+    """Return the vertices of a face of a bar, 'x-' or 'x+'."""
+
+    def vertices(mesh: HexMesh, face: str) -> NDArray[np.int32]:
+        x = mesh.vertices[:, 0]
+        return np.flatnonzero(x == (x.min() if face == "x-" else x.max())).astype(np.int32)
+
+    return vertices
+
+
+@pytest.fixture(scope="session")
+def boundary() -> Callable[[HexMesh], Handle]:
+    """Return a handle that holds every vertex of the surface."""
+
+    def handle(mesh: HexMesh) -> Handle:
+        return Handle("surface", np.unique(mesh.surface()).astype(np.int32))
+
+    return handle

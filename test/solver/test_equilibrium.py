@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Equilibrium of the energy policy: a minimum, whatever the start, the library and the materials."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.benchmark.torture.bodies import BAR, distance, make_scene
+from gdfe_ros.constraints import Axis, Handle, Pose
+from gdfe_ros.materials import Linear, Material, NeoHookean
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.equilibrium import EnergyEquilibrium
+from gdfe_ros.solver.fields import element_fields, strain_energies
+from gdfe_ros.solver.global_matrix import Factorisation
+from gdfe_ros.solver.outcome import Outcome
+from gdfe_ros.solver.reactions import handle_reactions, vertex_forces
+from gdfe_ros.solver.settings import Policy
+
+MakeBody = Callable[..., Body]
+End = Callable[[HexMesh, str], NDArray[np.int32]]
+MESH = bar([0.3, 0.1, 0.1], [6, 2, 2])
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A bar held at x- and bent at x+ by a pose of the plate."""
+
+    body: Body
+    base: NDArray[np.float64]
+
+    def solve(self, *, library: Factorisation | None = None, start: NDArray[np.float64] | None = None, **options):
+        """Return the solver and what it finds from rest, or from ``start``."""
+        equilibrium = EnergyEquilibrium(self.body, library=library)
+        options = {"tolerance": 1e-6, "limit": 2000, **options}
+        return equilibrium, equilibrium.solve(self.body.rest.copy() if start is None else start, self.base, **options)
+
+
+@pytest.fixture
+def bend(make_body: MakeBody, end: End) -> Callable[..., Bar]:
+    """Bend a bar of a material: its tip turns by ``angle`` about y and moves up; it slides along ``free``."""
+
+    def make(material: Material, *, angle: float = 0.7, mesh: HexMesh = MESH, free: tuple[Axis, ...] = ()) -> Bar:
+        tip = Handle("tip", end(mesh, "x+"), free=free)
+        body = make_body(mesh, material, [Handle("base", end(mesh, "x-"), fixed=True), tip])
+        base, centre = mesh.vertices.copy(), tip.centre(mesh.vertices)
+        turn = Rotation.from_rotvec([0.0, -angle, 0.0])
+        base[tip.vertices] = turn.apply(base[tip.vertices] - centre) + centre + (-0.04, 0.0, 0.1)
+        return Bar(body, base)
+
+    return make
+
+
+def test_forces_of_free_vertices_vanish(bend: Callable[..., Bar], law: Material) -> None:
+    """Solve to 1e-7: what is left at the free vertices is nothing beside the reactions, for every law."""
+    bar_ = bend(law)
+    equilibrium, outcome = bar_.solve(tolerance=1e-7)
+    assert outcome.converged, outcome.message
+    force = equilibrium.state().force
+    left = vertex_forces(bar_.body, bar_.body.unknowns.free, force)
+    reaction = handle_reactions(bar_.body, outcome.positions, force)["tip"]
+    assert np.abs(left).max() < 1e-4 * np.linalg.norm(reaction[:3])
+
+
+def test_reactions_balance(bend: Callable[..., Bar], law: Material) -> None:
+    """Add forces and moments of both plates: nothing is left (action and reaction)."""
+    bar_ = bend(law)
+    equilibrium, outcome = bar_.solve(tolerance=1e-8)
+    reactions = handle_reactions(bar_.body, outcome.positions, equilibrium.state().force)
+    scale = np.linalg.norm(reactions["tip"][:3])
+    np.testing.assert_allclose(reactions["tip"][:3] + reactions["base"][:3], 0.0, atol=1e-4 * scale)
+    moments = [
+        reactions[handle.name][3:] + np.cross(handle.centre(outcome.positions), reactions[handle.name][:3])
+        for handle in bar_.body.handles
+    ]
+    np.testing.assert_allclose(sum(moments), 0.0, atol=1e-4 * scale * 0.3)
+
+
+@pytest.mark.parametrize("library", [Factorisation.DENSE, Factorisation.CHOLESPY])
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
+def test_energy_never_rises(bend: Callable[..., Bar], library: Factorisation, poisson: float) -> None:
+    """Stop after 0, 1, 2, ... iterations of a large bend: each iterate has no more energy than the one before."""
+    bar_ = bend(Linear(young=1e5, poisson=poisson), angle=1.5)
+    energies = []
+    for limit in range(1, 40):
+        _, outcome = bar_.solve(library=library, limit=limit, tolerance=1e-8)
+        assert outcome.iterations <= limit
+        energies.append(strain_energies(bar_.body, outcome.positions).sum())
+    assert (np.diff(energies) <= 1e-12 * energies[0]).all()
+    assert energies[-1] < 0.5 * energies[0]
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.499])
+def test_no_state_nearby_has_less_energy(bend: Callable[..., Bar], poisson: float) -> None:
+    """Move the free vertices a little in many ways: the energy rises every time."""
+    bar_ = bend(Linear(young=1e5, poisson=poisson))
+    _, outcome = bar_.solve(tolerance=1e-9)
+    least = strain_energies(bar_.body, outcome.positions).sum()
+    random = np.random.default_rng(0)
+    for amount in (1e-4, 1e-3):
+        for _ in range(10):
+            x = outcome.positions.copy()
+            x[bar_.body.unknowns.free] += amount * random.normal(size=(len(bar_.body.unknowns.free), 3))
+            assert strain_energies(bar_.body, x).sum() > least
+
+
+@pytest.mark.parametrize("free", [(), (Axis.X,), (Axis.X, Axis.Y, Axis.Z)], ids=["held", "slides", "floats"])
+def test_every_library_finds_the_same_equilibrium(bend: Callable[..., Bar], free: tuple[Axis, ...]) -> None:
+    """Solve with the dense inverse, cholespy and scipy: the same positions."""
+    bar_ = bend(NeoHookean(young=1e5, poisson=0.4), free=free)
+    found = []
+    for library in Factorisation:
+        equilibrium, outcome = bar_.solve(library=library, tolerance=1e-8)
+        assert equilibrium.matrix.kind is library
+        assert outcome.converged
+        found.append(outcome.positions)
+    np.testing.assert_allclose(found[1], found[0], atol=1e-7)
+    np.testing.assert_allclose(found[2], found[0], atol=1e-7)
+
+
+def test_a_free_axis_is_unloaded(bend: Callable[..., Bar], law: Material) -> None:
+    """Let the tip slide along x: it finds a place without force there, and stays flat."""
+    bar_ = bend(law, angle=0.0, free=(Axis.X,))
+    equilibrium, outcome = bar_.solve(tolerance=1e-7)
+    reaction = handle_reactions(bar_.body, outcome.positions, equilibrium.state().force)["tip"]
+    assert abs(reaction[0]) < 1e-4 * np.linalg.norm(reaction[:3])
+    tip = bar_.body.handles[1].vertices
+    moved = outcome.positions[tip] - bar_.base[tip]
+    np.testing.assert_allclose(moved - moved[0], 0.0, atol=1e-12)
+    np.testing.assert_array_equal(moved[:, 1:], 0.0)
+    assert abs(moved[0, 0]) > 1e-3
+
+
+def test_result_does_not_depend_on_the_start(bend: Callable[..., Bar], law: Material) -> None:
+    """Start from rest and from a crumpled state: the same equilibrium."""
+    bar_ = bend(law)
+    _, first = bar_.solve(tolerance=1e-7)
+    start = bar_.body.rest + np.random.default_rng(0).uniform(-0.01, 0.01, bar_.body.rest.shape)
+    _, second = bar_.solve(tolerance=1e-7, start=start)
+    assert first.converged
+    assert second.converged
+    np.testing.assert_allclose(second.positions, first.positions, atol=3e-6 * bar_.body.size)
+
+
+def test_inverted_elements_recover(make_body: MakeBody, end: End, law: Material) -> None:
+    """Start with an inner vertex pulled through its neighbours: the body goes back to rest, nothing stays inverted."""
+    mesh = bar([0.3, 0.3, 0.3], [3, 3, 3])
+    body = make_body(mesh, law, [Handle("base", end(mesh, "x-"), fixed=True), Handle("tip", end(mesh, "x+"))])
+    start = mesh.vertices.copy()
+    start[[21, 22, 25, 26]] += (0.25, 0.05, -0.05)
+    assert element_fields(body, start).J.min() < 0.0
+    outcome = EnergyEquilibrium(body).solve(start, mesh.vertices, tolerance=1e-6, limit=2000)
+    assert outcome.converged, outcome.message
+    np.testing.assert_allclose(outcome.positions, mesh.vertices, atol=1e-5 * body.size)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("poisson", [0.3, 0.495])
+def test_tolerance_bounds_the_distance_to_the_equilibrium(
+    bend: Callable[..., Bar], tolerance: float, poisson: float
+) -> None:
+    """Solve to a tolerance and far beyond: the distance between is of the tolerance's size, as is the residual."""
+    bar_ = bend(NeoHookean(young=1e5, poisson=poisson))
+    _, exact = bar_.solve(tolerance=1e-9)
+    _, outcome = bar_.solve(tolerance=tolerance)
+    assert outcome.converged
+    assert 0.0 <= outcome.residual <= tolerance
+    distance = np.linalg.norm(outcome.positions - exact.positions, axis=1).max() / bar_.body.size
+    assert distance < 3.0 * tolerance
+
+
+@pytest.mark.parametrize("kind", [Linear, NeoHookean])
+def test_nearly_incompressible_elements_keep_their_volume(bend: Callable[..., Bar], kind: type[Linear]) -> None:
+    """Bend a bar of nu 0.4999: every element keeps its volume to 2e-4, at no more than twice the cost of nu 0.45."""
+    bar_ = bend(kind(young=1e5, poisson=0.4999))
+    _, outcome = bar_.solve(tolerance=1e-5)
+    assert outcome.converged
+    np.testing.assert_allclose(element_fields(bar_.body, outcome.positions).J, 1.0, atol=2e-4)
+    _, moderate = bend(kind(young=1e5, poisson=0.45)).solve(tolerance=1e-5)
+    assert outcome.iterations < 2 * moderate.iterations
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.45, 0.46, 0.49, 0.499, 0.4999])
+def test_confined_tension_has_the_oedometric_modulus(make_body: MakeBody, end: End, poisson: float) -> None:
+    """Pull a layer one element thick between plates: no thinning, so K + 4/3 mu to the percent at any nu."""
+    law = Linear(young=1e5, poisson=poisson)
+    mesh = bar([0.01, 0.1, 0.1], [1, 3, 3])
+    handles = [Handle("base", end(mesh, "x-"), fixed=True), Handle("tip", end(mesh, "x+"))]
+    body = make_body(mesh, law, handles)
+    base = mesh.vertices * (1.01, 1.0, 1.0)
+    equilibrium = EnergyEquilibrium(body)
+    outcome = equilibrium.solve(base.copy(), base, tolerance=1e-6, limit=2000)
+    assert outcome.converged
+    force = handle_reactions(body, outcome.positions, equilibrium.state().force)["tip"][0]
+    expected = (law.bulk + 4.0 / 3.0 * law.shear0) * 0.01 * 0.01
+    assert force == pytest.approx(expected, rel=0.01)
+
+
+def test_stopping_early_is_said(bend: Callable[..., Bar]) -> None:
+    """Allow five iterations: not converged, with residual and reason, and finite positions."""
+    _, outcome = bend(NeoHookean(young=1e5, poisson=0.3)).solve(limit=5)
+    assert_unfinished(outcome, "stopped after 5 iterations")
+    assert outcome.iterations == 5
+
+
+@pytest.mark.parametrize("library", [Factorisation.DENSE, Factorisation.CHOLESPY])
+def test_a_deadline_that_has_passed_returns_the_best_so_far(bend: Callable[..., Bar], library: Factorisation) -> None:
+    """Give no time at all: few iterations, finite positions, not converged and no claim of it."""
+    bar_ = bend(NeoHookean(young=1e5, poisson=0.3), angle=1.5)
+    _, outcome = bar_.solve(library=library, deadline=Deadline(time.perf_counter()))
+    assert_unfinished(outcome, "the deadline passed")
+    assert outcome.iterations <= 30
+
+
+def test_a_later_solve_goes_on_from_an_unfinished_one(bend: Callable[..., Bar]) -> None:
+    """Stop after ten iterations and go on: the same equilibrium as in one go."""
+    bar_ = bend(NeoHookean(young=1e5, poisson=0.3))
+    _, exact = bar_.solve(tolerance=1e-7)
+    equilibrium, outcome = bar_.solve(limit=10)
+    outcome = equilibrium.solve(outcome.positions, bar_.base, tolerance=1e-7, limit=2000)
+    assert outcome.converged
+    np.testing.assert_allclose(outcome.positions, exact.positions, atol=1e-6 * bar_.body.size)
+
+
+def test_a_body_held_everywhere_needs_no_iteration(make_body: MakeBody) -> None:
+    """Hold every vertex: the positions are the commanded ones and the solve has converged."""
+    everything = Handle("all", np.arange(MESH.n_vertices, dtype=np.int32))
+    body = make_body(MESH, None, [everything])
+    base = MESH.vertices * (1.1, 1.0, 1.0)
+    outcome = EnergyEquilibrium(body).solve(MESH.vertices.copy(), base, tolerance=1e-6, limit=100)
+    assert outcome.converged
+    np.testing.assert_array_equal(outcome.positions, base)
+
+
+def test_reset_repeats_bit_by_bit(bend: Callable[..., Bar], law: Material) -> None:
+    """Solve, reset and solve again: nothing of the first solve is left."""
+    bar_ = bend(law)
+    equilibrium, first = bar_.solve()
+    equilibrium.accept()
+    equilibrium.reset()
+    second = equilibrium.solve(bar_.body.rest.copy(), bar_.base, tolerance=1e-6, limit=2000)
+    np.testing.assert_array_equal(second.positions, first.positions)
+    assert second.iterations == first.iterations
+
+
+def test_mirrored_scene_gives_the_mirrored_result(make_body: MakeBody, end: End, law: Material) -> None:
+    """Pull a bar straight: a symmetric scene stays symmetric in y and z."""
+    body = make_body(MESH, law, [Handle("base", end(MESH, "x-"), fixed=True), Handle("tip", end(MESH, "x+"))])
+    base = MESH.vertices.copy()
+    base[end(MESH, "x+"), 0] += 0.03
+    x = EnergyEquilibrium(body).solve(MESH.vertices.copy(), base, tolerance=1e-8, limit=2000).positions
+    grid = x.reshape(3, 3, 7, 3)  # k, j, i
+    np.testing.assert_allclose(grid[::-1] * (1, 1, -1), grid, atol=1e-8)
+    np.testing.assert_allclose(grid[:, ::-1] * (1, -1, 1), grid, atol=1e-8)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+@pytest.mark.parametrize("cells", [(10, 1, 1), (20, 1, 1), (5, 1, 1), (10, 3, 1)])
+def test_bar_one_element_thick_bends_like_a_beam(
+    make_body: MakeBody, end: End, poisson: float, cells: tuple[int, int, int]
+) -> None:
+    """Turn the tip of a thin bar by a milliradian: the moment is E I angle / L within 1 %, plus what the clamps add."""
+    mesh = bar([0.1, 0.01, 0.01], cells)
+    tip = Handle("tip", end(mesh, "x+"), free=(Axis.X, Axis.Z))
+    body = make_body(mesh, Linear(young=1e5, poisson=poisson), [Handle("base", end(mesh, "x-"), fixed=True), tip])
+    base, centre = mesh.vertices.copy(), tip.centre(mesh.vertices)
+    base[tip.vertices] = Rotation.from_rotvec([0.0, 1e-3, 0.0]).apply(base[tip.vertices] - centre) + centre
+    equilibrium = EnergyEquilibrium(body)
+    outcome = equilibrium.solve(mesh.vertices.copy(), base, tolerance=1e-8, limit=3000)
+    moment = handle_reactions(body, outcome.positions, equilibrium.state().force)["tip"][4]
+    clamps = poisson**2 * 0.1 * 5 / cells[0]  # end cells cannot curve across: stiffer by 1 / (1 - nu^2)
+    assert moment / (1e5 * 0.01**4 / 12.0 * 1e-3 / 0.1) == pytest.approx(1.0 + clamps, rel=0.01)
+
+
+def test_bar_one_element_thick_twists_like_saint_venants(make_body: MakeBody, end: End) -> None:
+    """Twist a square bar whose tip is free along x: the torque is G J angle / L within 1 %."""
+    mesh = bar([0.1, 0.01, 0.01], [10, 1, 1])
+    tip = Handle("tip", end(mesh, "x+"), free=(Axis.X,))
+    body = make_body(mesh, Linear(young=1e5, poisson=0.3), [Handle("base", end(mesh, "x-"), fixed=True), tip])
+    base = mesh.vertices.copy()
+    base[tip.vertices] = Rotation.from_rotvec([1e-3, 0.0, 0.0]).apply(base[tip.vertices])
+    equilibrium = EnergyEquilibrium(body)
+    outcome = equilibrium.solve(mesh.vertices.copy(), base, tolerance=1e-8, limit=3000)
+    torque = handle_reactions(body, outcome.positions, equilibrium.state().force)["tip"][3]
+    assert torque / (1e5 / 2.6 * 0.14057702 * 0.01**4 * 1e-3 / 0.1) == pytest.approx(1.0, rel=0.01)
+
+
+def assert_unfinished(outcome: Outcome, reason: str) -> None:
+    """Check that an unfinished solve says so and is fit for use."""
+    assert not outcome.converged
+    assert reason in outcome.message
+    assert f"{outcome.residual:.3g}" in outcome.message
+    assert outcome.residual > 1e-6
+    assert np.isfinite(outcome.positions).all()
+
+
+@pytest.mark.parametrize("kind", [Linear, NeoHookean])
+def test_incompressible_is_the_limit(kind: type[Linear]) -> None:
+    """Bend a bar of nu 0.5: it keeps its volume, and energy and shape are the limit of those of nu below."""
+    near, limit = (
+        Simulation(make_scene(BAR, kind(young=1e5, poisson=poisson), policy=Policy.ENERGY, tolerance=1e-7))
+        for poisson in (0.49999, 0.5)
+    )
+    pose = Command({"tip": Pose(translation=(0.04, 0.0, 0.03))})
+    before, found = near.step(pose), limit.step(pose)
+    assert found.converged
+    assert found.energy == pytest.approx(before.energy, rel=1e-4)
+    assert distance(found.positions, before.positions, BAR.size) < 1e-4
+    np.testing.assert_allclose(limit.fields().J, 1.0, atol=1e-5)

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Element forces, energies and fields: derivatives, balances, symmetries, closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import quad
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.fields import (
+    corner_forces,
+    element_fields,
+    strain_energies,
+    volume_pressures,
+)
+
+MakeBody = Callable[..., Body]
+GRADIENT = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
+NO_SOFTENING = [
+    Linear(young=1e5, poisson=0.0),
+    Linear(young=1e5, poisson=0.3),
+    Linear(young=1e5, poisson=0.49),
+    Curve(data=CurveData.polynomial([1e5]), poisson=0.4),
+]
+"""Laws of a constant tangent modulus: their hourglass stiffness does not depend on the strain."""
+
+
+def vertex_forces(body: Body, x: NDArray[np.float64], pressure: float = 0.0) -> NDArray[np.float64]:
+    """Return the force (n, 3) [N] on every vertex."""
+    corners, _ = corner_forces(body, x, np.full(len(body.cells), pressure))
+    total = np.zeros_like(x)
+    np.add.at(total, body.cells.ravel(), corners.reshape(-1, 3))
+    return total
+
+
+def crumpled(mesh: HexMesh, amount: float, seed: int = 0) -> NDArray[np.float64]:
+    """Return positions under F plus a random motion of each vertex by up to ``amount`` edges."""
+    random = np.random.default_rng(seed)
+    edge = mesh.size / np.sqrt(3.0) / np.cbrt(mesh.n_cells)
+    return mesh.vertices @ GRADIENT.T + amount * edge * random.uniform(-1.0, 1.0, mesh.vertices.shape)
+
+
+@pytest.mark.parametrize("material", NO_SOFTENING, ids=["nu 0", "nu 0.3", "nu 0.49", "straight curve"])
+@pytest.mark.parametrize("amount", [0.1, 0.5, 2.0], ids=["bent", "crumpled", "tangled"])
+def test_forces_are_the_derivative_of_the_energy(
+    make_body: MakeBody, element: HexMesh, material: Material, amount: float
+) -> None:
+    """Move each corner of a bent or tangled element to and fro: energies and forces agree, hourglassing included."""
+    body, pressure = make_body(element, material), np.array([2e4])
+    x, step = crumpled(element, amount), 1e-7
+    forces, slopes = vertex_forces(body, x, pressure[0]), np.zeros((8, 3))
+    for corner in np.ndindex(8, 3):
+        move = np.zeros((8, 3))
+        move[corner] = step
+        change = corner_forces(body, x + move, pressure)[1] - corner_forces(body, x - move, pressure)[1]
+        slopes[corner] = change[0] / (2.0 * step)
+    np.testing.assert_allclose(slopes, forces, rtol=0.0, atol=1e-6 * np.abs(forces).max())
+
+
+@pytest.mark.parametrize("amount", [0.1, 2.0], ids=["bent", "tangled"])
+def test_forces_of_an_element_balance(make_body: MakeBody, element: HexMesh, law: Material, amount: float) -> None:
+    """Sum forces and moments of one element at any deformation: zero, as for every energy of relative positions."""
+    x = crumpled(element, amount)
+    forces = vertex_forces(make_body(element, law), x, 1e4)
+    scale = np.abs(forces).max()
+    np.testing.assert_allclose(forces.sum(axis=0), 0.0, atol=1e-10 * scale)
+    np.testing.assert_allclose(np.cross(x, forces).sum(axis=0), 0.0, atol=1e-10 * scale)
+
+
+def test_rigid_motion_costs_no_energy(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
+    """Turn and shift a distorted body: neither energy nor forces."""
+    body = make_body(distorted, law)
+    for vector in [(0.2, -0.4, 0.9), (np.pi, 0.0, 0.0), (0.0, 3.0, 1.0)]:
+        x = distorted.vertices @ Rotation.from_rotvec(vector).as_matrix().T + np.array([3.0, -1.0, 2.0])
+        assert strain_energies(body, x).sum() < 1e-12 * law.bulk
+        assert np.abs(vertex_forces(body, x)).max() < 1e-11 * law.bulk * distorted.size**2
+
+
+def test_forces_turn_with_the_body(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
+    """Turn a crumpled body: the same energies, and forces that turn along."""
+    body, x = make_body(distorted, law), crumpled(distorted, 0.2)
+    turn = Rotation.from_rotvec([0.5, 2.0, -1.0]).as_matrix()
+    here, there = vertex_forces(body, x), vertex_forces(body, np.ascontiguousarray(x @ turn.T))
+    np.testing.assert_allclose(there, here @ turn.T, atol=1e-9 * np.abs(here).max())
+    np.testing.assert_allclose(strain_energies(body, x @ turn.T), strain_energies(body, x), rtol=1e-9)
+
+
+def test_renumbering_vertices_permutes_the_forces(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
+    """Shuffle the vertices: each element's energy and each vertex's force stay."""
+    order = np.random.default_rng(0).permutation(distorted.n_vertices)
+    shuffled = HexMesh(distorted.vertices[order], np.argsort(order)[distorted.cells])
+    x = crumpled(distorted, 0.2)
+    here, there = make_body(distorted, law), make_body(shuffled, law)
+    np.testing.assert_array_equal(strain_energies(there, x[order]), strain_energies(here, x))
+    forces = vertex_forces(here, x)
+    np.testing.assert_allclose(vertex_forces(there, x[order]), forces[order], atol=1e-12 * np.abs(forces).max())
+
+
+def test_an_element_does_not_notice_its_neighbours_material(make_body: MakeBody, distorted: HexMesh) -> None:
+    """Mix three laws and two shapes over a body: each element answers as in a body of its own material."""
+    laws = [
+        Linear(young=1e5, poisson=0.3),
+        NeoHookean(young=2e5, poisson=0.495),
+        preset("cheetah", law=Law.OGDEN, poisson=0.495),
+        preset("ninjaflex", law=Law.CURVE, poisson=0.4),
+    ]
+    block = bar([0.3, 0.3, 0.3], [3, 3, 3])
+    both = HexMesh(
+        np.vstack([distorted.vertices, block.vertices + 1.0]),
+        np.vstack([distorted.cells, block.cells + distorted.n_vertices]),
+    )
+    which = np.random.default_rng(0).integers(0, len(laws), both.n_cells).astype(np.int32)
+    x, pressure = crumpled(both, 0.1), np.random.default_rng(1).uniform(-1e4, 1e4, both.n_cells)
+    forces, energies = corner_forces(make_body(both, laws, cell_material=which), x, pressure)
+    for index, law in enumerate(laws):
+        own_forces, own_energies = corner_forces(make_body(both, law), x, pressure)
+        np.testing.assert_array_equal(energies[which == index], own_energies[which == index])
+        np.testing.assert_array_equal(forces[which == index], own_forces[which == index])
+
+
+def test_turning_the_numbering_of_a_cell_changes_nothing(make_body: MakeBody, element: HexMesh, law: Material) -> None:
+    """Start the corners of a cell elsewhere: the element does not know which axis is xi."""
+    x = crumpled(element, 0.3)
+    here = make_body(element, law)
+    energy, forces = strain_energies(here, x)[0], vertex_forces(here, x)
+    for turned in ([1, 2, 3, 0, 5, 6, 7, 4], [3, 2, 6, 7, 0, 1, 5, 4], [0, 3, 7, 4, 1, 2, 6, 5]):
+        there = make_body(HexMesh(element.vertices, element.cells[:, turned]), law)
+        assert strain_energies(there, x)[0] == pytest.approx(energy, rel=1e-10)
+        np.testing.assert_allclose(vertex_forces(there, x), forces, atol=1e-9 * np.abs(forces).max())
+
+
+def test_energy_scales_with_the_volume(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
+    """Make body and deformation 100 times smaller: energies by 1e-6, forces by 1e-4."""
+    small = HexMesh(0.01 * distorted.vertices, distorted.cells)
+    x = crumpled(distorted, 0.2)
+    here, there = make_body(distorted, law), make_body(small, law)
+    np.testing.assert_allclose(strain_energies(there, 0.01 * x), 1e-6 * strain_energies(here, x), rtol=1e-8)
+    forces = vertex_forces(here, x)
+    np.testing.assert_allclose(vertex_forces(there, 0.01 * x), 1e-4 * forces, atol=1e-13 * np.abs(forces).max())
+
+
+def test_linear_field_costs_what_the_law_says_on_any_mesh(
+    make_body: MakeBody, distorted: HexMesh, law: Material
+) -> None:
+    """Deform a distorted body by one F: each element has the same energy density as a cube, hourglassing none."""
+    cube = bar([1.0, 1.0, 1.0], [1, 1, 1])
+    density = strain_energies(make_body(cube, law), cube.vertices @ GRADIENT.T)[0]
+    fields = element_fields(make_body(distorted, law), distorted.vertices @ GRADIENT.T)
+    np.testing.assert_allclose(fields.energy_density, density, rtol=1e-9)
+
+
+def test_sign_patterns_equal_the_general_operators(make_body: MakeBody, law: Material) -> None:
+    """Compare a cube with one whose corner is off by 1e-7 edges: the fast way and the general way agree."""
+    cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
+    bumped = cube.vertices.copy()
+    bumped[7, 0] += 1e-8
+    x = crumpled(cube, 0.3)
+    fast, general = make_body(cube, law), make_body(HexMesh(bumped, cube.cells), law)
+    assert fast.shape.parallel[0] != general.shape.parallel[0]
+    forces = vertex_forces(fast, x)
+    np.testing.assert_allclose(vertex_forces(general, x), forces, atol=2e-5 * np.abs(forces).max())
+
+
+def test_equivalent_strain_is_equation_five(make_body: MakeBody, distorted: HexMesh, law: Material) -> None:
+    """Compare eps_eq and J with singular values: nu is one half, but the linear law's own."""
+    fields = element_fields(make_body(distorted, law), distorted.vertices @ GRADIENT.T)
+    l0, l1, l2 = np.linalg.svd(GRADIENT)[1]
+    nu = law.poisson if type(law) is Linear else 0.5
+    expected = np.sqrt(((l0 - l1) ** 2 + (l1 - l2) ** 2 + (l2 - l0) ** 2) / 2.0) / (1.0 + nu)
+    np.testing.assert_allclose(fields.eps_eq, expected, rtol=1e-9)
+    np.testing.assert_allclose(fields.J, np.linalg.det(GRADIENT), rtol=1e-12)
+
+
+@pytest.mark.parametrize("stretch", [1.0, 1.001, 1.3, 2.0, 3.5])
+def test_moduli_are_those_of_the_uniaxial_curve(make_body: MakeBody, law: Material, stretch: float) -> None:
+    """Pull a cube: the tangent is the curve's slope there, the secant Phi'/eps_eq, both in Pa."""
+    cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
+    if type(law) is Linear:
+        lateral = stretch**-0.5  # eps_eq takes the law's own nu: see where the curve is read
+        strain = (stretch - lateral) / (1.0 + law.poisson)
+        modulus = {"tangent": law.young, "secant": None}
+    else:
+        strain = (stretch - stretch**-0.5) / 1.5
+        stress, slope = law.stress_at(np.array(stretch - 1.0)), law.tangent_at(np.array(stretch - 1.0))
+        modulus = {"tangent": slope, "secant": stress * 1.5 / (1.0 + 0.5 * stretch**-1.5) / max(strain, 1e-300)}
+    if stretch == 1.0:
+        modulus["secant"] = law.tangent_at(np.zeros(1))[0]
+    x = cube.vertices @ np.diag([stretch, stretch**-0.5, stretch**-0.5])
+    fields = element_fields(make_body(cube, law), x)
+    assert fields.eps_eq[0] == pytest.approx(strain, rel=1e-8, abs=1e-8)
+    assert fields.tangent[0] == pytest.approx(modulus["tangent"], rel=5e-3)
+    if modulus["secant"] is not None:
+        assert fields.secant[0] == pytest.approx(modulus["secant"], rel=1e-5)
+
+
+def test_shape_factor_is_the_secant_over_the_largest(make_body: MakeBody) -> None:
+    """Put a stiff cell beside a soft one: omega is 1 and the ratio of the secant moduli."""
+    mesh = bar([0.2, 0.1, 0.1], [2, 1, 1])
+    materials = [Linear(young=1e5, poisson=0.3), Linear(young=2.5e4, poisson=0.3)]
+    body = make_body(mesh, materials, cell_material=np.array([0, 1], np.int32))
+    fields = element_fields(body, mesh.vertices @ GRADIENT.T)
+    np.testing.assert_allclose(fields.omega, fields.secant / fields.secant.max())
+    np.testing.assert_allclose(fields.omega, [1.0, 0.25], rtol=1e-6)
+
+
+def test_given_shape_factors_pass_through(make_body: MakeBody) -> None:
+    """Hand over the factors of the relative policy: they are published as they are."""
+    mesh = bar([0.2, 0.1, 0.1], [2, 1, 1])
+    assert element_fields(make_body(mesh), mesh.vertices, np.array([0.9, 0.03])).omega.tolist() == [0.9, 0.03]
+
+
+def test_fields_are_plain_arrays_of_one_value_an_element(make_body: MakeBody, distorted: HexMesh) -> None:
+    """Check shapes, types and the current centroids."""
+    x = crumpled(distorted, 0.2)
+    fields = element_fields(make_body(distorted), x)
+    np.testing.assert_allclose(fields.centroids, x[distorted.cells].mean(axis=1))
+    for name in ("eps_eq", "J", "secant", "tangent", "energy_density", "omega"):
+        value = getattr(fields, name)
+        assert value.shape == (distorted.n_cells,)
+        assert value.dtype == np.float64
+
+
+def test_an_inverted_element_has_a_negative_volume_ratio(make_body: MakeBody, distorted: HexMesh) -> None:
+    """Turn the body inside out: J is -1 everywhere, at rest 1."""
+    body = make_body(distorted)
+    np.testing.assert_allclose(element_fields(body, distorted.vertices).J, 1.0)
+    np.testing.assert_allclose(element_fields(body, distorted.vertices * (-1.0, 1.0, 1.0)).J, -1.0)
+
+
+def test_pressures_carry_the_full_volume_energy(make_body: MakeBody, law: Material) -> None:
+    """Swell a cube by 3 %: forces with these pressures are the slope of the whole energy."""
+    cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
+    body, step = make_body(cube, law), 1e-6
+    x = 1.01 * cube.vertices
+    pressure = volume_pressures(body, x)
+    power = np.vdot(corner_forces(body, x, pressure)[0][0], cube.vertices[cube.cells[0]])
+    slope = strain_energies(body, x + step * cube.vertices) - strain_energies(body, x - step * cube.vertices)
+    assert power == pytest.approx(slope[0] / (2.0 * step), rel=1e-7)
+    assert bool(pressure[0] == 0.0) is (law.poisson <= 0.45)
+
+
+def test_full_volume_energy_of_nearly_incompressible_elements(make_body: MakeBody) -> None:
+    """Swell a cube of nu 0.499 by 1 %: its energy is K/2 (J-1)^2 in full, whatever the kernels split off."""
+    law = Linear(young=1e5, poisson=0.499)
+    cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
+    energy = strain_energies(make_body(cube, law), 1.01 * cube.vertices)[0]
+    assert energy == pytest.approx(quad(lambda j: law.bulk * (j - 1.0), 1.0, 1.01**3)[0] * 1e-3, rel=1e-9)

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hourglass stiffness: no zero-energy modes, and bending and torsion of bars one element thick (DESIGN 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from gdfe_ros.materials import Linear, Material
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.fields import corner_forces, strain_energies
+
+MakeBody = Callable[..., Body]
+SAINT_VENANT = {1.0: 0.14057702, 2.0: 0.22868168, 4.0: 0.28081212}
+"""J / (b h^3) of a rectangle b x h by b/h (Timoshenko and Goodier)."""
+
+
+def stiffness(body: Body, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the tangent stiffness (24, 24) [N/m] of one element by differences of its forces."""
+    step, columns = 1e-7, []
+    for corner in np.ndindex(8, 3):
+        move = np.zeros((8, 3))
+        move[corner] = step
+        after, before = (corner_forces(body, x + sign * move, np.zeros(1))[0][0] for sign in (1.0, -1.0))
+        columns.append(((after - before) / (2.0 * step))[np.argsort(body.cells[0])].ravel())
+    return np.array(columns)
+
+
+def test_only_rigid_motions_are_free(make_body: MakeBody, element: HexMesh, law: Material) -> None:
+    """Count eigenvalues at rest: six vanish, eighteen are positive, none small enough to hourglass."""
+    matrix = stiffness(make_body(element, law), element.vertices)
+    np.testing.assert_allclose(matrix, matrix.T, atol=1e-6 * np.abs(matrix).max())
+    values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T)) / (law.young0 * np.cbrt(1e-3))
+    assert np.abs(values[:6]).max() < 1e-5
+    assert values[6] > 5e-3
+
+
+def test_every_hourglass_mode_costs_energy(make_body: MakeBody, element: HexMesh, law: Material) -> None:
+    """Move the corners along each of the twelve modes: energy, and the same for either sign."""
+    body = make_body(element, law)
+    modes = body.shape.hourglass[0][:, np.argsort(body.cells[0])]
+    for mode, axis in product(range(4), range(3)):
+        move = np.zeros((8, 3))
+        move[:, axis] = 1e-4 * modes[mode]
+        there, back = (strain_energies(body, element.vertices + sign * move)[0] for sign in (1.0, -1.0))
+        assert there > 1e-3 * law.young0 * 0.1 * 1e-8
+        assert back == pytest.approx(there, rel=2e-2)
+
+
+def test_linear_fields_do_not_hourglass(make_body: MakeBody, element: HexMesh, law: Material) -> None:
+    """Deform an element by F: its energy density is that of the cube, so that hourglassing adds nothing."""
+    gradient = np.array([[1.5, 0.4, -0.1], [0.2, 0.6, 0.3], [-0.2, 0.1, 1.2]])
+    body, cube = make_body(element, law), bar([1.0, 1.0, 1.0], [1, 1, 1])
+    density = strain_energies(body, element.vertices @ gradient.T)[0] / body.shape.volume[0]
+    assert density == pytest.approx(strain_energies(make_body(cube, law), cube.vertices @ gradient.T)[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
+@pytest.mark.parametrize("width", [0.25, 1.0, 3.0])
+@pytest.mark.parametrize("length", [0.5, 1.0, 4.0])
+@pytest.mark.parametrize("plane", ["xz", "xy", "yz"])
+def test_pure_bending_one_element_thick(
+    make_body: MakeBody, poisson: float, width: float, length: float, plane: str
+) -> None:
+    """Bend a bar with cells length x width x height: E I kappa^2 L / 2 within 1 %, anticlastic curvature included."""
+    h, count, kappa = 0.01, 6, 1e-3
+    mesh = bar([count * length * h, width * h, h], [count, 1, 1])
+    x, y, z = mesh.vertices.T
+    bent = np.stack([-kappa * x * z, poisson * kappa * y * z, 0.5 * kappa * x**2], axis=1)
+    order = {"xz": [0, 1, 2], "xy": [2, 0, 1], "yz": [1, 2, 0]}[plane]  # the same bar along another axis
+    turned = HexMesh(mesh.vertices[:, order], mesh.cells)
+    energy = strain_energies(make_body(turned, Linear(young=1e5, poisson=poisson)), turned.vertices + bent[:, order])
+    inertia = width * h * h**3 / 12.0
+    expected = 0.5 * 1e5 * inertia * kappa**2 * count * length * h
+    assert energy.sum() / expected == pytest.approx(1.0, rel=0.01)
+
+
+def torsion_constant(make_body: MakeBody, cell: tuple[float, float, float], poisson: float) -> float:
+    """Return the torsion constant [m^4] of a bar one cell thick, its sections free to warp by w y z."""
+    count, rate = 4, 1e-3
+    mesh = bar([count * cell[0], *cell[1:]], [count, 1, 1])
+    body = make_body(mesh, Linear(young=1e5, poisson=poisson))
+    x, y, z = mesh.vertices.T
+
+    def energy(warping: float) -> float:
+        move = np.stack([warping * rate * y * z, -rate * x * z, rate * x * y], axis=1)
+        return float(strain_energies(body, mesh.vertices + move).sum())
+
+    least = minimize_scalar(energy, bounds=(-1.0, 1.0), method="bounded", options={"xatol": 1e-6}).fun
+    return least / (0.5 * 1e5 / (2.0 * (1.0 + poisson)) * rate**2 * count * cell[0])
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
+@pytest.mark.parametrize("length", [0.5, 1.0, 4.0])
+def test_torsion_of_a_square_bar_one_element_thick(make_body: MakeBody, poisson: float, length: float) -> None:
+    """Twist a square bar, cells short to long: Saint-Venant's constant within 1 %."""
+    h = 0.01
+    found = torsion_constant(make_body, (length * h, h, h), poisson)
+    assert found / (SAINT_VENANT[1.0] * h**4) == pytest.approx(1.0, rel=0.01)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 4.0])
+def test_torsion_of_a_flat_bar_one_element_thick(make_body: MakeBody, ratio: float) -> None:
+    """Twist a bar ratio x 1: Saint-Venant's constant within 10 %, though one element cannot warp as it does."""
+    h = 0.01
+    found = torsion_constant(make_body, (h, ratio * h, h), 0.3)
+    assert found / (SAINT_VENANT[ratio] * ratio * h**4) == pytest.approx(1.0, rel=0.10)
+
+
+@pytest.mark.parametrize("stretch", [0.3, 0.7, 1.5, 3.0])
+def test_no_mode_is_free_in_a_stretched_element(make_body: MakeBody, law: Material, stretch: float) -> None:
+    """Bend a stretched element along each mode: the energy rises above that of the stretch alone."""
+    cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
+    body = make_body(cube, law)
+    base = cube.vertices @ np.diag([stretch, stretch**-0.5, stretch**-0.5])
+    modes = body.shape.hourglass[0][:, np.argsort(body.cells[0])]
+    rest = strain_energies(body, base)[0]
+    for mode, axis in product(range(4), range(3)):
+        move = np.zeros((8, 3))
+        move[:, axis] = 1e-3 * modes[mode]
+        assert strain_energies(body, base + move)[0] > rest

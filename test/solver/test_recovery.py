@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts from given positions, restarts from rest, hard lumps, precision and runaway."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gdfe_ros.benchmark.torture.actuation import DRIVES, scene_text
+from gdfe_ros.benchmark.torture.bodies import BAR, LAWS, Driver, distance, make_scene
+from gdfe_ros.benchmark.torture.contrasts import PATTERNS
+from gdfe_ros.benchmark.torture.laws import UNSTABLE
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import CommandError
+from gdfe_ros.materials import Linear
+from gdfe_ros.scene import load_scene
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.settings import Policy
+
+POSE = Pose(translation=(0.02, 0.0, 0.08))
+
+
+def _simulation(policy: Policy = Policy.ENERGY, law: str = "linear", tolerance: float = 1e-6) -> Simulation:
+    return Simulation(make_scene(BAR, LAWS[law], policy=policy, tolerance=tolerance))
+
+
+def test_a_sound_start_is_followed() -> None:
+    """Start near the equilibrium: it is found again without a restart."""
+    simulation = _simulation()
+    expected = simulation.step(Command({"tip": POSE}))
+    simulation.set_positions(expected.positions + np.random.default_rng(0).normal(0.0, 1e-4, BAR.vertices.shape))
+    found = simulation.step()
+    assert (found.converged, found.restarts, found.message) == (True, 0, "")
+    assert found.iterations > 0
+    assert distance(found.positions, expected.positions, 0.4) < 1e-5
+
+
+@pytest.mark.parametrize("policy", list(Policy))
+def test_a_start_without_gradients_is_made_again_from_rest(policy: Policy) -> None:
+    """Put every vertex into one point: the equilibrium is found, and the result says how."""
+    simulation = _simulation(policy)
+    expected = simulation.step(Command({"tip": POSE}))
+    simulation.set_positions(np.zeros_like(BAR.vertices))
+    found = simulation.step()
+    assert (found.converged, found.restarts) == (True, 1)
+    assert "restarted from rest" in found.message
+    assert distance(found.positions, expected.positions, 0.4) < 1e-5
+    assert simulation.step().skipped["solve"] == 1
+
+
+def test_plates_stay_where_they_are_commanded() -> None:
+    """Give positions that move the plates, too: they are not moved."""
+    simulation = _simulation()
+    held = simulation.scene.handles[0].vertices
+    simulation.set_positions(BAR.vertices + 1.0)
+    np.testing.assert_array_equal(simulation.positions[held], BAR.vertices[held])
+
+
+def test_unfit_positions_are_refused() -> None:
+    """Refuse another shape and values that are not finite; the state stays."""
+    simulation = _simulation()
+    with pytest.raises(CommandError, match=r"shape \(80, 3\); allowed: \(81, 3\)"):
+        simulation.set_positions(BAR.vertices[1:])
+    broken = BAR.vertices.copy()
+    broken[7, 1] = np.nan
+    with pytest.raises(CommandError, match=r"vertices 7 are not finite"):
+        simulation.set_positions(broken)
+    np.testing.assert_array_equal(simulation.positions, BAR.vertices)
+
+
+def test_hard_lumps_turn() -> None:
+    """Let a layer a million times as hard turn in a bent bar: its energy to 1e-4 at the usual tolerance."""
+    materials = [Linear(young=1e4, poisson=0.3), Linear(young=1e10, poisson=0.3)]
+    found = []
+    for tolerance in (1e-4, 1e-8):
+        scene = make_scene(
+            BAR,
+            materials,
+            policy=Policy.ENERGY,
+            tolerance=tolerance,
+            cell_material=PATTERNS["one hard layer"],
+        )
+        result = Simulation(scene).step(Command({"tip": POSE}))
+        assert result.converged
+        found.append(result.energy)
+    assert found[0] == pytest.approx(found[1], rel=1e-4)
+
+
+def test_precision_has_an_end() -> None:
+    """Ask for more than double precision holds: reported soon, and the equilibrium is the right one all the same."""
+    expected = _simulation(law="neo-hookean", tolerance=1e-9).step(Command({"tip": POSE}))
+    found = _simulation(law="neo-hookean", tolerance=1e-12).step(Command({"tip": POSE}))
+    assert found.iterations < 1000
+    assert found.converged or "precision" in found.message
+    assert distance(found.positions, expected.positions, 0.4) < 1e-7
+
+
+def test_a_law_without_lower_bound_is_reported() -> None:
+    """Pull an Ogden body whose energy falls without end: finite, reported, and usable afterwards."""
+    make, _, _ = UNSTABLE["steep negative exponent"]
+    driver = Driver(make_scene(BAR, make(), policy=Policy.ENERGY))
+    result = driver.step(Pose(translation=(0.4, 0.0, 0.0)))
+    assert not result.converged
+    assert result.message
+    assert np.isfinite(result.positions).all()
+    assert np.isfinite(result.energy)
+    driver.simulation.reset()
+    assert driver.step(Pose(translation=(0.001, 0.0, 0.0))).converged
+
+
+def test_a_body_far_from_the_origin_is_as_accurate() -> None:
+    """Solve 1000 m away: the same displacements to 1e-9, and positions in world coordinates."""
+    near = _simulation(tolerance=1e-11)
+    shifted = type(BAR)(BAR.vertices + 1e3, BAR.cells)
+    far = Simulation(make_scene(shifted, LAWS["linear"], policy=Policy.ENERGY, tolerance=1e-11))
+    np.testing.assert_allclose(far.positions, shifted.vertices, atol=1e-12)
+    results = [simulation.step(Command({"tip": POSE})) for simulation in (near, far)]
+    assert all(result.converged for result in results)
+    np.testing.assert_allclose(results[1].positions - 1e3, results[0].positions, atol=4e-10)
+    np.testing.assert_allclose(far.fields().centroids - 1e3, near.fields().centroids, atol=4e-10)
+
+
+@pytest.mark.parametrize(("tolerance", "off"), [(1e-3, 0.02), (1e-6, 2e-4), (1e-8, 2e-4)])
+def test_a_body_of_soft_hinges_comes_home(tolerance: float, off: float) -> None:
+    """Pull a finger of soft webs to both range ends and let go: one short step is not taken for the equilibrium."""
+    scene = load_scene("tendon_finger")
+    scene = replace(scene, solver=replace(scene.solver, tolerance=tolerance, max_iterations=20000))
+    simulation = Simulation(scene)
+    loose = {item.name: 0.0 for item in scene.actuators}
+    rest = simulation.step(Command(actuators=loose)).positions
+    for pulled in ({item.name: item.high for item in scene.actuators}, {**loose, "flexor": 20.0}):
+        simulation.step(Command(actuators=pulled))
+        found = simulation.step(Command(actuators=loose))
+        assert distance(found.positions, rest, scene.mesh.size) < off
+
+
+def test_a_step_past_absurdity_is_given_up_early() -> None:
+    """Weigh a beam down a million times: the step ends sound, says where it stopped, and the next one lets it rise."""
+    scene = scene_from_text(scene_text(DRIVES["a million times its weight"], "linear", Policy.ENERGY))
+    simulation = Simulation(scene)
+    found = simulation.step(Command(loads={"a": 1e6}))
+    assert not found.converged
+    assert found.min_det > 0.0
+    back = simulation.step(Command(loads={"a": 0.0}))
+    assert back.converged
+    assert distance(back.positions, scene.mesh.vertices, scene.mesh.size) < 1e-3

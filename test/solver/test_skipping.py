@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Work that a scene does not need is left out, counted by name, and can be switched on again to no effect."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.constraints import Handle
+from gdfe_ros.materials import Law, Linear, Material, NeoHookean, preset
+from gdfe_ros.mesh import bar
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
+
+MESH = bar([0.3, 0.1, 0.1], [9, 3, 3])
+"""81 elements, of which the last two layers, 18, lie inside the tip's plate."""
+HYPERELASTIC = NeoHookean(young=1e5, poisson=0.495)
+
+
+def without(*skips: Skip) -> SolverSettings:
+    """Return settings that do some work in spite of nobody needing it."""
+    return SolverSettings(skip=tuple(set(Skip) - set(skips)))
+
+
+def scene(material: Material, settings: SolverSettings) -> Scene:
+    """Return a bar held at one end, with a thick plate at the other."""
+    x = MESH.vertices[:, 0]
+    base = Handle("base", np.flatnonzero(x < 1e-9).astype(np.int32), fixed=True)
+    tip = Handle("tip", np.flatnonzero(x > 0.3 - 2.5 * 0.3 / 9).astype(np.int32))
+    return Scene(
+        name="skipping",
+        description="",
+        mesh=MESH,
+        materials={"one": material},
+        cell_material=np.zeros(MESH.n_cells, np.int32),
+        handles=(base, tip),
+        program=None,
+        solver=settings,
+        source="",
+    )
+
+
+def lifted(material: Material, settings: SolverSettings) -> tuple[Simulation, StepResult]:
+    """Lift and turn the plate in two steps; return the last."""
+    simulation = Simulation(scene(material, settings))
+    simulation.step(Command(handles={"tip": Pose(translation=(0.0, 0.0, 0.02))}))
+    result = simulation.step(Command(handles={"tip": Pose(translation=(0.0, 0.0, 0.04), rotation=(0.0, -0.3, 0.0))}))
+    assert result.converged
+    return simulation, result
+
+
+def test_elements_inside_a_plate_are_left_out() -> None:
+    """Eighteen elements are moved rigidly: they are not evaluated, and nothing that anybody sees changes."""
+    simulation, result = lifted(HYPERELASTIC, SolverSettings())
+    busy, full = lifted(HYPERELASTIC, without(Skip.PLATES))
+    assert result.skipped["elements inside plates"] == 18
+    assert "elements inside plates" not in full.skipped
+    np.testing.assert_allclose(result.positions, full.positions, atol=1e-9 * MESH.size)
+    np.testing.assert_allclose(result.reactions["tip"], full.reactions["tip"], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(simulation.fields().eps_eq, busy.fields().eps_eq, atol=1e-6)
+    assert result.energy == pytest.approx(full.energy, rel=1e-9)
+
+
+def test_two_plates_in_one_element_are_not_one() -> None:
+    """Split the plate into two handles: the elements between them deform, so that they stay in."""
+    plain = scene(HYPERELASTIC, SolverSettings())
+    x, tip = MESH.vertices[:, 0], plain.handles[1].vertices
+    end = x[tip] > 0.3 - 1e-9
+    halves = Handle("inner", tip[~end]), Handle("outer", tip[end])
+    simulation = Simulation(dataclasses.replace(plain, handles=(plain.handles[0], *halves)))
+    result = simulation.step(Command(handles={"outer": Pose(translation=(0.005, 0.0, 0.0))}))
+    assert result.skipped["elements inside plates"] == 9
+    assert result.reactions["outer"][0] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("skip", "material", "count"),
+    [
+        (Skip.SHAPE_FACTORS, Linear(young=1e5, poisson=0.495), 63),
+        (Skip.PRESSURES, NeoHookean(young=1e5, poisson=0.3), 63),
+    ],
+)
+def test_updates_that_change_nothing_are_left_out(skip: Skip, material: Material, count: int) -> None:
+    """A linear law has no shape factor to update, a moderate nu no pressure: equal to the last bit with and without."""
+    _, result = lifted(material, SolverSettings())
+    _, full = lifted(material, without(skip))
+    assert result.skipped[skip.value] == count
+    assert skip.value not in full.skipped
+    np.testing.assert_allclose(result.positions, full.positions, atol=SolverSettings().tolerance * MESH.size)
+
+
+def test_updates_that_matter_are_made() -> None:
+    """A hyperelastic law with nu near a half has both updates for every element."""
+    _, result = lifted(HYPERELASTIC, SolverSettings())
+    assert not {"shape factor updates", "pressure updates"} & set(result.skipped)
+
+
+def test_eigenvalues_are_for_principal_stretches_only() -> None:
+    """Only Ogden's law needs them; every other element is counted as spared."""
+    assert lifted(HYPERELASTIC, SolverSettings())[1].skipped["eigenvalues"] == 63
+    ogden = preset("ninjaflex", law=Law.OGDEN, poisson=0.45)
+    assert "eigenvalues" not in lifted(ogden, SolverSettings())[1].skipped
+
+
+def test_actuators_are_for_bodies_that_have_some() -> None:
+    """A bar without any has no such code in its steps; a finger with tendons has."""
+    assert lifted(HYPERELASTIC, SolverSettings())[1].skipped["actuators"] == 1
+    finger = Simulation(load_scene("tendon_finger"))
+    assert "actuators" not in finger.step(Command(actuators={"flexor": 0.5})).skipped
+
+
+@pytest.mark.parametrize("policy", list(Policy))
+def test_nothing_new_is_not_solved(policy: Policy) -> None:
+    """Repeat a command: no iteration; with the skip switched off it is solved, which moves nothing.
+
+    Not so under ``relative``: each solve captures new shapes, so that its result depends on their number.
+    """
+    material = Linear(young=1e5, poisson=0.3)
+    for skip in (True, False):
+        settings = SolverSettings(policy=policy, skip=tuple(Skip) if skip else ())
+        simulation, result = lifted(material, settings)
+        again = simulation.step()
+        assert (again.skipped == {"solve": 1}) is skip
+        moved = np.abs(again.positions - result.positions).max()
+        assert moved <= 2.0 * settings.tolerance * MESH.size or (policy is Policy.RELATIVE and not skip)
+        woken = simulation.step(Command(handles={"tip": Pose(translation=(0.0, 0.0, 0.01))}))
+        assert "solve" not in woken.skipped
+        assert woken.iterations > 0
+
+
+def test_an_unknown_skip_is_refused() -> None:
+    """Name work that nobody knows: the settings say so."""
+    with pytest.raises(ValueError, match="tea"):
+        SolverSettings(skip=("tea",))

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plates that turn freely: hinged, pinned and free ends against beam theory, and what a state keeps of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.errors import SceneError
+from gdfe_ros.scene import scene_from_text
+
+LENGTH, EDGE, YOUNG = 0.2, 0.01, 1.0e6
+STIFFNESS = YOUNG * EDGE**4 / 12.0
+SCENE = """\
+name: beam
+mesh: {{bar: {{size: [0.2, 0.01, 0.01], cells: [40, 2, 2]}}}}
+materials: {{a: {{law: linear, young: 1.0e6, poisson: 0.3, density: 1000}}}}
+regions: [{{material: a}}]
+handles:
+  base: {{where: {{face: x-}}, free: [{base}]}}
+  tip: {{where: {{face: x+}}, free: [{tip}]}}
+loads: {{weight: {{{load}}}}}
+"""
+GRAVITY = "gravity: [0, 0, -1.0]"
+LINE = 1000.0 * EDGE**2 * 1.0
+"""Weight of the beam [N/m]."""
+LEFT = 4.0 * STIFFNESS / LENGTH * 1e-4
+"""Moment [N m] of an end that lacks the tolerance's turn."""
+
+
+def beam(base: str, tip: str, load: str = GRAVITY, **overrides: object) -> Simulation:
+    """Return the beam with these axes of its ends free."""
+    return Simulation(scene_from_text(SCENE.format(base=base, tip=tip, load=load), overrides=overrides or None))
+
+
+def sag(simulation: Simulation) -> float:
+    """Return by how much the middle has come down [m]."""
+    middle = np.argmin(np.linalg.norm(simulation.mesh.vertices - [LENGTH / 2, 0.0, 0.0], axis=1))
+    return float(-simulation.positions[middle, 2])
+
+
+def test_beam_on_two_hinges_sags_by_theory() -> None:
+    """Load it by its weight: 5 q L^4 / (384 E I), end slopes q L^3 / (24 E I), no moment at the hinges."""
+    simulation = beam("ry", "x, ry")
+    result = simulation.step(Command(loads={"weight": 0.2}))
+    assert result.converged
+    assert sag(simulation) == pytest.approx(5 * 0.2 * LINE * LENGTH**4 / (384 * STIFFNESS), rel=0.01)
+    slope = 0.2 * LINE * LENGTH**3 / (24 * STIFFNESS)
+    for name, sign in (("base", 1.0), ("tip", -1.0)):
+        turn = simulation.handle_pose(name).rotation
+        assert turn[1] == pytest.approx(sign * slope, rel=0.01)
+        assert turn[0] == turn[2] == 0.0
+        assert abs(result.reactions[name][4]) < LEFT
+
+
+def test_three_point_bending() -> None:
+    """Press on the middle: P L^3 / (48 E I)."""
+    load = "point: {at: [0.1, 0, 0], force: [0, 0, -0.002]}"
+    simulation = beam("ry", "x, ry", load)
+    assert simulation.step().converged
+    assert sag(simulation) == pytest.approx(0.002 * LENGTH**3 / (48 * STIFFNESS), rel=0.01)
+
+
+def test_pinned_column_buckles_at_eulers_load() -> None:
+    """Shorten it by 1 %: it bows out and pushes back with pi^2 E I / L^2, raised by the slope it has reached."""
+    simulation = beam("ry", "ry")
+    simulation.step(Command(loads={"weight": 0.01}))
+    for part in range(1, 11):
+        pose = Pose(translation=(-0.001 * LENGTH * part, 0.0, 0.0))
+        result = simulation.step(Command(handles={"tip": pose}, loads={"weight": 0.01}))
+        assert result.converged
+    slope = simulation.handle_pose("base").rotation[1]
+    expected = np.pi**2 * STIFFNESS / LENGTH**2 * (1.0 + slope**2 / 8.0)
+    assert abs(slope) > 0.15
+    assert -result.reactions["tip"][0] == pytest.approx(expected, rel=0.02)
+
+
+def test_free_plate_carries_a_load() -> None:
+    """Let go of the tip's plate altogether: the cantilever under its weight, q L^4 / (8 E I) and q L^3 / (6 E I)."""
+    simulation = beam("", "x, y, z, rx, ry, rz", **{"solver.tolerance": 1e-5})
+    result = simulation.step(Command(loads={"weight": 0.1}))
+    assert result.converged
+    pose = simulation.handle_pose("tip")
+    assert -pose.translation[2] == pytest.approx(0.1 * LINE * LENGTH**4 / (8 * STIFFNESS), rel=0.01)
+    assert pose.rotation[1] == pytest.approx(0.1 * LINE * LENGTH**3 / (6 * STIFFNESS), rel=0.01)
+    assert np.abs(result.reactions["tip"][:3]).max() < 2e-3 * 0.1 * LINE * LENGTH
+    assert np.abs(result.reactions["tip"][3:]).max() < LEFT
+
+
+def test_commands_about_other_axes_count() -> None:
+    """Twist a plate that hinges about y by 90 degrees about x: the body is twisted, and nothing turns about y."""
+    simulation = beam("", "ry", **{"loads.weight.gravity": [0, 0, 0]})
+    pose = Pose(rotation=(np.pi / 2, 0.3, 0.0))
+    result = simulation.step(Command(handles={"tip": pose}))
+    assert result.converged
+    np.testing.assert_allclose(simulation.handle_pose("tip").rotation, (np.pi / 2, 0.0, 0.0), atol=1e-3)
+    assert result.reactions["tip"][3] > 1e-4
+
+
+def test_state_holds_the_turns() -> None:
+    """Save in the middle of a motion and go on in another simulation: the same steps to the bit."""
+    first, second = beam("ry", "x, ry"), beam("ry", "x, ry")
+    for part in range(1, 4):
+        first.step(Command(loads={"weight": 0.5 * part}), dt=0.1)
+    load_state(second, save_state(first))
+    for part in range(4, 7):
+        one, two = (each.step(Command(loads={"weight": 0.5 * part}), dt=0.1) for each in (first, second))
+        assert np.array_equal(one.positions, two.positions)
+        assert first.handle_pose("base") == second.handle_pose("base")
+    assert one.converged
+
+
+def test_relative_policy_and_commands_about_free_axes_are_refused() -> None:
+    """Name the plate, and what to do."""
+    with pytest.raises(SceneError, match=r"cannot take weight, base; remedy: policy: energy"):
+        beam("ry", "", **{"solver.policy": "relative"})
+    program = "program: {duration: 1, handles: {tip: [{time: 1, rotation_deg: [0, 5, 0]}]}}"
+    with pytest.raises(SceneError, match=r"ry is free and cannot be commanded; use 0 for ry"):
+        scene_from_text(SCENE.format(base="", tip="ry", load=GRAVITY) + program)
+
+
+def test_a_plate_that_is_fixed_cannot_turn() -> None:
+    """Refuse both at once."""
+    with pytest.raises(SceneError, match=r"fixed: true and free axes exclude each other"):
+        scene_from_text(
+            SCENE.format(base="", tip="rx], fixed: true, free: [rx", load=GRAVITY).replace("free: [rx], ", "")
+        )

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Uniaxial tension of a block that may thin freely, solved, against the closed form of each law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+
+from gdfe_ros.constraints import Axis, Handle
+from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, preset
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.equilibrium import EnergyEquilibrium
+from gdfe_ros.solver.fields import element_fields, strain_energies
+
+MakeBody = Callable[..., Body]
+SIDE = 0.1
+TABLE = CurveData.table([0.1, 0.4, 1.0, 2.0], [1.6e5, 4.0e5, 6.4e5, 11.9e5])
+POLYNOMIAL = CurveData.polynomial([8.67e6, -15.7e6, 15.02e6, -6.91e6, 1.53e6, -0.13e6], strain_max=2.0)
+KINDS: dict[str, Callable[[float], Material]] = {
+    "linear": lambda nu: Linear(young=1e5, poisson=nu),
+    "neo-hookean": lambda nu: NeoHookean(young=1e5, poisson=nu),
+    "ogden": lambda nu: preset("cheetah", law=Law.OGDEN, poisson=nu),
+    "curve-polynomial": lambda nu: Curve(data=POLYNOMIAL, poisson=nu),
+    "curve-table": lambda nu: Curve(data=TABLE, poisson=nu),
+}
+
+
+def area_under(material: Material, strain: float) -> float:
+    """Return the integral [J/m^3] of the uniaxial curve from 0 to a strain, by Gauss points on 200 intervals."""
+    points, weights = np.polynomial.legendre.leggauss(4)
+    edges = np.linspace(0.0, strain, 201)
+    nodes = edges[:-1, None] + 0.5 * (points + 1.0) * np.diff(edges)[:, None]
+    return float(np.sum(material.stress_at(nodes) @ weights) * strain / 400.0)
+
+
+def energy_density(material: Material, stretch: float, lateral: float) -> float:
+    """Return W [J/m^3] at stretches (stretch, lateral, lateral) by the law's formula."""
+    l, j = np.array([stretch, lateral, lateral]), stretch * lateral**2  # noqa: E741
+    volumetric = 0.5 * material.bulk * (j - 1.0) ** 2
+    if isinstance(material, NeoHookean):
+        mu = material.shear0
+        lame = 2.0 * mu * material.poisson / (1.0 - 2.0 * material.poisson)
+        return 0.5 * mu * (np.sum(l**2) - 3.0) - mu * np.log(j) + 0.5 * lame * np.log(j) ** 2
+    if isinstance(material, Linear):
+        return 0.5 * material.young / (1.0 + material.poisson) * np.sum((l - l.mean()) ** 2) + volumetric
+    if isinstance(material, Ogden):
+        isochoric = l * j ** (-1.0 / 3.0)
+        terms = zip(material.mu, material.alpha, strict=True)
+        return sum(2.0 * m / a**2 * (np.sum(isochoric**a) - 3.0) for m, a in terms) + volumetric
+    # area under the measured curve up to the strain at which its own test has this equivalent strain
+    equivalent = abs(stretch - lateral) / 1.5
+    strain = brentq(lambda e: (1.0 + e - (1.0 + e) ** -0.5) / 1.5 - equivalent, 0.0, 5.0, xtol=1e-14)
+    return area_under(material, strain) + volumetric
+
+
+def closed_form(material: Material, stretch: float) -> tuple[float, float]:
+    """Return the lateral stretch without lateral traction and the energy density there."""
+    guess = stretch**-0.5
+    found = minimize_scalar(
+        lambda lateral: energy_density(material, stretch, lateral),
+        bounds=(0.6 * guess, 1.4 * guess),
+        method="bounded",
+        options={"xatol": 1e-9},
+    )
+    return float(found.x), float(found.fun)
+
+
+def held_by_its_ends(mesh: HexMesh) -> list[Handle]:
+    """Give each vertex of the two ends a plate of its own, free across x but for what stops rigid motion."""
+    x, y, z = mesh.vertices.T
+    plates = []
+    for vertex in np.flatnonzero((x == 0.0) | (x == SIDE)):
+        free = [Axis.Y] if abs(y[vertex]) > 1e-9 or x[vertex] > 0.0 else []
+        if not (x[vertex] == 0.0 and abs(z[vertex]) < 1e-9):
+            free.append(Axis.Z)
+        plates.append(Handle(f"v{vertex}", np.array([vertex], dtype=np.int32), free=tuple(free)))
+    return plates
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45, 0.495, 0.4999])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("stretch", [0.8, 1.05, 1.6])
+def test_block_follows_the_closed_form(make_body: MakeBody, kind: str, poisson: float, stretch: float) -> None:
+    """Pull and press a block of 2 x 2 x 2 cells: it thins and stores energy as the law's formula says."""
+    material = KINDS[kind](poisson)
+    mesh = bar([SIDE, SIDE, SIDE], [2, 2, 2])
+    body = make_body(mesh, material, held_by_its_ends(mesh))
+    base = mesh.vertices * (stretch, 1.0, 1.0)
+    outcome = EnergyEquilibrium(body).solve(base.copy(), base, tolerance=1e-8, limit=2000)
+    assert outcome.converged, outcome.message
+    lateral, density = closed_form(material, stretch)
+    np.testing.assert_allclose(outcome.positions, mesh.vertices * (stretch, lateral, lateral), atol=2e-5 * SIDE)
+    energy = strain_energies(body, outcome.positions).sum() / SIDE**3
+    assert energy == pytest.approx(density, rel=1e-3)
+    np.testing.assert_allclose(element_fields(body, outcome.positions).J, stretch * lateral**2, atol=2e-5)

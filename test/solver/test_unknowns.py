@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbering of the unknowns: free vertices, then one row for each plate that slides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gdfe_ros.constraints import Axis, Handle
+from gdfe_ros.mesh import bar
+from gdfe_ros.solver.unknowns import gather_rows, number_unknowns, place
+
+MESH = bar([0.2, 0.1, 0.1], [2, 1, 1])  # vertices 0, 3, 6, 9 at x-, 2, 5, 8, 11 at x+
+LEFT, RIGHT = np.array([0, 3, 6, 9], np.int32), np.array([2, 5, 8, 11], np.int32)
+HANDLES = [Handle("base", LEFT, fixed=True), Handle("tip", RIGHT, free=(Axis.X, Axis.Z))]
+
+
+def test_held_vertices_are_no_unknowns() -> None:
+    """Hold both ends: the vertices between are free, those of the plates prescribed, plate by plate."""
+    unknowns = number_unknowns(MESH.n_vertices, MESH.cells, HANDLES)
+    assert unknowns.free.tolist() == [1, 4, 7, 10]
+    assert unknowns.prescribed.tolist() == [*LEFT, *RIGHT]
+
+
+def test_a_sliding_plate_is_one_row() -> None:
+    """Free two axes of a plate: one row more, with a flag for each axis."""
+    unknowns = number_unknowns(MESH.n_vertices, MESH.cells, HANDLES)
+    assert unknowns.rows == 5
+    assert unknowns.plate_axes.tolist() == [[1.0, 0.0, 1.0]]
+    assert unknowns.plate_vertices.tolist() == RIGHT.tolist()
+    assert unknowns.plate_start.tolist() == [0, 4]
+
+
+def test_without_handles_everything_is_free() -> None:
+    """Hold nothing: every vertex is a row."""
+    unknowns = number_unknowns(MESH.n_vertices, MESH.cells, [])
+    assert unknowns.rows == MESH.n_vertices
+    assert len(unknowns.prescribed) == 0
+
+
+def test_each_vertex_lists_its_corners_in_order() -> None:
+    """Walk the lists of corners: each corner once, at its own vertex, ascending."""
+    unknowns = number_unknowns(MESH.n_vertices, MESH.cells, HANDLES)
+    assert sorted(unknowns.corner.tolist()) == list(range(MESH.cells.size))
+    for vertex in range(MESH.n_vertices):
+        corners = unknowns.corner[unknowns.corner_start[vertex] : unknowns.corner_start[vertex + 1]]
+        assert (MESH.cells.ravel()[corners] == vertex).all()
+        assert (np.diff(corners) > 0).all()
+
+
+def test_placing_moves_a_sliding_plate_as_one() -> None:
+    """Place unknowns: free vertices go where they say, the plate along its free axes only, prescribed ones nowhere."""
+    unknowns = number_unknowns(MESH.n_vertices, MESH.cells, HANDLES)
+    u = np.arange(15.0).reshape(5, 3)
+    x = MESH.vertices.copy()
+    place(u.ravel(), MESH.vertices, unknowns, x)
+    np.testing.assert_array_equal(x[unknowns.free], u[:4])
+    np.testing.assert_array_equal(x[RIGHT], MESH.vertices[RIGHT] + np.array([12.0, 0.0, 14.0]))
+    np.testing.assert_array_equal(x[LEFT], MESH.vertices[LEFT])
+
+
+def test_gathering_is_the_transpose_of_placing() -> None:
+    """Take random forces and motions: the power is the same in rows and in corners."""
+    unknowns = number_unknowns(MESH.n_vertices, MESH.cells, HANDLES)
+    random = np.random.default_rng(0)
+    u, force = random.normal(size=(5, 3)), random.normal(size=(2, 8, 3))
+    x, gradient = np.zeros_like(MESH.vertices), np.zeros((5, 3))
+    place(u.ravel(), np.zeros_like(x), unknowns, x)
+    gather_rows(force, unknowns, gradient.ravel())
+    assert abs(np.vdot(gradient, u) - np.vdot(force, x[MESH.cells])) < 1e-12
+    assert gradient[4, 1] == 0.0

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Console scripts that are interrupted while they start end without a traceback."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+# Sends SIGINT to the process in the middle of its imports: when the named module is looked for.
+_INTERRUPTER = """
+import os, signal, sys
+class Interrupter:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupter())
+sys.argv[1:] = {arguments!r}
+from gdfe_ros import entry
+sys.exit(entry.{script}())
+"""
+
+
+@pytest.mark.parametrize(
+    ("script", "arguments", "module", "status", "name"),
+    [
+        ("sim_node", [], "gdfe_ros.simulation", 0, "sim_node"),
+        ("tip_tracking", [], "rclpy", 0, "tip_tracking"),
+        ("gdfe", ["solve", "bend5"], "argparse", 130, "gdfe"),
+        ("gdfe", ["solve", "bend5"], "numpy", 130, "gdfe solve"),
+    ],
+)
+def test_an_interrupt_during_the_imports_leaves_no_traceback(
+    script: str, arguments: list[str], module: str, status: int, name: str
+) -> None:
+    """Interrupt a script while it imports: one line, and the status that shells or launch expect."""
+    code = _INTERRUPTER.format(script=script, arguments=arguments, module=module)
+    done = _run(code)
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", f"{name}: interrupted while starting\n")
+
+
+def test_an_interrupt_during_a_command_leaves_no_traceback() -> None:
+    """Interrupt `gdfe solve` while it solves: one line on stderr, status 130."""
+    code = (
+        "import os, signal, sys\n"
+        "from gdfe_ros import entry\n"
+        "from gdfe_ros.simulation import Simulation\n"
+        "Simulation.warm_up = lambda self: os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.argv[1:] = ['solve', 'bend5']\n"
+        "sys.exit(entry.gdfe())\n"
+    )
+    done = _run(code)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "gdfe solve: interrupted\n")
+
+
+def _run(code: str) -> subprocess.CompletedProcess[str]:
+    """Run code in a fresh process."""
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Importing the package is cheap and needs no ROS."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import gdfe_ros
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.share import share_dir
+
+ROOT = Path(__file__).parents[1]
+
+
+def _loaded(code: str) -> set[str]:
+    """Run code in a fresh process and name the top-level modules it has loaded."""
+    report = "import sys; print(*{name.partition('.')[0] for name in sys.modules})"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{code}; {report}"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(done.stdout.split())
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    """Import gdfe_ros alone: neither arrays nor compilers nor ROS come with it."""
+    loaded = _loaded("import gdfe_ros")
+    assert "gdfe_ros" in loaded
+    assert not loaded & {"numpy", "scipy", "numba", "pydantic", "rclpy", "mcap"}
+
+
+@pytest.mark.parametrize("name", ["load_scene", "Simulation"])
+def test_public_names_come_without_ros(name: str) -> None:
+    """Fetch a public name: it is there, and ROS is not."""
+    loaded = _loaded(f"from gdfe_ros import {name}")
+    assert "numpy" in loaded
+    assert not loaded & {"rclpy", "sensor_msgs", "std_msgs", "geometry_msgs"}
+
+
+def test_public_names_are_listed_and_others_refused() -> None:
+    """List what the package offers, and name it when something else is asked for."""
+    assert set(gdfe_ros.__all__) <= set(dir(gdfe_ros))
+    with pytest.raises(AttributeError, match=r"no attribute 'solve'; it offers .*load_scene"):
+        _ = gdfe_ros.solve
+
+
+def test_the_share_directory_of_a_clone_is_the_tree() -> None:
+    """Find scenes and parameters beside the code."""
+    assert (share_dir() / "config" / "sim.yaml").is_file()
+
+
+def test_a_missing_share_directory_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Copy the code away from its files: the error says how to install."""
+    monkeypatch.setattr("gdfe_ros.share.__file__", str(tmp_path / "gdfe_ros" / "share.py"))
+    with pytest.raises(GdfeError, match=r"share/gdfe_ros/package.xml.*make install"):
+        share_dir.__wrapped__()

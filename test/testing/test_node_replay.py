@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Replays through a real node: what each step consumed is sent to it over topics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.cli import main
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import RecordingError
+from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.simulation import Command
+from gdfe_ros.testing import NodeProcess, Simulator
+from gdfe_ros.testing.link import Link
+from gdfe_ros.testing.node_replay import NodeReplay
+
+COARSE = {"mesh.bar.cells": "[20, 2, 2]", "solver.tolerance": "1e-8"}
+
+
+def _turned(height: float) -> PoseStamped:
+    return pose_stamped(Header(), Pose((0.0, 0.0, height), (0.3 * height, 2.0 * height, -height)))
+
+
+def _assert_identical(bag: Path) -> BagRun:
+    """Replay without and with ROS."""
+    run = BagRun(bag)
+    for replay in (Replay(run), NodeReplay(run)):
+        report = replay.run()
+        assert report.differences.verdict() is Verdict.IDENTICAL, report.differences.differing
+        assert report.differences.steps == len(run.records)
+        assert (report.unknown, report.inexact) == ((), 0)
+    return run
+
+
+def test_a_run_under_the_wall_clock_replays_through_a_node(tmp_path: Path, capfd: Any) -> None:
+    """Stream turned poses at 100 Hz, with a deadline that cuts solves: the node gives the same bits in lockstep."""
+    parameters = {"clock": "wall", "rate": 100.0, "deadline": 0.001, "command_set": [""]}
+    with Simulator("bend5", overrides=COARSE, parameters=parameters, bag=tmp_path / "bag") as simulator:
+        for z in np.linspace(0.005, 0.1, 20):
+            pose = Pose((0.0, 0.0, float(z)), (0.0, 3.0 * float(z), float(z)))
+            simulator.step(Command(handles={"tip": pose}))
+    run = _assert_identical(tmp_path / "bag")
+    assert sum(record.cut for record in run.records) > 5
+    assert main(["replay", str(tmp_path / "bag"), "--ros", "--set", "materials.e40.young=41e3"]) == 1
+    assert "first divergent stamp" in capfd.readouterr().out
+
+
+def test_a_bag_begun_in_the_middle_replays(tmp_path: Path) -> None:
+    """Record from a deformed state on: velocities, steps without a command, another dt and a reset."""
+    name, topics = "/begun/gdfe_sim", {"handles/tip/target": PoseStamped, "handles/tip/velocity": TwistStamped}
+    overrides = [f"{key}={value}" for key, value in COARSE.items()]
+    parameters = {"scene": "bend5", "scene_overrides": overrides, "clock": "lockstep", "autostart": False}
+    with (
+        NodeProcess({**parameters, "velocity_timeout": 0.02}, namespace="/begun") as process,
+        Link(process, name, topics, patience=60.0) as link,
+    ):
+        link.wait_for_services()
+        link.transition("configure")
+        link.wait_for_listener()
+        link.transition("activate")
+        _command(link, "handles/tip/target", _turned(0.03))
+        link.transition("deactivate")
+        link.set(record=True, bag_path=str(tmp_path / "bag"))
+        link.transition("activate")
+        velocity = TwistStamped()
+        velocity.twist.linear.z, velocity.twist.angular.y = 0.4, 1.1
+        _command(link, "handles/tip/velocity", velocity)
+        for dt in (0.01, 0.004, 0.004, 0.03, 0.03):
+            link.set(dt=dt)
+            link.trigger("step")
+        link.trigger("reset")
+        _command(link, "handles/tip/target", _turned(0.05))
+        assert process.stop() == 0
+    records = _assert_identical(tmp_path / "bag").records
+    assert records[0].begin is Begin.LOADED
+    assert [record.begin for record in records[1:]].count(Begin.REST) == 1
+    assert any(not record.handles for record in records[1:7])
+    with pytest.raises(RecordingError, match="begins in the middle"):
+        Replay(BagRun(tmp_path / "bag"), overrides={"solver.tolerance": 1e-6})
+
+
+def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path) -> None:
+    """Pull one cable, then the other: each step consumes the command of one, in newtons."""
+    name, bag = "/pulled/gdfe_sim", tmp_path / "bag"
+    parameters = {"scene": "tendon_finger", "clock": "lockstep", "autostart": False, "record": True}
+    with (
+        NodeProcess({**parameters, "bag_path": str(bag)}, namespace="/pulled") as process,
+        Link(process, name, {"actuation": JointState}, patience=60.0) as link,
+    ):
+        link.wait_for_services()
+        link.transition("configure")
+        link.wait_for_listener()
+        link.transition("activate")
+        for cable, tension in (("flexor", 0.3), ("extensor", 0.2), ("flexor", 0.0)):
+            _command(link, "actuation", JointState(name=[cable], position=[float("nan")], effort=[tension]))
+        assert process.stop() == 0
+    records = _assert_identical(bag).records
+    assert [len(record.actuators) for record in records] == [0, 1, 1, 1]
+
+
+def _command(link: Link, topic: str, message: Any) -> None:
+    """Publish and wait for the step that consumes it."""
+    count = link.step + 1
+    link.publish({topic: message})
+    link.wait(lambda: link.step >= count, "the step")

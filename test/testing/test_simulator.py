@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The harness for controllers' tests: real processes, closed loops, the same to the bit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.simulation import Command
+from gdfe_ros.testing import Simulator, State, tracking_error
+
+COARSE = {"mesh.bar.cells": [20, 2, 2]}
+GOAL = 0.1
+
+
+def _controller(state: State) -> Command:
+    """Push the tip half of the way to the goal."""
+    height = state.poses["tip"].translation[2]
+    return Command(handles={"tip": Pose((0.0, 0.0, height + 0.5 * (GOAL - height)))})
+
+
+def test_a_controller_reaches_its_goal_the_same_way_every_time() -> None:
+    """Close the loop for 30 steps in two processes: the goal is reached, every array is equal bit for bit."""
+    runs = []
+    for _ in range(2):
+        with Simulator("bend5", overrides=COARSE) as simulator:
+            runs.append(simulator.run(_controller, steps=30))
+    heights = [[0.0, 0.0, state.poses["tip"].translation[2]] for state in runs[0]]
+    assert tracking_error(heights[20:], [0.0, 0.0, GOAL]).largest < 1e-5
+    for first, second in zip(*runs, strict=True):
+        assert np.array_equal(first.positions, second.positions)
+        assert np.array_equal(first.strain, second.strain)
+        assert first.wrenches["tip"].tolist() == second.wrenches["tip"].tolist()
+        assert first.time == second.time
+
+
+class _Follower(Node):
+    """A controller as a node: raises the tip by a millimetre with every mesh."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        super().__init__("follower", context=simulator.context)
+        self.step = 0
+        self._publisher = self.create_publisher(PoseStamped, f"{simulator.name}/handles/tip/target", 10)
+        self.create_subscription(PointCloud2, f"{simulator.name}/mesh", self._follow, 10)
+        self.create_timer(0.5, self._begin)
+
+    def _begin(self) -> None:
+        if self.step == 0 and self._publisher.get_subscription_count():
+            self._follow(None)
+
+    def _follow(self, _: Any) -> None:
+        self.step += 1
+        message = PoseStamped()
+        message.pose.position.z = 1e-3 * self.step
+        self._publisher.publish(message)
+
+
+def test_a_node_closes_the_loop() -> None:
+    """Spin a node that commands with every mesh: each command makes one step."""
+    with Simulator("bend5", overrides=COARSE, inputs=[]) as simulator:
+        follower = _Follower(simulator)
+        states = simulator.spin(follower, steps=50)
+        follower.destroy_node()
+    np.testing.assert_allclose([state.poses["tip"].translation[2] for state in states], 1e-3 * np.arange(1, 51))
+
+
+def test_what_is_wrong_is_said(tmp_path: Path) -> None:
+    """Name an unknown handle; put a bag where a file lies: the errors say so, with the node's own words."""
+    with Simulator("bend5", overrides=COARSE) as simulator, pytest.raises(GdfeError, match="nothing is called"):
+        simulator.step(Command(handles={"tipp": Pose()}))
+    (tmp_path / "file").touch()
+    with pytest.raises(GdfeError, match=r"could not activate:[\s\S]*not empty"), Simulator("bend5", bag=tmp_path):
+        pass
+
+
+def test_tracking_errors_are_distances() -> None:
+    """Compare two short motions by hand; shapes that do not fit are refused."""
+    error = tracking_error([[0, 0, 0], [0, 3, 4]], [0, 0, 0])
+    assert (error.largest, error.rms, error.last) == (5.0, pytest.approx(np.sqrt(12.5)), 5.0)
+    with pytest.raises(ValueError, match="must be"):
+        tracking_error([0, 0, 0], [0, 0, 0])
+    with pytest.raises(ValueError, match="finite"):
+        tracking_error([[0, 0, np.nan]], [0, 0, 0])

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Options of the torture test, and its table and picture at the end of the run."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from gdfe_ros.benchmark.torture.score import Score, rich_table, write_scores
+
+OUTPUT = Path(os.environ.get("TORTURE_OUTPUT", "runs/torture"))
+"""Where torture.json and torture.png go."""
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print the table of what ran, and write it and its picture where the torture test ran."""
+    reports = [report for key in ("passed", "failed") for report in terminalreporter.getreports(key)]
+    texts = [value for report in reports for key, value in report.user_properties if key == "torture"]
+    if not texts:
+        return
+    from rich.console import Console
+
+    from gdfe_ros.benchmark.torture.picture import draw_scores  # matplotlib takes a second
+
+    scores = [Score.from_json(json.loads(text)) for text in texts]
+    scores.sort(key=lambda score: score.group.value)
+    Console(file=terminalreporter._tw._file, width=140).print(rich_table(scores))
+    OUTPUT.mkdir(parents=True, exist_ok=True)
+    write_scores(OUTPUT / "torture.json", scores)
+    draw_scores(OUTPUT / "torture.png", scores)
+    terminalreporter.write_line(f"written: {OUTPUT / 'torture.json'}, {OUTPUT / 'torture.png'}")

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every torment of the catalogue, judged; the full test is ``make torture``."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from gdfe_ros.benchmark.torture.case import Case, Verdict, attempt
+from gdfe_ros.benchmark.torture.catalogue import all_cases
+from gdfe_ros.benchmark.torture.score import Score
+from gdfe_ros.benchmark.torture.walks import STEPS
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.settings import Policy
+
+WALK_STEPS = int(os.environ.get("TORTURE_WALK_STEPS", STEPS))
+"""Steps of each random walk."""
+CASES = all_cases(walk_steps=WALK_STEPS)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kernels() -> None:
+    """Load the compiled kernels, lest the first cases be charged with it."""
+    for name in ("bend5", "three_chamber_arm", "tendon_finger", "shape_memory_strip", "tensile_curve"):
+        for policy in Policy:
+            scene = load_scene(name)
+            if policy is Policy.ENERGY or not (scene.loads or scene.actuators):
+                Simulation(replace(scene, solver=replace(scene.solver, policy=policy))).warm_up()
+
+
+@pytest.mark.torture
+@pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
+def test_torture(case: Case, record_property: Callable[[str, object], None]) -> None:
+    """Pass, or refuse by name."""
+    outcome = attempt(case)
+    record_property("torture", json.dumps(Score.of(case, outcome).to_json()))
+    assert outcome.verdict is not Verdict.FAILED, outcome.text

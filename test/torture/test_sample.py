@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sample of the torture test that runs with every test run."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gdfe_ros.benchmark.torture import walks
+from gdfe_ros.benchmark.torture.bodies import BAR, LAWS, make_scene
+from gdfe_ros.benchmark.torture.case import Case, Finding, Group, Outcome, Verdict, attempt
+from gdfe_ros.benchmark.torture.catalogue import all_cases
+from gdfe_ros.benchmark.torture.picture import draw_scores
+from gdfe_ros.benchmark.torture.score import HEADINGS, WALK_HEADINGS, Score, summary, torture_tables
+from gdfe_ros.errors import CommandError
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.settings import Policy
+
+CASES = all_cases(walk_steps=100)
+SAMPLE = [case for case in CASES if case.group is not Group.WALKS and case.law != "its own"][::6]
+STEPS = 1000
+
+
+@pytest.mark.parametrize("case", SAMPLE, ids=[case.id for case in SAMPLE])
+def test_sample(case: Case) -> None:
+    """Pass, or refuse by name: every sixth case."""
+    outcome = attempt(case)
+    assert outcome.verdict is not Verdict.FAILED, outcome.text
+
+
+@pytest.mark.parametrize("name", walks.TRACKS)
+def test_short_walk(name: str) -> None:
+    """Walk 1000 steps and home: at rest within 1e-6 of the size, every step converged, memory as before."""
+    found = walks.walk(walks.TRACKS[name], STEPS)
+    assert found.unconverged == 0
+    assert found.drift <= walks.BOUND
+    assert found.growth <= walks.MOST_GROWTH
+
+
+def test_catalogue_is_large_and_covers_every_group() -> None:
+    """Count at least 150 cases, both policies, every group."""
+    assert len(CASES) >= 150
+    assert {case.group for case in CASES} == set(Group)
+    assert {case.policy for case in CASES} == set(Policy)
+
+
+def _case(**options: object) -> Case:
+    values = {"group": Group.LAWS, "name": "n", "policy": Policy.ENERGY, "law": "l", "bound": 1.0, **options}
+    return Case(**values)
+
+
+def _refuse() -> Finding:
+    raise CommandError("handle 'x' is fixed")
+
+
+def test_a_refusal_counts_only_where_it_is_due() -> None:
+    """Refuse with the expected words, with others, and where a solution was due."""
+    verdicts = [attempt(_case(run=_refuse, refusal=words)).verdict for words in ("is fixed", "is free", "")]
+    assert verdicts == [Verdict.REFUSED, Verdict.FAILED, Verdict.FAILED]
+
+
+def test_other_errors_are_not_swallowed() -> None:
+    """Let a bug through."""
+
+    def broken() -> Finding:
+        raise KeyError("bug")
+
+    with pytest.raises(KeyError):
+        attempt(_case(run=broken))
+
+
+def test_scores_survive_the_file() -> None:
+    """Write a score with a number that is none and read it back."""
+    score = Score.of(_case(run=_refuse), Outcome(Verdict.REFUSED, np.nan, np.inf, 3, 1, 0.5, "no"))
+    back = Score.from_json(json.loads(json.dumps(score.to_json())))
+    assert np.isnan(back.outcome.error)
+    assert (back.name, back.outcome.verdict, back.outcome.iterations) == ("n", Verdict.REFUSED, 3)
+
+
+def test_summary_counts() -> None:
+    """Count verdicts and find the error nearest to its bound and the longest case."""
+    outcomes = [Outcome(Verdict.CONVERGED, 1e-3, 1e-2, 1, 0, 1.0), Outcome(Verdict.REPORTED, 1e-3, 1.0, 1, 2, 3.0)]
+    scores = [Score.of(_case(run=_refuse), outcome) for outcome in outcomes]
+    rows = summary(scores)
+    assert rows[-1] == ("all", "2", "1", "1", "0", "0", "1.0e-03 / 1e-02", "2", "3.0")
+    assert len(rows) == 2
+    tables = torture_tables({"cases": [score.to_json() for score in scores]})
+    assert tables["torture"].splitlines()[0] == "| " + " | ".join(HEADINGS) + " |"
+    assert tables["walks"].splitlines()[0] == "| " + " | ".join(WALK_HEADINGS) + " |"
+
+
+def test_a_report_needs_a_sound_state() -> None:
+    """Report with elements inside out: that is a failure, however clear the words."""
+    simulation = Simulation(make_scene(BAR, LAWS["linear"], policy=Policy.ENERGY))
+    sound = replace(simulation.step(), converged=False, message="it buckled")
+    folded = replace(sound, min_det=-0.1)
+    verdicts = [
+        attempt(_case(run=lambda r=r: Finding((r,), 0.0), may_report=True)).verdict
+        for r in (sound, folded, replace(sound, message=""))
+    ]
+    assert verdicts == [Verdict.REPORTED, Verdict.FAILED, Verdict.FAILED]
+
+
+def test_the_picture_shows_every_case(tmp_path: Path) -> None:
+    """Draw one case of each verdict."""
+    scores = [Score.of(_case(run=_refuse), Outcome(verdict, 0.1, 1.0, 1, 0, 1.0)) for verdict in Verdict]
+    draw_scores(tmp_path / "torture.png", scores)
+    assert (tmp_path / "torture.png").stat().st_size > 10_000
+
+
+def test_walk_flaws_are_named() -> None:
+    """Name memory, slower steps, more iterations and steps that did not converge."""
+    simulation = Simulation(make_scene(BAR, LAWS["linear"], policy=Policy.ENERGY))
+    good = walks.Walk(simulation.step(), 0, 0.0, 1e6, 1.0, 1.05, (100, 105))
+    assert good.flaws() == []
+    bad = replace(good, unconverged=3, growth=6e6, final=1.2, iterations=(100, 120))
+    assert [flaw.split()[0] for flaw in bad.flaws()] == ["3", "memory", "a", "a"]
