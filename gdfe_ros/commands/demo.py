@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import argparse
 import os
-import time
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -19,10 +18,9 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import Scene, load_scene
 
-NODE = "/gdfe_sim"
-ACTUATION = "actuation"
-PATIENCE = 300.0
-"""Longest wait for an answer of the node [s]; the first one waits for its kernels to be compiled."""
+if TYPE_CHECKING:
+    from gdfe_ros.testing.player import Played
+
 FAILED = 1
 
 
@@ -41,75 +39,29 @@ def run(arguments: argparse.Namespace) -> int:
         raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program'")
     out = arguments.out or Path("runs") / f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S}"
     console = Console()
-    status, first, log = _play(scene, str(arguments.scene), out / "bag", arguments.dt)
-    if status != 0:
-        console.print(log)
-        raise GdfeError(f"the node ended with status {status}; its log is above")
+    played = _play(scene, str(arguments.scene), out / "bag", arguments.dt)
+    if played.status != 0:
+        console.print(played.log)
+        raise GdfeError(f"the node ended with status {played.status}; its log is above")
     bag = BagRun(out / "bag")
-    console.print(_table(scene, bag, first))
+    console.print(_table(scene, bag, played.first))
     _draw(bag, out / f"{scene.name}.png")
     console.print(f"bag      {out / 'bag'}\npicture  {out / f'{scene.name}.png'}")
     return 0 if all(record.converged for record in bag.records) else FAILED
 
 
-def _play(scene: Scene, name: str, bag: Path, dt: float) -> tuple[int, float, str]:
-    """Command the node and stop it; return its exit status, the time to the first step [s] and its log."""
-    from gdfe_ros.testing import NodeProcess
-    from gdfe_ros.testing.link import Link
+def _play(scene: Scene, source: str, bag: Path, dt: float) -> Played:
+    """Play the program to a node, with a progress bar."""
+    from gdfe_ros.testing.player import play_program
 
-    topics = _topics(scene)
-    parameters = {
-        "scene": name,
-        "clock": "lockstep",
-        "dt": dt,
-        "record": True,
-        "bag_path": str(bag),
-        "command_set": list(topics),
-    }
-    started = time.perf_counter()
-    duration = scene.program.duration
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-    with (
-        NodeProcess(parameters) as node,
-        Link(node, NODE, topics, patience=PATIENCE) as link,
-        Progress(*columns, console=Console(stderr=True), transient=True) as progress,
-    ):
-        task = progress.add_task(f"{scene.name}: starting the node", total=duration)
-        # Step 0 is the body at rest; heard later, it would pass for the step of the first command.
-        link.wait_for_step(0)
-        link.wait_for_listener()
-        first = time.perf_counter() - started
-        progress.update(task, description=f"{scene.name}: commanding it over topics")
-        for count, moment in enumerate(np.arange(1, round(duration / dt) + 1) * dt, start=1):
-            link.publish(_messages(scene, moment))
-            link.wait_for_step(count)
-            progress.update(task, completed=moment)
-        return node.stop(), first, node.log
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(f"{scene.name}: starting the node", total=scene.program.duration)
 
+        def tell(moment: float) -> None:
+            progress.update(task, description=f"{scene.name}: commanding it over topics", completed=moment)
 
-def _topics(scene: Scene) -> dict[str, type]:
-    """Give the types of the topics that play the scene's program, by name after the node's."""
-    from geometry_msgs.msg import PoseStamped
-    from sensor_msgs.msg import JointState
-
-    program = scene.program
-    topics: dict[str, type] = {f"handles/{name}/target": PoseStamped for name in program.keyframes}
-    return topics | ({ACTUATION: JointState} if program.actuators or program.loads else {})
-
-
-def _messages(scene: Scene, moment: float) -> dict[str, Any]:
-    """Give one message for each topic, what the program commands at a moment [s]."""
-    from std_msgs.msg import Header
-
-    from gdfe_ros.node.actuator_messages import actuation
-    from gdfe_ros.node.messages import pose_stamped
-
-    program, head = scene.program, Header(frame_id="base_link")
-    poses = program.handle_poses(moment).items()
-    messages = {f"handles/{name}/target": pose_stamped(head, pose) for name, pose in poses}
-    if values := program.actuator_values(moment) | program.load_factors(moment):
-        messages[ACTUATION] = actuation({actuator.name: actuator for actuator in scene.actuators}, values)
-    return messages
+        return play_program(scene, source, bag=bag, dt=dt, tell=tell)
 
 
 def _table(scene: Scene, bag: BagRun, first: float) -> Table:

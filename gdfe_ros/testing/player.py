@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene's program played over topics to a node in a process of its own, which records it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from gdfe_ros.node.actuator_messages import actuation
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.testing.consumed import ACTUATION, target_key
+from gdfe_ros.testing.link import Link
+from gdfe_ros.testing.process import NodeProcess
+
+PATIENCE = 300.0
+"""Longest wait for an answer of the node [s]; the first one waits for its kernels to be compiled."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """How a program was played.
+
+    Attributes:
+        status: exit status of the node.
+        first: time from the start of its process to its first step [s].
+        log: what the node printed.
+    """
+
+    status: int
+    first: float
+    log: str
+
+
+def play_program(
+    scene: Scene, source: str, *, bag: Path, dt: float, tell: Callable[[float], None] = lambda _: None
+) -> Played:
+    """Start a node, command it step by step in lockstep, and stop it.
+
+    Args:
+        scene: with a program.
+        source: what the node is to load: name of the scene, or path of its file.
+        bag: directory to record to.
+        dt: simulation time of a step [s].
+        tell: is called with the simulation time [s] of each step that was made.
+
+    Raises:
+        GdfeError: the node ended or did not answer.
+    """
+    topics = _topics(scene)
+    parameters = {
+        "scene": source,
+        "clock": "lockstep",
+        "dt": dt,
+        "record": True,
+        "bag_path": str(bag),
+        "command_set": list(topics),
+    }
+    started = time.perf_counter()
+    with NodeProcess(parameters) as node, Link(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
+        # Step 0 is the body at rest; heard later, it would pass for the step of the first command.
+        link.wait_for_step(0)
+        link.wait_for_listener()
+        first = time.perf_counter() - started
+        tell(0.0)
+        for count, moment in enumerate(np.arange(1, round(scene.program.duration / dt) + 1) * dt, start=1):
+            link.publish(_messages(scene, moment))
+            link.wait_for_step(count)
+            tell(moment)
+        return Played(node.stop(), first, node.log)
+
+
+def _topics(scene: Scene) -> dict[str, type]:
+    """Give the types of the topics that play the scene's program, by name after the node's."""
+    program = scene.program
+    topics: dict[str, type] = {target_key(name): PoseStamped for name in program.keyframes}
+    return topics | ({ACTUATION: JointState} if program.actuators or program.loads else {})
+
+
+def _messages(scene: Scene, moment: float) -> dict[str, Any]:
+    """Give one message for each topic, with what the program commands at a moment [s]."""
+    program, head = scene.program, Header(frame_id="base_link")
+    messages = {target_key(name): pose_stamped(head, pose) for name, pose in program.handle_poses(moment).items()}
+    if values := program.actuator_values(moment) | program.load_factors(moment):
+        messages[ACTUATION] = actuation({actuator.name: actuator for actuator in scene.actuators}, values)
+    return messages
