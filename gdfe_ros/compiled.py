@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from numba import njit
 
-kernel = njit(cache=True, nogil=True, error_model="numpy")
+# Said outright: what is not set is inherited from the first caller, and results would depend on who that is.
+kernel = njit(cache=True, nogil=True, error_model="numpy", fastmath=False, forceinline=False)
 """Decorator of every compiled function that needs no reassociation of sums."""
 
-inlined = njit(nogil=True, error_model="numpy", forceinline=True)
+inlined = njit(nogil=True, error_model="numpy", fastmath=False, forceinline=True)
 """Decorator of the pieces of an element kernel: always inlined, so that structs and tuples stay in registers."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
