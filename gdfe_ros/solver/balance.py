@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.actuation import Actuation
+from gdfe_ros.solver.outcome import Outcome, State
 
 LOST = 0.5
 """Energy lost in an increment, over the largest of energies and work, that is a jump however long the increment."""
@@ -69,6 +71,16 @@ class Balance:
         lost = self.energy + self.potential + work - other.energy - other.potential
         scale = max(self.energy, other.energy, abs(work), abs(other.potential - self.potential))
         return lost > LOST * scale or lost > doubt + PROVEN * scale
+
+
+def weigh(
+    outcome: Outcome, state: State, actuation: Actuation, poses: Mapping[str, Pose], commands: Mapping[str, float]
+) -> Balance | None:
+    """Take the balance of what a solve found; None where it is no equilibrium, or shapes that grow have no energy."""
+    if actuation.grown is not None or not outcome.converged:
+        return None
+    potential, slopes = actuation.potential(outcome.positions)
+    return Balance(float(state.energy), potential, slopes, state.reactions, dict(poses), dict(commands))
 
 
 def _way(begin: Pose, end: Pose) -> NDArray[np.float64]:

@@ -42,3 +42,8 @@ class Deadline:
         if after is not None:
             return cls(after=after)
         return None if seconds is None else cls(started + seconds)
+
+
+def past(deadline: Deadline | None) -> bool:
+    """Tell whether there is a deadline and its time is up."""
+    return deadline is not None and deadline.passed()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,8 @@ from gdfe_ros.actuators.external import External
 from gdfe_ros.solver import descent as entries
 from gdfe_ros.solver import quasi_newton
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.descent import Problem
+from gdfe_ros.solver.deadline import Deadline, past
+from gdfe_ros.solver.descent import Descent, Problem
 from gdfe_ros.solver.global_matrix import Factorisation, close_coupling
 from gdfe_ros.solver.inclusions import find_lumps, largest_turn
 from gdfe_ros.solver.scope import Scope
@@ -31,6 +32,27 @@ CHUNK = 20
 TERMS = [entries.ENERGY, entries.ABSOLUTE, entries.OUTSIDE]
 Observer = Callable[[float, float, bool], None]
 """Takes the energy [J] that a descent lowers, the size of its terms [J], and whether the descent only begins there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a solve descends in.
+
+    Attributes:
+        scope: what moves.
+        problem: elements and plates.
+        external: loads and actuators; None compiles and costs nothing.
+        deadline: when it has passed, a descent ends; None: never.
+    """
+
+    scope: Scope
+    problem: Problem
+    external: External | None
+    deadline: Deadline | None = None
+
+    def evaluate(self) -> None:
+        """Evaluate the elements where the unknowns are."""
+        quasi_newton.advance(self.problem, self.external, self.scope.descent, 0.0, True)
 
 
 class Descents:
@@ -57,36 +79,23 @@ class Descents:
         status[[entries.REACH, entries.GRAIN]] = FARTHEST * self._body.size, self._grain
         status[entries.SEEN] = 0.0 if watched else -1.0
 
-    def descend(
-        self,
-        scope: Scope,
-        problem: Problem,
-        external: External | None,
-        *,
-        tolerance: float,
-        least: int,
-        limit: int,
-        deadline: Deadline | None,
-    ) -> int:
+    def descend(self, task: Task, *, tolerance: float, least: int, limit: int) -> int:
         """Descend until the step is short enough and no hard lump lags behind.
 
         Args:
-            scope: what moves.
-            problem: elements and plates.
-            external: what acts from outside.
+            task: what to descend in; its elements have been evaluated.
             tolerance: estimated largest distance to the equilibrium over the body's size.
             least: iterations to make at least.
             limit: most iterations.
-            deadline: when it has passed, the descent ends.
 
         Returns:
             The iterations made.
         """
-        target = SAFETY * tolerance * self._body.size
+        target, scope = SAFETY * tolerance * self._body.size, task.scope
         run = self._run_dense if scope.matrix.kind is Factorisation.DENSE else self._run_sparse
-        used = run(scope, problem, external, target, least, limit, deadline)
-        while self._lag(scope) > tolerance and used < limit and not (deadline and deadline.passed()):
-            more = run(scope, problem, external, target, PATIENT_ITERATIONS, limit - used, deadline)
+        used = run(task, target, least, limit)
+        while self._lag(scope) > tolerance and used < limit and not past(task.deadline):
+            more = run(task, target, PATIENT_ITERATIONS, limit - used)
             used += more
             if not more or scope.descent.status[entries.STALLED]:
                 break
@@ -105,60 +114,42 @@ class Descents:
         far = not np.abs(scope.descent.x - self._body.rest).max() <= FARTHEST * self._body.size
         return bool(far or scope.descent.status[entries.STALLED] == entries.RUNAWAY)
 
-    def _run_dense(
-        self,
-        scope: Scope,
-        problem: Problem,
-        external: External | None,
-        target: float,
-        least: int,
-        limit: int,
-        deadline: Deadline | None,
-    ) -> int:
+    def _run_dense(self, task: Task, target: float, least: int, limit: int) -> int:
         """Iterate with the explicit inverse, many iterations in one compiled call."""
-        done = 0
-        self._show(scope, begins=True)
+        descent, coupling, done = task.scope.descent, task.scope.matrix.coupling, 0
+        self._show(descent, begins=True)
         while done < limit:
-            chunk = min(least - done if done < least else CHUNK if deadline else limit, limit - done)
+            chunk = min(least - done if done < least else CHUNK if task.deadline else limit, limit - done)
             chunk = 1 if self.observer else chunk
             goal = FLOOR * target if done < least else target
-            used = quasi_newton.descend(problem, external, scope.descent, scope.matrix.coupling, goal, chunk)
-            self._show(scope, begins=False)
+            used = quasi_newton.descend(task.problem, task.external, descent, coupling, goal, chunk)
+            self._show(descent, begins=False)
             done += used
-            if used < chunk or (deadline and deadline.passed()):
+            if used < chunk or past(task.deadline):
                 break
         return done
 
-    def _run_sparse(
-        self,
-        scope: Scope,
-        problem: Problem,
-        external: External | None,
-        target: float,
-        least: int,
-        limit: int,
-        deadline: Deadline | None,
-    ) -> int:
+    def _run_sparse(self, task: Task, target: float, least: int, limit: int) -> int:
         """Iterate with a library's factor."""
-        descent, matrix, rows = scope.descent, scope.matrix, len(scope.unknowns.free)
+        descent, matrix, rows = task.scope.descent, task.scope.matrix, len(task.scope.unknowns.free)
         free_gradient, free_step = descent.gradient.reshape(-1, 3)[:rows], descent.step.reshape(-1, 3)[:rows]
-        self._show(scope, begins=True)
+        self._show(descent, begins=True)
         matrix.solve(free_gradient, free_step)
         close_coupling(descent.gradient, matrix.coupling, descent.step)
         for iteration in range(limit):
             goal = target if iteration >= least else FLOOR * target
-            ended = quasi_newton.advance(problem, external, descent, goal, False)
-            self._show(scope, begins=False)
-            if ended or (deadline and deadline.passed()):
+            ended = quasi_newton.advance(task.problem, task.external, descent, goal, False)
+            self._show(descent, begins=False)
+            if ended or past(task.deadline):
                 return iteration
             matrix.solve(free_gradient, free_step)
             close_coupling(descent.gradient, matrix.coupling, descent.step)
             quasi_newton.remember(descent)
         return limit
 
-    def _show(self, scope: Scope, *, begins: bool) -> None:
+    def _show(self, descent: Descent, *, begins: bool) -> None:
         if self.observer is not None:
-            energy, inside, outside = scope.descent.status[TERMS]
+            energy, inside, outside = descent.status[TERMS]
             self.observer(energy, inside + outside + self._grain / quasi_newton.ROUNDING, begins)
 
     def _lag(self, scope: Scope) -> float:

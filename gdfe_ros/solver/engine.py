@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.actuation import Actuation, inflated
-from gdfe_ros.solver.balance import LEAST_MOTION, Balance
+from gdfe_ros.solver.balance import LEAST_MOTION, Balance, weigh
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.equilibrium import EnergyEquilibrium
 from gdfe_ros.solver.fields import ElementFields, element_fields, least_volume_ratio
 from gdfe_ros.solver.increments import planned_increments
@@ -95,7 +95,7 @@ class Engine:
             return self._idle(moment, started)
         doubtful = self._suspect or not (self._tried or np.array_equal(self.positions, self.body.rest))
         march, restarts = self._march(targets, wanted, deadline), 0
-        if (self._suspect or (march.inverted and doubtful)) and not _past(deadline):
+        if (self._suspect or (march.inverted and doubtful)) and not past(deadline):
             march, restarts = self._recover(march, targets, wanted, deadline)
             self._suspect, self._tried = False, True
         self._tried = self._tried and not march.sound
@@ -137,11 +137,12 @@ class Engine:
             outcome, state, base, start_at = self._solve(poses, drive, limit, deadline)
             iterations += outcome.iterations
             substeps += 1
-            exhausted = iterations >= budget or _past(deadline)
+            exhausted = iterations >= budget or past(deadline)
             unstable = "" if outcome.converged else self.actuation.unstable(outcome.positions)
-            balance = self._weigh(outcome, state, poses, drive)
+            energetic = self._settings.policy is Policy.ENERGY
+            balance = weigh(outcome, state, self.actuation, poses, drive) if energetic else None
             snapped = moves and self._snapped(outcome, balance, start_at)
-            folds = moves and self._sound and not state.min_det > 0.0 and not _past(deadline)
+            folds = moves and self._sound and not state.min_det > 0.0 and not past(deadline)
             jumped = jumped or snapped
             failed = not (outcome.converged or outcome.exhausted) or state.min_det <= 0.0
             if not exhausted and ((failed and not shortest) or (snapped and length > SHORTEST_JUMP)):
@@ -224,7 +225,7 @@ class Engine:
             prediction.positions,
             place=lambda: self._turning.place(base, poses),
             carry=lambda positions, motion: self._predictor.carry(positions, motion, movable),
-            give_up=lambda used: used >= limit or _past(deadline),
+            give_up=lambda used: used >= limit or past(deadline),
         )
         return *self._turning.balance(trials, tolerance=settings.tolerance), prediction.positions
 
@@ -236,16 +237,6 @@ class Engine:
     def _change(self, drive: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the change of every command, in its own unit."""
         return np.array([drive[name] - value for name, value in self.commands.items()])
-
-    def _weigh(
-        self, outcome: Outcome, state: State, poses: Mapping[str, Pose], drive: Mapping[str, float]
-    ) -> Balance | None:
-        """Take the potential of an equilibrium; None where there is none, or where shapes have no energy."""
-        known = self._settings.policy is Policy.ENERGY and self.actuation.grown is None
-        if not (known and outcome.converged):
-            return None
-        potential, slopes = self.actuation.potential(outcome.positions)
-        return Balance(float(state.energy), potential, slopes, state.reactions, dict(poses), dict(drive))
 
     def _snapped(self, outcome: Outcome, balance: Balance | None, start: NDArray[np.float64]) -> bool:
         """Tell whether the body jumped to another equilibrium on the way from the last one."""
@@ -262,8 +253,9 @@ class Engine:
         base: NDArray[np.float64],
     ) -> None:
         self._sound, self._accepted = bool(state.min_det > 0.0), outcome
-        self._turning.accept(poses, self.poses, self._change(drive))
-        self._predictor.remember(self.positions, outcome.positions, self._base, base, self._change(drive))
+        change = self._change(drive)
+        self._turning.accept(poses, self.poses, change)
+        self._predictor.remember(self.positions, outcome.positions, self._base, base, change)
         self.equilibrium.accept()
         self.actuation.accept()
         self.positions, self.poses, self._base = outcome.positions, dict(poses), base
@@ -276,22 +268,11 @@ class Engine:
         return dataclasses.replace(accepted, converged=False, message=message), state
 
     def _idle(self, moment: float, started: float) -> StepResult:
-        elapsed = time.perf_counter() - started
-        return dataclasses.replace(
-            self._last,
-            time=moment,
-            iterations=0,
-            substeps=0,
-            restarts=0,
-            skipped={Skip.SOLVE.value: 1},
-            wall_time=elapsed,
-        )
+        nothing = {"iterations": 0, "substeps": 0, "restarts": 0, "skipped": {Skip.SOLVE.value: 1}}
+        return dataclasses.replace(self._last, time=moment, wall_time=time.perf_counter() - started, **nothing)
 
     def _result(self, march: March, moment: float, started: float, restarts: int) -> StepResult:
         outcome, state = march.outcome, march.state
-        message = outcome.message
-        if state.min_det <= 0.0:
-            message = f"{message}; inverted elements, least det F {state.min_det:.3g}".lstrip("; ")
         return StepResult(
             time=moment,
             positions=outcome.positions,
@@ -308,9 +289,5 @@ class Engine:
             wall_time=time.perf_counter() - started,
             policy=self._settings.policy,
             factorisation=self.equilibrium.matrix.kind.value,
-            message=message,
+            message=march.message,
         )
-
-
-def _past(deadline: Deadline | None) -> bool:
-    return deadline is not None and deadline.passed()

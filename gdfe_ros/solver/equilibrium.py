@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.external import External
 from gdfe_ros.materials.table import LAME, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver import descent as entries
-from gdfe_ros.solver import quasi_newton
 from gdfe_ros.solver.actuation import Actuation
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.deadline import Deadline, past
 from gdfe_ros.solver.descent import Problem
-from gdfe_ros.solver.descents import FARTHEST, SAFETY, Descents, Observer
+from gdfe_ros.solver.descents import FARTHEST, SAFETY, Descents, Observer, Task
 from gdfe_ros.solver.dormancy import Dormancy
 from gdfe_ros.solver.element_state import update_shares
 from gdfe_ros.solver.fields import store_energies
@@ -105,7 +104,9 @@ class EnergyEquilibrium:
         self._kept_share = self._share.copy()
         self._dormancy.accept(self._scope, self._tolerance)
         if self._dormancy.waits:
-            self._evaluate(self._whole)
+            positions = self._whole.descent.x.copy()
+            self._whole.place(positions, positions)
+            self._task(self._whole, positions).evaluate()
             self._dormancy.learn_forces()
 
     @property
@@ -141,13 +142,13 @@ class EnergyEquilibrium:
                 aimed at from the start.
         """
         self._tolerance = tolerance
-        farthest = np.abs(start - self._whole.descent.x).max()
-        self._warm = ratio != 0.0 and bool(farthest <= LEAP * tolerance * self._body.size)
+        near = LEAP * tolerance * self._body.size
+        self._warm = ratio != 0.0 and bool(np.abs(start - self._whole.descent.x).max() <= near)
         self.pressures.start(self._scope.elements, ratio)
         self._share[...] = self._kept_share
         stiffened = self.pressures.stiffened
         outcome = self._solve(start, base, tolerance, limit, deadline, ratio)
-        if self._scope is self._whole or _past(deadline):
+        if self._scope is self._whole or past(deadline):
             return outcome
         target = SAFETY * tolerance * self._body.size
         if outcome.converged and self.pressures.stiffened == stiffened:
@@ -173,13 +174,14 @@ class EnergyEquilibrium:
         ratio: float,
     ) -> Outcome:
         """Find the equilibrium of what is in the scope."""
-        if self._scope is self._whole:
+        scope, descent = self._scope, self._scope.descent
+        if scope is self._whole:
             self._dormancy.forget_forces()
-        descent, problem = self._scope.descent, self._problem(base)
-        self._descents.begin(self._scope, watched=not self._warm)
-        self._place(start, base)
-        quasi_newton.advance(problem, self._external, descent, 0.0, True)
-        updates = len(self._scope.carried) or len(self._scope.softening) or self._actuation.updates
+        task = self._task(scope, base, deadline)
+        self._descents.begin(scope, watched=not self._warm)
+        scope.place(start, base)
+        task.evaluate()
+        updates = len(scope.carried) or len(scope.softening) or self._actuation.updates
         inner = max(FIRST_TOLERANCE, tolerance) if updates and ratio == 0.0 else tolerance
         iterations = 0
         least = WARM_ITERATIONS if self._warm else COLD_ITERATIONS
@@ -188,27 +190,26 @@ class EnergyEquilibrium:
         settled = not updates
         self.pressures.begin()
         for _ in range(MAX_UPDATES):
-            aim = {"tolerance": inner, "least": least, "limit": limit - iterations, "deadline": deadline}
-            used = self._descents.descend(self._scope, problem, self._external, **aim)
+            used = self._descents.descend(task, tolerance=inner, least=least, limit=limit - iterations)
             iterations += used
             least = 0
             stalled, blocked = descent.status[[entries.STALLED, entries.BLOCKED]]
             hopeless = stalled and (stalled == entries.RUNAWAY or blocked)
-            if iterations >= limit or hopeless or _past(deadline) or not updates:
+            if iterations >= limit or hopeless or past(deadline) or not updates:
                 break
             # Where no descent is left above the tolerance, new pressures and shares may open one.
             last = inner == tolerance or bool(stalled)
-            settled = self._update(descent.x, tolerance, still=used == 0) and last
+            settled = self._update(scope, tolerance, still=used == 0) and last
             if settled:
                 break
-            quasi_newton.advance(problem, self._external, descent, 0.0, True)
+            task.evaluate()
             inner = max(tolerance, TIGHTEN * inner)
-        if self._descents.ran_away(self._scope):
-            self.pressures.start(self._scope.elements, ratio)
-            self._place(start, base)
-            quasi_newton.advance(problem, self._external, descent, 0.0, True)
+        if self._descents.ran_away(scope):
+            self.pressures.start(scope.elements, ratio)
+            scope.place(start, base)
+            task.evaluate()
             return Outcome(descent.x.copy(), False, iterations, FARTHEST, RAN_AWAY, diverged=True)
-        return self._outcome(iterations, tolerance, limit, deadline, settled=settled)
+        return self._outcome(task, iterations, tolerance, limit, settled=settled)
 
     def state(self) -> State:
         """Return energy, volumes and forces of the last solve."""
@@ -234,9 +235,9 @@ class EnergyEquilibrium:
         external = self._actuation.external
         return external if external.active else None
 
-    def _problem(self, base: NDArray[np.float64]) -> Problem:
-        body, scope, pressures = self._body, self._scope, self.pressures
-        return Problem(
+    def _task(self, scope: Scope, base: NDArray[np.float64], deadline: Deadline | None = None) -> Task:
+        body, pressures = self._body, self.pressures
+        problem = Problem(
             body.shape,
             scope.blocks,
             body.material,
@@ -246,28 +247,11 @@ class EnergyEquilibrium:
             scope.unknowns,
             base,
         )
+        return Task(scope, problem, self._external, deadline)
 
-    def _place(self, start: NDArray[np.float64], base: NDArray[np.float64]) -> None:
-        descent, unknowns = self._scope.descent, self._scope.unknowns
-        count = len(unknowns.free)
-        descent.x[unknowns.free] = start[unknowns.free]
-        descent.x[unknowns.prescribed] = base[unknowns.prescribed]
-        u = descent.u.reshape(-1, 3)
-        u[:count] = start[unknowns.free]
-        first = unknowns.plate_vertices[unknowns.plate_start[:-1]]
-        u[count:] = (start[first] - base[first]) * unknowns.plate_axes
-
-    def _evaluate(self, scope: Scope) -> None:
-        """Evaluate the elements of a scope where the body is, with the pressures and shares in force."""
-        x = scope.descent.x
-        self._scope, used = scope, self._scope
-        self._place(x, x)
-        quasi_newton.advance(self._problem(x.copy()), self._external, scope.descent, 0.0, True)
-        self._scope = used
-
-    def _update(self, x: NDArray[np.float64], tolerance: float, *, still: bool) -> bool:
+    def _update(self, scope: Scope, tolerance: float, *, still: bool) -> bool:
         """Update pressures and shares; tell whether the positions stay within the tolerance all the same."""
-        body, scope, settled = self._body, self._scope, True
+        body, x, settled = self._body, scope.descent.x, True
         if len(scope.carried):
             misfit = self.pressures.update(x, scope.carried, still=still)
             settled = misfit <= (WARM_SLACK if self._warm else 1.0) * tolerance
@@ -278,13 +262,12 @@ class EnergyEquilibrium:
             settled = settled and change <= SHARE_SLACK * (WARM_SLACK if self._warm else 1.0) * tolerance
         return settled
 
-    def _outcome(
-        self, iterations: int, tolerance: float, limit: int, deadline: Deadline | None, *, settled: bool
-    ) -> Outcome:
-        residual, positions = self._descents.residual(self._scope), self._scope.descent.x.copy()
+    def _outcome(self, task: Task, iterations: int, tolerance: float, limit: int, *, settled: bool) -> Outcome:
+        descent = task.scope.descent
+        residual, positions = self._descents.residual(task.scope), descent.x.copy()
         if residual <= tolerance and settled:
             return Outcome(positions, True, iterations, residual)
-        if _past(deadline):
+        if past(task.deadline):
             reason = "the deadline passed"
         elif iterations >= limit:
             reason = f"stopped after {limit} iterations"
@@ -293,9 +276,5 @@ class EnergyEquilibrium:
         else:
             reason = "no further descent is possible at the precision of the energy"
         message = f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
-        exhausted = self._scope.descent.status[entries.STALLED] == entries.EXHAUSTED
-        return Outcome(positions, False, iterations, residual, message, bool(exhausted))
-
-
-def _past(deadline: Deadline | None) -> bool:
-    return deadline is not None and deadline.passed()
+        exhausted = bool(descent.status[entries.STALLED] == entries.EXHAUSTED)
+        return Outcome(positions, False, iterations, residual, message, exhausted)

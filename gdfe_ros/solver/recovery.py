@@ -50,6 +50,13 @@ class March:
             return "inverted elements"
         return "another equilibrium, higher in energy" if self.sound else "no equilibrium"
 
+    @property
+    def message(self) -> str:
+        """Why it is not to be relied on; empty where it is."""
+        if not self.state.min_det <= 0.0:
+            return self.outcome.message
+        return f"{self.outcome.message}; inverted elements, least det F {self.state.min_det:.3g}".lstrip("; ")
+
     def differs(self, other: March, reach: float) -> bool:
         """Tell whether a vertex of the two is farther apart than ``reach`` [m]."""
         distance = np.linalg.norm(self.outcome.positions - other.outcome.positions, axis=1).max()

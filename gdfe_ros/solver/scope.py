@@ -94,6 +94,17 @@ class Scope(Movable):
             allocate_part(unknowns.rows, self.descent),
         )
 
+    def place(self, start: NDArray[np.float64], base: NDArray[np.float64]) -> None:
+        """Put the unknowns to ``start`` (n, 3) [m], the plates to ``base`` plus what they have slid in ``start``."""
+        descent, unknowns = self.descent, self.unknowns
+        count = len(unknowns.free)
+        descent.x[unknowns.free] = start[unknowns.free]
+        descent.x[unknowns.prescribed] = base[unknowns.prescribed]
+        u = descent.u.reshape(-1, 3)
+        u[:count] = start[unknowns.free]
+        first = unknowns.plate_vertices[unknowns.plate_start[:-1]]
+        u[count:] = (start[first] - base[first]) * unknowns.plate_axes
+
     def skipped(self, body: Body, whole: Scope) -> dict[str, int]:
         """Count the work that a solve in this scope leaves out, by name: elements, or 1."""
         counts = {
