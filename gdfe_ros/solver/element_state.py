@@ -84,6 +84,23 @@ def equivalent_strain(f, c, j, table, k):
 
 
 @kernel
+def strain_state(x, shape, e, table, k):
+    """Return eps_eq, J, secant and tangent modulus [Pa] of element ``e`` of material ``k``."""
+    f = mean_gradient(x, shape, e)
+    c = cofactor(f)
+    j = determinant(f, c)
+    strain = equivalent_strain(f, c, j, table, k)
+    _, secant, tangent = curve_state(strain, table, k)
+    return strain, j, secant, tangent
+
+
+@kernel
+def softened_share(tangent, table, k):
+    """Return the hourglass stiffness over that at rest of an element with this tangent modulus [Pa]."""
+    return min(max(tangent / table.tangent[k, 0], LEAST_SHARE), MOST_SHARE)
+
+
+@kernel
 def update_shares(x, elements, shape, material, table, share):
     """Set the share (m,) of ``elements`` to their tangent modulus over that at rest; return the largest change.
 
@@ -96,11 +113,8 @@ def update_shares(x, elements, shape, material, table, share):
         k = material[e]
         if table.law[k] == LINEAR:
             continue
-        f = mean_gradient(x, shape, e)
-        c = cofactor(f)
-        strain = equivalent_strain(f, c, determinant(f, c), table, k)
-        _, _, tangent = curve_state(strain, table, k)
-        value = min(max(tangent / table.tangent[k, 0], LEAST_SHARE), MOST_SHARE)
+        _, _, _, tangent = strain_state(x, shape, e, table, k)
+        value = softened_share(tangent, table, k)
         worst = max(worst, abs(value - share[e]))
         share[e] = value
     return worst

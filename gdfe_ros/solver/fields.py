@@ -9,17 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
-from gdfe_ros.materials.stress import curve_state, logarithmic_volume
+from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.element_state import (
-    LEAST_SHARE,
     LINEAR,
-    MOST_SHARE,
     NEO_HOOKEAN,
-    equivalent_strain,
     mean_gradient,
+    softened_share,
+    strain_state,
     update_shares,
     volume_at,
 )
@@ -122,15 +121,11 @@ def _element_states(x, shape, material, table, values, centroids, share, missing
     """Write in one pass what ``strain_states`` does, the centroids, the shares, and what ``store_energies`` adds."""
     for e in range(len(material)):
         k = material[e]
-        f = mean_gradient(x, shape, e)
-        c = cofactor(f)
-        j = determinant(f, c)
-        strain = equivalent_strain(f, c, j, table, k)
-        _, secant, tangent = curve_state(strain, table, k)
+        strain, j, secant, tangent = strain_state(x, shape, e, table, k)
         values[0, e], values[1, e], values[2, e], values[3, e] = strain, j, secant, tangent
         missing[e] = uncounted(j, 0.0, shape.volume[e], table, k, False) if table.parameters[k, CARRIED] != 0.0 else 0.0
         if table.law[k] != LINEAR:
-            share[e] = min(max(tangent / table.tangent[k, 0], LEAST_SHARE), MOST_SHARE)
+            share[e] = softened_share(tangent, table, k)
         for i in range(3):
             total = 0.0
             for a in range(8):
@@ -143,11 +138,7 @@ def strain_states(x, shape, material, table, values):
     """Write eps_eq, J, secant and tangent modulus [Pa] of every element into the first four rows of ``values``."""
     for e in range(len(material)):
         k = material[e]
-        f = mean_gradient(x, shape, e)
-        c = cofactor(f)
-        j = determinant(f, c)
-        strain = equivalent_strain(f, c, j, table, k)
-        _, secant, tangent = curve_state(strain, table, k)
+        strain, j, secant, tangent = strain_state(x, shape, e, table, k)
         values[0, e], values[1, e], values[2, e], values[3, e] = strain, j, secant, tangent
 
 
