@@ -7,6 +7,7 @@ one, delete the ``__pycache__`` folders (``make clean``).
 
 from __future__ import annotations
 
+import numba
 from numba import njit
 
 # Said outright: what is not set is inherited from the first caller, and results would depend on who that is.
@@ -21,3 +22,11 @@ merged = njit(nogil=True, error_model="numpy", inline="always")
 
 vector_kernel = njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 """Decorator of reductions that may be vectorised; the order of summation is fixed by the binary."""
+
+parallel_kernel = njit(cache=True, nogil=True, error_model="numpy", fastmath=False, forceinline=False, parallel=True)
+"""Decorator of a loop whose passes run in several threads at the same time."""
+
+
+def start_threads() -> None:
+    """Start numba's threads; one of its functions that comes from the cache as part of another does not."""
+    numba.get_num_threads()

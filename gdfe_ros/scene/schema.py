@@ -30,6 +30,7 @@ _VALUE = Quantity("command in the actuator's unit, or factor of the load", least
 _DURATION = Quantity("duration", "s", above=0.0, most=1e6)
 _TOLERANCE = Quantity("tolerance, as a share of the body's size", least=1e-12, most=1e-1)
 _STEPS = Quantity("steps", least=1, most=1_000_000, whole=True, remedy="leave it out: the solver chooses")
+_THREADS = Quantity("threads that share the elements", least=1, most=1024, whole=True)
 _ITERATIONS = Quantity("max_iterations of a step", least=1, most=1_000_000, whole=True)
 
 
@@ -104,6 +105,7 @@ class SolverModel(Entry):
     tolerance: Annotated[float, _TOLERANCE] = SolverSettings.tolerance
     steps: Annotated[int, _STEPS] | None = SolverSettings.steps
     max_iterations: Annotated[int, _ITERATIONS] = SolverSettings.max_iterations
+    threads: Annotated[int, _THREADS] = SolverSettings.threads
     skip: tuple[Skip, ...] = Field(SolverSettings.skip, description="work to leave out where it is not needed")
 
     def build(self) -> SolverSettings:

@@ -22,7 +22,7 @@ lower bound: an unstable law or load."""
 
 
 class Problem(NamedTuple):
-    """What stays constant during a minimisation: elements, materials, unknowns, plates and what acts from outside."""
+    """What stays constant during a minimisation: elements, materials, unknowns and plates, and in how many threads."""
 
     shape: tuple
     blocks: tuple
@@ -32,6 +32,7 @@ class Problem(NamedTuple):
     table: tuple
     unknowns: tuple
     base: NDArray[np.float64]
+    threads: int | None
 
 
 class Descent(NamedTuple):

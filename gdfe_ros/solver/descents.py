@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +32,8 @@ FARTHEST = 3000.0
 """Of the body's size: where a vertex or a step goes farther, the body runs away."""
 CHUNK = 20
 TERMS = [entries.ENERGY, entries.ABSOLUTE, entries.OUTSIDE]
+_TEAM = threading.Lock()
+"""Numba's threads serve one caller at a time: the simplest of its threading layers ends the process otherwise."""
 Observer = Callable[[float, float, bool], None]
 """Takes the energy [J] that a descent lowers, the size of its terms [J], and whether the descent only begins there."""
 
@@ -52,7 +56,12 @@ class Task:
 
     def evaluate(self) -> None:
         """Evaluate the elements where the unknowns are."""
-        quasi_newton.advance(self.problem, self.external, self.scope.descent, 0.0, True)
+        self.advance(0.0, first=True)
+
+    def advance(self, goal: float, *, first: bool = False) -> bool:
+        """Do one iteration towards a step of at most ``goal`` [m]; see `quasi_newton.advance`."""
+        with nullcontext() if self.problem.threads is None else _TEAM:
+            return quasi_newton.advance(self.problem, self.external, self.scope.descent, goal, first)
 
 
 class Descents:
@@ -138,7 +147,7 @@ class Descents:
         close_coupling(descent.gradient, matrix.coupling, descent.step)
         for iteration in range(limit):
             goal = target if iteration >= least else FLOOR * target
-            ended = quasi_newton.advance(task.problem, task.external, descent, goal, False)
+            ended = task.advance(goal)
             self._show(descent, begins=False)
             if ended or past(task.deadline):
                 return iteration

@@ -53,7 +53,7 @@ class Engine:
         if settings.policy is Policy.ENERGY:
             # Plates that turn freely are moved on inside of a step, perhaps beside held elements.
             skip = [item for item in settings.skip if item is not Skip.DORMANT or not self._turning.count]
-            self.equilibrium = EnergyEquilibrium(body, self.actuation, skip=skip)
+            self.equilibrium = EnergyEquilibrium(body, self.actuation, skip=skip, threads=settings.threads)
         else:
             self.equilibrium = RelativeEquilibrium(body, self.actuation)
         self._predictor = Predictor(body.unknowns)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.external import External
+from gdfe_ros.compiled import start_threads
 from gdfe_ros.materials.table import LAME, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver import descent as entries
 from gdfe_ros.solver.actuation import Actuation
@@ -50,6 +51,7 @@ class EnergyEquilibrium:
         actuation: what acts on it; None for nothing.
         library: what factors the constant matrix; None chooses.
         skip: work that may be left out.
+        threads: most that share the elements.
 
     Attributes:
         matrix: the constant matrix.
@@ -65,8 +67,11 @@ class EnergyEquilibrium:
         *,
         library: Factorisation | None = None,
         skip: Collection[Skip] = tuple(Skip),
+        threads: int = 1,
     ) -> None:
-        self._body = body
+        self._body, self._threads = body, threads
+        if threads > 1:
+            start_threads()
         self._actuation = actuation or Actuation(body)
         parameters = body.table.parameters[body.material]
         stiffness = 2.0 * parameters[:, SHEAR] + parameters[:, PENALTY] + parameters[:, LAME]
@@ -246,6 +251,7 @@ class EnergyEquilibrium:
             pressures.table,
             scope.unknowns,
             base,
+            scope.threads(self._threads),
         )
         return Task(scope, problem, self._external, deadline)
 

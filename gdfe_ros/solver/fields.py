@@ -60,7 +60,9 @@ def element_fields(
     if omega is None:
         omega = secant / secant.max()
     force, energies = np.empty((count, 8, 3)), np.empty(count)
-    evaluate(positions, body.shape, body.blocks, body.material, np.zeros(count), share, body.table, force, energies)
+    evaluate(
+        positions, body.shape, body.blocks, body.material, np.zeros(count), share, body.table, force, energies, None
+    )
     density = (energies + missing) / body.shape.volume
     return ElementFields(centroids, strain, volume_ratio, secant, tangent, density, np.asarray(omega))
 
@@ -91,7 +93,7 @@ def corner_forces(
     force, energies = np.zeros((len(body.material), 8, 3)), np.zeros(len(body.material))
     share, elements = np.ones(len(body.material)), np.arange(len(body.material), dtype=np.int32)
     update_shares(positions, elements, body.shape, body.material, body.table, share)
-    evaluate(positions, body.shape, body.blocks, body.material, pressure, share, body.table, force, energies)
+    evaluate(positions, body.shape, body.blocks, body.material, pressure, share, body.table, force, energies, None)
     return force, energies
 
 

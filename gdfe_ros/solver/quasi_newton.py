@@ -65,6 +65,7 @@ def energy_and_gradient(u, problem, external, descent):
         problem.table,
         descent.force,
         descent.energies,
+        problem.threads,
     )
     gather_rows(descent.force, problem.unknowns, descent.gradient)
     descent.status[EVALUATIONS] += 1

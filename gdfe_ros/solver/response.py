@@ -6,8 +6,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import prange
 
-from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.compiled import inlined, kernel, parallel_kernel
 from gdfe_ros.materials.stress import (
     CURVE_FACTOR,
     corotated,
@@ -145,14 +146,10 @@ def hourglass_rows(b, geometry, offset):
 
 
 @kernel
-def evaluate(x, shape, blocks, material, pressure, share, table, force, energy):
-    """Write the corner forces (m, 8, 3) [N] and energies (m,) [J] of all elements; return the sum of the energies.
-
-    ``x`` (n, 3) [m] are the positions, ``pressure`` (m,) [Pa] carries the volume, ``share`` (m,) scales the hourglass
-    stiffness at rest.
-    """
+def evaluate_blocks(first, last, x, shape, blocks, material, pressure, share, table, force, energy):
+    """Do what `evaluate` does for the blocks from ``first`` up to ``last``, without the sum."""
     b = np.empty(ROWS * LANES)
-    for block in range(len(blocks.element)):
+    for block in range(first, last):
         elements = blocks.element[block]
         gather(b, x, shape, blocks, block)
         load_parameters(b, elements, material, pressure, share, table)
@@ -161,6 +158,29 @@ def evaluate(x, shape, blocks, material, pressure, share, table, force, energy):
         scatter(b, force, shape, blocks, block)
         for lane in range(blocks.used[block]):
             energy[elements[lane]] = b[ENERGY * LANES + lane]
+
+
+@parallel_kernel
+def evaluate_in_threads(threads, x, shape, blocks, material, pressure, share, table, force, energy):
+    """Share all blocks out to threads in equal parts."""
+    count = len(blocks.element)
+    for part in prange(threads):
+        first, last = part * count // threads, (part + 1) * count // threads
+        evaluate_blocks(first, last, x, shape, blocks, material, pressure, share, table, force, energy)
+
+
+@kernel
+def evaluate(x, shape, blocks, material, pressure, share, table, force, energy, threads):
+    """Write the corner forces (m, 8, 3) [N] and energies (m,) [J] of all elements; return the sum of the energies.
+
+    ``x`` (n, 3) [m] are the positions, ``pressure`` (m,) [Pa] carries the volume, ``share`` (m,) scales the hourglass
+    stiffness at rest. With any number of ``threads`` the same code writes the same bits, and the sum is taken in one;
+    None, for one thread, spares the compilation of the other way.
+    """
+    if threads is None:
+        evaluate_blocks(0, len(blocks.element), x, shape, blocks, material, pressure, share, table, force, energy)
+    else:
+        evaluate_in_threads(threads, x, shape, blocks, material, pressure, share, table, force, energy)
     total = 0.0
     for e in range(len(energy)):
         total += energy[e]

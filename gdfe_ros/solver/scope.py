@@ -14,9 +14,12 @@ from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.blocks import Blocks, make_blocks
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent import Descent, allocate, allocate_part
-from gdfe_ros.solver.global_matrix import GlobalMatrix
+from gdfe_ros.solver.global_matrix import Factorisation, GlobalMatrix
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.unknowns import Unknowns
+
+LEAST_BLOCKS = 25
+"""Blocks of elements that a thread has to have for it to pay."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +107,13 @@ class Scope(Movable):
         u[:count] = start[unknowns.free]
         first = unknowns.plate_vertices[unknowns.plate_start[:-1]]
         u[count:] = (start[first] - base[first]) * unknowns.plate_axes
+
+    def threads(self, most: int) -> int | None:
+        """Tell in how many threads it pays to evaluate the elements; None: in this one."""
+        if self.matrix.kind is Factorisation.DENSE:
+            return None
+        count = min(most, len(self.blocks.element) // LEAST_BLOCKS)
+        return count if count > 1 else None
 
     def skipped(self, body: Body, whole: Scope) -> dict[str, int]:
         """Count the work that a solve in this scope leaves out, by name: elements, or 1."""

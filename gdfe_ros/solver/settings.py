@@ -40,6 +40,8 @@ class SolverSettings:
         steps: number of load steps for a program; None lets the solver choose.
         max_iterations: most iterations of one increment before a step is returned as not converged; a command that
             is cut into n increments from the start has n times as many.
+        threads: most that share the elements of a solve under ``energy``, at most numba's (``NUMBA_NUM_THREADS``, by
+            default the machine's cores); 1 to 1024. The result is the same to the last bit.
         skip: work that is left out where it changes nothing beyond the tolerance; all of it by default.
 
     Raises:
@@ -50,6 +52,7 @@ class SolverSettings:
     tolerance: float = 1e-4
     steps: int | None = None
     max_iterations: int = 2000
+    threads: int = 1
     skip: tuple[Skip, ...] = tuple(Skip)
 
     def __post_init__(self) -> None:
@@ -57,7 +60,7 @@ class SolverSettings:
         object.__setattr__(self, "policy", Policy(self.policy))
         if not 1e-12 <= self.tolerance <= 1e-1:
             raise ValueError(f"tolerance must lie in 1e-12 .. 1e-1, got {self.tolerance!r}")
-        for name in ("steps", "max_iterations"):
+        for name, most in (("steps", 1_000_000), ("max_iterations", 1_000_000), ("threads", 1024)):
             value = getattr(self, name)
-            if value is not None and not 1 <= value <= 1_000_000:
-                raise ValueError(f"{name} must lie in 1 .. 1000000, got {value!r}")
+            if value is not None and not 1 <= value <= most:
+                raise ValueError(f"{name} must lie in 1 .. {most}, got {value!r}")

@@ -38,3 +38,10 @@ def test_counts_are_checked(name: str, value: int) -> None:
     options: dict[str, Any] = {name: value}
     with pytest.raises(ValueError, match=rf"{name} must lie in 1 \.\. 1000000, got"):
         SolverSettings(**options)
+
+
+@pytest.mark.parametrize("threads", [0, 1025])
+def test_threads_are_checked(threads: int) -> None:
+    """Refuse numbers of threads that no machine has."""
+    with pytest.raises(ValueError, match=r"threads must lie in 1 \.\. 1024, got"):
+        SolverSettings(threads=threads)

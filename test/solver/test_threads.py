@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Threads that share the elements of a solve: the same bits, also from several solves at a time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Simulation, load_scene
+from gdfe_ros.solver.descents import Task
+
+_CODE = """
+import hashlib, sys
+from gdfe_ros import Simulation, load_scene
+scene = load_scene(sys.argv[1], overrides={"solver.threads": int(sys.argv[2])})
+print(*(hashlib.sha256(result.positions.tobytes()).hexdigest() for result in Simulation(scene).play(3)))
+"""
+
+
+def _digests(scene: str, threads: int) -> str:
+    """Solve in a fresh process that may use as many threads, and give digests of all positions."""
+    environment = {**os.environ, "NUMBA_NUM_THREADS": str(threads)}
+    command = [sys.executable, "-c", _CODE, scene, str(threads)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=True).stdout
+
+
+@pytest.mark.parametrize("scene", ["bend5", "twist90", "three_chamber_arm"])
+def test_every_number_of_threads_gives_the_same_bits(scene: str) -> None:
+    """Solve with 1, 2 and 3 threads in fresh processes: equal to the last bit."""
+    one, two, three = (_digests(scene, threads) for threads in (1, 2, 3))
+    assert one == two == three
+    assert len(one.split()) == 3
+
+
+def test_threads_are_used_where_it_pays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ask for four: a body of 157 blocks of elements gets them, one of 10 blocks stays in its thread."""
+    counts = []
+    advance = Task.advance
+    monkeypatch.setattr(
+        Task, "advance", lambda task, *goal, **how: counts.append(task.problem.threads) or advance(task, *goal, **how)
+    )
+    for cells, expected in (([50, 5, 5], 4), ([20, 2, 2], None)):
+        overrides = {"mesh.bar.cells": cells, "solver.threads": 4}
+        counts.clear()
+        list(Simulation(load_scene("bend5", overrides=overrides)).play(1))
+        assert set(counts) == {expected}
+
+
+def test_solves_at_the_same_time_take_turns() -> None:
+    """Run two simulations in two threads of a process, each with two threads of numba: both end as alone."""
+    scene = load_scene("bend5", overrides={"solver.threads": 2})
+    alone = list(Simulation(scene).play(5))[-1].positions
+    simulations = [Simulation(scene) for _ in range(2)]
+    runs = [threading.Thread(target=lambda each=each: list(each.play(5))) for each in simulations]
+    for run in runs:
+        run.start()
+    for run in runs:
+        run.join()
+    for simulation in simulations:
+        np.testing.assert_array_equal(simulation.positions, alone)
