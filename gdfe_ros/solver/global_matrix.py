@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import Enum
 from typing import Any, NamedTuple
 
@@ -93,11 +94,13 @@ class GlobalMatrix:
         self._whole: GlobalMatrix | None = None
         free = unknowns.free
         rows = matrix[free]
-        self._free = rows[:, free].tocsc()
+        block = rows[:, free].tocsc()
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
         self.kind = library or self._choose(len(free))
-        self._solve = self._factor()
+        self._solve = self._factor(block)
         self.coupling = self._couple(matrix, rows, unknowns)
+        if self.kind is Factorisation.DENSE:
+            self.coupling = self.coupling._replace(inverse=np.ascontiguousarray(np.linalg.inv(block.toarray())))
 
     def part(self, unknowns: Unknowns) -> GlobalMatrix:
         """Factor the rows of fewer ``unknowns``; the rest is held."""
@@ -131,14 +134,14 @@ class GlobalMatrix:
             return Factorisation.DENSE
         return Factorisation.SCIPY if cholespy is None else Factorisation.CHOLESPY
 
-    def _factor(self):
-        if self._free.shape[0] == 0:
+    def _factor(self, block: sparse.csc_matrix) -> Callable[[NDArray[np.float64], NDArray[np.float64]], None]:
+        if block.shape[0] == 0:
             return lambda right, out: None
         if self.kind is Factorisation.CHOLESPY:
-            entries = self._free.tocoo()
+            entries = block.tocoo()
             indices = entries.row.astype(np.int32), entries.col.astype(np.int32)
-            return cholespy.CholeskySolverD(self._free.shape[0], *indices, entries.data, cholespy.MatrixType.COO).solve
-        factor = splu(self._free, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+            return cholespy.CholeskySolverD(block.shape[0], *indices, entries.data, cholespy.MatrixType.COO).solve
+        factor = splu(block, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
         def solve(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
             out[...] = factor.solve(right)
@@ -162,10 +165,7 @@ class GlobalMatrix:
         for axis in range(3):
             sliding = np.flatnonzero(unknowns.plate_axes[:, axis])
             schur[axis][np.ix_(sliding, sliding)] = np.linalg.inv(complement[np.ix_(sliding, sliding)])
-        inverse = np.zeros((0, 0))
-        if self.kind is Factorisation.DENSE:
-            inverse = np.ascontiguousarray(np.linalg.inv(self._free.toarray()))
-        return Coupling(columns, harmonic, schur, inverse)
+        return Coupling(columns, harmonic, schur, np.zeros((0, 0)))
 
 
 @vector_kernel
