@@ -63,9 +63,7 @@ class Brush:
             materials={"rubber": material},
             cell_material=np.zeros(mesh.n_cells, np.int32),
             handles=(back, *tips),
-            program=None,
             solver=settings or SolverSettings(),
-            source="",
         )
 
     def bent(self, moved: Sequence[int], amount: float) -> Command:

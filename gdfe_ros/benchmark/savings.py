@@ -25,7 +25,7 @@ from gdfe_ros.materials import Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.mesh import bar
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.settings import Skip, SolverSettings
+from gdfe_ros.solver.settings import Skip
 
 BRUSH = Brush()
 STEPS, SETTLING = 60, 10
@@ -181,14 +181,10 @@ def _bar(material: Material, *, plate: float = 0.0) -> Scene:
     tip = Handle("tip", np.flatnonzero(x > 0.4 * (1.0 - plate) - 1e-9).astype(np.int32))
     return Scene(
         name="bar",
-        description="",
         mesh=mesh,
         materials={"one": material},
         cell_material=np.zeros(mesh.n_cells, np.int32),
         handles=(base, tip),
-        program=None,
-        solver=SolverSettings(),
-        source="",
     )
 
 

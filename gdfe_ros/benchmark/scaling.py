@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Third part of the benchmark: twist90_uniform from 500 to 100 000 elements, and over Poisson's ratio.
 
-``python -m gdfe_ros.benchmark.scaling CELLS POISSON`` measures one size in a process of its own and prints JSON.
+``python -m gdfe_ros.benchmark.scaling CELLS POISSON THREADS`` measures one size in this process and prints JSON.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import resource
 import subprocess
@@ -23,9 +24,15 @@ _SCENE = "twist90_uniform"
 _TIMEOUT = 900.0
 
 
-def measure_scaling() -> list[dict[str, Any]]:
-    """Measure every size at nu = 0.45, one thread, one fresh process each."""
-    return [_in_process(cells, 0.45) for cells in SIZES]
+def measure_scaling(threads: int) -> list[dict[str, Any]]:
+    """Measure every size at nu = 0.45 in one thread and in all, one fresh process each."""
+    sizes = []
+    for cells in SIZES:
+        one, all_threads = _in_process(cells, 0.45), _in_process(cells, 0.45, threads)
+        if one["digest"] != all_threads["digest"]:
+            raise PeerError(f"scaling, {cells} cells: {threads} threads give other positions than one")
+        sizes.append({**one, "threads": threads, "time_iteration_threads": all_threads["time_iteration"]})
+    return sizes
 
 
 def measure_ratios() -> list[dict[str, Any]]:
@@ -33,17 +40,18 @@ def measure_ratios() -> list[dict[str, Any]]:
     return [_in_process((40, 10, 10), ratio) for ratio in RATIOS]
 
 
-def _in_process(cells: tuple[int, int, int], poisson: float) -> dict[str, Any]:
-    command = [sys.executable, "-m", "gdfe_ros.benchmark.scaling", ",".join(map(str, cells)), str(poisson)]
+def _in_process(cells: tuple[int, int, int], poisson: float, threads: int = 1) -> dict[str, Any]:
+    options = [",".join(map(str, cells)), str(poisson), str(threads)]
+    command = [sys.executable, "-m", "gdfe_ros.benchmark.scaling", *options]
     process = subprocess.run(
-        command, env=worker_environment(1), capture_output=True, text=True, timeout=_TIMEOUT, check=False
+        command, env=worker_environment(threads), capture_output=True, text=True, timeout=_TIMEOUT, check=False
     )
     if process.returncode != 0:
         raise PeerError(f"scaling, {cells} cells, nu {poisson}: {process.stderr.strip().splitlines()[-1:]}")
     return json.loads(process.stdout)
 
 
-def _measure(cells: list[int], poisson: float) -> dict[str, Any]:
+def _measure(cells: list[int], poisson: float, threads: int) -> dict[str, Any]:
     from gdfe_ros.scene import load_scene
     from gdfe_ros.simulation import Simulation
 
@@ -53,10 +61,11 @@ def _measure(cells: list[int], poisson: float) -> dict[str, Any]:
             "mesh.bar.cells": size,
             f"materials.{material}.poisson": poisson,
             "solver.tolerance": TOLERANCE,
+            "solver.threads": threads,
         }
         return load_scene(_SCENE, overrides=overrides)
 
-    list(Simulation(scene([20, 4, 4])).play())
+    list(Simulation(scene([20, 5, 5])).play())
     start = perf_counter()
     big = scene(cells)
     loaded = perf_counter()
@@ -75,9 +84,11 @@ def _measure(cells: list[int], poisson: float) -> dict[str, Any]:
         "time_iteration": (solved - built) / max(result.iterations, 1),
         "converged": result.converged,
         "factorisation": result.factorisation,
+        "digest": hashlib.sha256(result.positions.tobytes()).hexdigest(),
         "peak_memory": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
     }
 
 
 if __name__ == "__main__":
-    print(json.dumps(_measure([int(count) for count in sys.argv[1].split(",")], float(sys.argv[2]))))
+    size, ratio, number = sys.argv[1:]
+    print(json.dumps(_measure([int(count) for count in size.split(",")], float(ratio), int(number))))

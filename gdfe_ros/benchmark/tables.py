@@ -132,12 +132,15 @@ def stream_table(results: Sequence[PeerResult]) -> str:
 
 def scaling_table(sizes: Iterable[dict[str, Any]]) -> str:
     """Return set-up, iterations and memory over the number of elements."""
+    sizes = list(sizes)
     rows = [
         (str(size["elements"]), f"{size['time_setup']:.2f}", f"{size['time_solve']:.2f}", str(size["iterations"]),
-         f"{1e3 * size['time_iteration']:.2f}", f"{size['peak_memory'] / 1e6:.0f}")
+         f"{1e3 * size['time_iteration']:.2f}", f"{1e3 * size['time_iteration_threads']:.2f}",
+         f"{size['peak_memory'] / 1e6:.0f}")
         for size in sizes
     ]  # fmt: skip
-    heads = ("elements", "set-up [s]", "solve [s]", "iterations", "one iteration [ms]", "peak memory [MB]")
+    heads = ("elements", "set-up [s]", "solve [s]", "iterations", "one iteration [ms]",
+             f"with {sizes[0]['threads']} threads [ms]", "peak memory [MB]")  # fmt: skip
     return markdown_table(heads, rows)
 
 

@@ -18,7 +18,7 @@ from gdfe_ros.scene.program import Program
 from gdfe_ros.solver.settings import SolverSettings
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
     """A body, its materials, what holds and moves it, and how to solve it. SI units.
 
@@ -31,7 +31,8 @@ class Scene:
         handles: in the order of the file.
         program: what `gdfe solve` plays; None if the scene has none.
         solver: settings.
-        source: YAML text that rebuilds this very scene without any other file, overrides included.
+        source: YAML text that rebuilds this very scene without any other file, overrides included; empty for a scene
+            that was made in Python.
         path: file that it came from; None for text.
         actuators: cables, chambers and growths, in the order of the file.
         loads: dead loads, in the order of the file.
@@ -39,14 +40,14 @@ class Scene:
     """
 
     name: str
-    description: str
+    description: str = ""
     mesh: HexMesh
     materials: Mapping[str, Material]
     cell_material: NDArray[np.int32]
     handles: tuple[Handle, ...]
-    program: Program | None
-    solver: SolverSettings
-    source: str
+    program: Program | None = None
+    solver: SolverSettings = field(default_factory=SolverSettings)
+    source: str = ""
     path: Path | None = None
     actuators: tuple[Actuator, ...] = ()
     loads: tuple[Load, ...] = ()

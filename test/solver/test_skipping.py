@@ -33,14 +33,11 @@ def scene(material: Material, settings: SolverSettings) -> Scene:
     tip = Handle("tip", np.flatnonzero(x > 0.3 - 2.5 * 0.3 / 9).astype(np.int32))
     return Scene(
         name="skipping",
-        description="",
         mesh=MESH,
         materials={"one": material},
         cell_material=np.zeros(MESH.n_cells, np.int32),
         handles=(base, tip),
-        program=None,
         solver=settings,
-        source="",
     )
 
 

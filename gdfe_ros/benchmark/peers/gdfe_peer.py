@@ -8,6 +8,7 @@ from functools import lru_cache
 from time import perf_counter
 from typing import Any
 
+import numba
 import numpy as np
 
 from gdfe_ros import __version__
@@ -122,6 +123,7 @@ def _scene(name: str, variant: Variant) -> Scene:
         "mesh.bar.cells": list(variant.cells),
         "solver.policy": variant.options["policy"],
         "solver.tolerance": variant.options["tolerance"],
+        "solver.threads": numba.config.NUMBA_NUM_THREADS,
     }
     return load_scene(name, overrides=overrides)
 
@@ -129,6 +131,5 @@ def _scene(name: str, variant: Variant) -> Scene:
 @lru_cache
 def _compile(name: str, policy: str) -> None:
     """Compile both solution paths: the explicit inverse of small meshes and the library's factor."""
-    for cells in ((10, 1, 1), (20, 4, 4)):
-        overrides = {"mesh.bar.cells": list(cells), "solver.policy": policy}
-        list(Simulation(load_scene(name, overrides=overrides)).play(2))
+    for cells in ((10, 1, 1), (20, 5, 4)):
+        list(Simulation(_scene(name, _variant(cells, Policy(policy), 1e-4))).play(2))

@@ -68,14 +68,11 @@ def make_scene(
         handles = [Handle("base", face(mesh, "x-"), fixed=True), Handle("tip", face(mesh, "x+"))]
     return Scene(
         name="torture",
-        description="",
         mesh=mesh,
         materials={f"m{i}": item for i, item in enumerate(materials)},
         cell_material=np.zeros(mesh.n_cells, np.int32) if cell_material is None else cell_material,
         handles=tuple(handles),
-        program=None,
         solver=SolverSettings(policy=policy, tolerance=tolerance, max_iterations=max_iterations),
-        source="",
         actuators=tuple(actuators),
         loads=tuple(loads),
     )
