@@ -155,9 +155,10 @@ class SimNode(LifecycleNode):
             self.trigger_deactivate()
 
     def _report(self) -> None:
-        if self._session is not None:
-            self._session.strays.look()
-        self._diagnostics.publish(self._session, self.lifecycle_state, self._problem)
+        session = self._session  # `close` may come from another thread
+        if session is not None:
+            session.strays.look()
+        self._diagnostics.publish(session, self.lifecycle_state, self._problem)
 
 
 def main(args: list[str] | None = None) -> int:
