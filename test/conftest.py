@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import socket
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -15,16 +16,36 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
+
+# How long an example takes says nothing on a machine that others use, too.
+settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("busy")
+_LOCKS: list[socket.socket] = []
 
 
 def _domain() -> str:
     """Choose a ROS domain from 1 to 100 (above 101, ports collide with those that Linux gives out).
 
-    It differs between the workers of one run, and most likely between runs at the same time.
+    It differs between the workers of one run, and between runs at the same time on this machine.
     """
     run = os.environ.get("PYTEST_XDIST_TESTRUNUID", str(os.getpid()))
     worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    return str(1 + (zlib.crc32(run.encode()) + worker) % 100)
+    first = zlib.crc32(run.encode()) + worker
+    domains = [1 + (first + k) % 100 for k in range(100)]
+    return str(next(filter(_lock, domains), domains[0]))
+
+
+def _lock(domain: int) -> bool:
+    """Take a domain for as long as this process lives: by an abstract socket, which has the network's scope (Linux)."""
+    lock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        lock.bind(f"\0gdfe_ros_test_domain_{domain}")
+    except OSError:
+        lock.close()
+        return False
+    _LOCKS.append(lock)
+    return True
 
 
 os.environ.update(

@@ -406,7 +406,7 @@ def test_two_processes_and_thread_counts_give_the_same_bits() -> None:
         environment = {**os.environ, **counts, "PYTHONPATH": home}
         command = [sys.executable, "-c", PROGRAM]
         running.append(subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True))
-    outputs = [process.communicate(timeout=120)[0] for process in running]
+    outputs = [process.communicate(timeout=600)[0] for process in running]
     assert [process.returncode for process in running] == [0, 0]
     assert outputs[0] == outputs[1]
     assert len(outputs[0].splitlines()) == 2

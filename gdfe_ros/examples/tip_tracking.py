@@ -45,13 +45,12 @@ class TipTracking(Node):
         self._gain = float(self.declare_parameter("gain", 1.0).value)
         self.errors: list[float] = []
         self._scene = self._tracker = self._goal = self._start = None
-        self._pending: PoseStamped | None = None
-        self._asked = False
+        self._heard = self._asked = False
         self._commands = self.create_publisher(Float64MultiArray, f"{name}/commands", 10)
         self._jacobian = self.create_client(Trigger, f"{name}/compute_jacobian")
         self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
         self.create_subscription(Float64MultiArray, f"{name}/jacobian", self._take_jacobian, _LATCHED)
-        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, 10)
+        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _LATCHED)
         self.create_timer(0.2, self._ask)
 
     def close(self) -> None:
@@ -61,8 +60,8 @@ class TipTracking(Node):
             self.get_logger().info(f"{len(self.errors)} steps, farthest from the goal {worst:.3f} mm of {radius:g} mm")
 
     def _ask(self) -> None:
-        """Ask for the Jacobian once all is connected."""
-        ready = self._scene is not None and self._jacobian.service_is_ready()
+        """Ask for the Jacobian once all is connected: who has heard a pose is known to the simulation."""
+        ready = self._scene is not None and self._heard and self._jacobian.service_is_ready()
         if ready and not self._asked and self._commands.get_subscription_count():
             self._asked = True
             self._jacobian.call_async(Trigger.Request()).add_done_callback(self._answered)
@@ -77,7 +76,7 @@ class TipTracking(Node):
         self._scene = scene_from_text(message.data)
 
     def _take_jacobian(self, message: Float64MultiArray) -> None:
-        if self._tracker is not None:
+        if self._tracker is not None or not self._asked:  # a latched one was not asked for by this node
             return
         actuators = self._scene.actuators
         shape = [dimension.size for dimension in message.layout.dim]
@@ -90,13 +89,11 @@ class TipTracking(Node):
             axes=(1, 2),
             gain=self._gain,
         )
-        if self._pending is not None:
-            self._take_pose(self._pending)
-        else:  # nothing was published since this node listens: ask for a step by repeating the neutral command
-            self._commands.publish(Float64MultiArray(data=[0.0] * len(actuators)))
+        # The pose that was heard may be old: ask for a step by repeating the neutral command.
+        self._commands.publish(Float64MultiArray(data=[0.0] * len(actuators)))
 
     def _take_pose(self, message: PoseStamped) -> None:
-        self._pending = message
+        self._heard = True
         if self._tracker is None:
             return
         position, stamp = message.pose.position, message.header.stamp

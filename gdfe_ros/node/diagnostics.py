@@ -37,6 +37,8 @@ class Diagnostics:
             state: of the lifecycle.
             problem: why configuring, activating or stepping failed last; empty: nothing did.
         """
+        # Before anything is read: who waits for a later stamp than now reads nothing that is older.
+        now = self._node.get_clock().now()
         values: dict[str, object] = {"state": state}
         level, message = DiagnosticStatus.OK, state
         before = self._mark
@@ -55,7 +57,6 @@ class Diagnostics:
             hardware_id=session.scene.name if session else "",
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
-        now = self._node.get_clock().now()
         array = DiagnosticArray(status=[status])
         array.header.stamp = now.to_msg()
         self._channel.send(array, now.nanoseconds)
@@ -95,7 +96,8 @@ class _Mark:
     def of(cls, session: Session) -> _Mark:
         stepper, courier = session.stepper, session.courier
         other = stepper.spent - stepper.solving + (courier.spent if courier else 0.0)
-        overruns = session.pace.overruns if session.pace else 0
+        pace = session.pace
+        overruns = pace.overruns if pace else 0
         return cls(time.monotonic(), session.simulation.time, stepper.count, stepper.solving, other, overruns)
 
 

@@ -48,6 +48,8 @@ class SimNode(LifecycleNode):
         # Steady: with use_sim_time the ROS clock may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
+        # A timer, not a task: its callback waits for a transition in progress, with several threads, too.
+        self._alarm = self.create_timer(0.0, self._stop_after_failure, clock=self._steady, autostart=False)
         self._starter = None
         if self._settings["autostart"]:
             self._starter = self.create_timer(0.0, self._autostart, clock=self._steady)
@@ -116,6 +118,7 @@ class SimNode(LifecycleNode):
 
     def _attempt(self, name: str, action: Callable[[], None]) -> TransitionCallbackReturn:
         """Carry out a transition; rclpy swallows exceptions, so they are logged here."""
+        self._problem = ""  # and not in the end: a thread that is started here may fail at once
         try:
             action()
         except GdfeError as error:
@@ -126,7 +129,6 @@ class SimNode(LifecycleNode):
             self._problem = f"{name} failed: {error!r}"
             self.get_logger().error(f"{self._problem}\n{traceback.format_exc()}")
             return TransitionCallbackReturn.ERROR
-        self._problem = ""
         return TransitionCallbackReturn.SUCCESS
 
     def _autostart(self) -> None:
@@ -147,17 +149,18 @@ class SimNode(LifecycleNode):
         self._problem = f"stepping failed: {error!r}"
         text = "".join(traceback.format_exception(error))
         self.get_logger().error(f"{self._problem}\n{text}")
-        if self.executor is not None:
-            self.executor.create_task(self._stop_after_failure)
+        self._alarm.reset()
 
     def _stop_after_failure(self) -> None:
+        self._alarm.cancel()
         if self.lifecycle_state == "active":
             self.trigger_deactivate()
 
     def _report(self) -> None:
-        if self._session is not None:
-            self._session.strays.look()
-        self._diagnostics.publish(self._session, self.lifecycle_state, self._problem)
+        session = self._session  # `close` may come from another thread
+        if session is not None:
+            session.strays.look()
+        self._diagnostics.publish(session, self.lifecycle_state, self._problem)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -25,8 +25,8 @@ from gdfe_ros.testing.consumed import ACTUATION, Consumed
 from gdfe_ros.testing.link import Link
 from gdfe_ros.testing.process import NodeProcess
 
-PATIENCE = 60.0
-"""Longest wait for anything but a step [s]; the first start of all compiles."""
+PATIENCE = 300.0
+"""Longest wait for anything but a step [s]; the first start of all compiles: minutes on a busy machine."""
 _SLOWER = 20.0
 """How many times slower than the recorded one a step may be."""
 _NO_CUT = -1

@@ -30,7 +30,7 @@ from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing.client import STATE_QOS, Client
 from gdfe_ros.testing.process import NodeProcess
-from gdfe_ros.testing.state import State, state_topics, unpack
+from gdfe_ros.testing.state import Moment, State, moment_of, state_topics, unpack
 
 _PRESENT = (Mode.LENGTH, Mode.VOLUME)
 """Modes whose neutral command is the present value; that of the others is zero."""
@@ -156,7 +156,7 @@ class Simulator:
         self.state: State | None = None
         self._listeners: list[Callable[[State], Any]] = []
         topics = state_topics(self.scene)
-        self._arrived: dict[str, deque[Any]] = {topic: deque() for topic in topics}
+        self._arrived: dict[str, deque[tuple[Moment, Any]]] = {topic: deque() for topic in topics}
         for topic, kind in topics.items():
             callback = partial(self._receive, topic)
             self._node.create_subscription(interface_class(kind), f"{self.name}/{topic}", callback, STATE_QOS)
@@ -195,8 +195,22 @@ class Simulator:
 
     def _receive(self, topic: str, message: Any) -> None:
         """Collect one message of each topic: every step publishes them all."""
-        self._arrived[topic].append(message)
-        if all(self._arrived.values()):
-            self.state = unpack(self.scene, {topic: queue.popleft() for topic, queue in self._arrived.items()})
+        self._arrived[topic].append((moment_of(message), message))
+        while (messages := self._whole_step()) is not None:
+            self.state = unpack(self.scene, messages)
             for listener in self._listeners:
                 listener(self.state)
+
+    def _whole_step(self) -> dict[str, Any] | None:
+        """Take the first step that every topic has told of.
+
+        Those before it are dropped: under the wall clock, a topic may lose a step to a slow subscriber.
+        """
+        first, *others = ([moment for moment, _ in queue] for queue in self._arrived.values())
+        moment = next((moment for moment in first if all(moment in other for other in others)), None)
+        if moment is None:
+            return None
+        for queue in self._arrived.values():
+            while queue[0][0] != moment:
+                queue.popleft()
+        return {topic: queue.popleft()[1] for topic, queue in self._arrived.items()}

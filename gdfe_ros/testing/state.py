@@ -14,8 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import interface
+from gdfe_ros.node.messages import stamp
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.scene.scene import Scene
+
+Moment = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +61,12 @@ def state_topics(scene: Scene) -> dict[str, str]:
     if scene.actuators:
         topics[_key(interface.JOINT_STATES)] = interface.JOINT_STATES.type
     return topics
+
+
+def moment_of(message: Any) -> Moment:
+    """Give the simulation time that a message of ``state_topics`` is of, in seconds and nanoseconds."""
+    given = message.header.stamp if hasattr(message, "header") else stamp(StepRecord.from_json(message.data).time)
+    return given.sec, given.nanosec
 
 
 def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:

@@ -123,7 +123,7 @@ def test_one_flipped_bit_is_found(make_bag: Callable[..., Path]) -> None:
 
 
 def test_every_bag_of_the_repository_replays(kept_bags: dict[Path, float]) -> None:
-    """Replay bags/ as CI does: within the factor that their README states, and faster than real time."""
+    """Replay bags/ as CI does: within the factor that their README states, in less processor time than real time."""
     bags = list(kept_bags)
     assert {"bend5", "twist90", "tensile", "bend5_wall"} <= {
         bag.name for bag, factor in kept_bags.items() if factor <= 10
@@ -134,9 +134,9 @@ def test_every_bag_of_the_repository_replays(kept_bags: dict[Path, float]) -> No
     for bag in bags:
         run = BagRun(bag)
         assert run.scene.solver.tolerance == 1e-8
-        started = time.perf_counter()
+        started = time.process_time()
         report = Replay(run).run()
-        elapsed = time.perf_counter() - started
+        elapsed = time.process_time() - started
         verdict = report.differences.verdict(kept_bags[bag])
         print(f"{bag.name}: {verdict.value}, {elapsed:.2f} s for {report.duration:.2f} s")
         assert verdict is not Verdict.DIFFERENT, (bag.name, report.differences.factor_needed())

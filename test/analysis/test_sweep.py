@@ -5,17 +5,23 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet
 import pytest
 
+from gdfe_ros.analysis.sweep import runner
 from gdfe_ros.analysis.sweep.cases import Case, grid_cases, read_axes, read_list
 from gdfe_ros.analysis.sweep.runner import connect, run_cases
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
+
+NOBODY = 2**31 - 1
+"""No process has this number."""
 
 
 def test_a_grid_is_every_combination() -> None:
@@ -80,3 +86,33 @@ def test_a_killed_worker_costs_no_case(workers: int) -> None:
         done += results
     assert sorted(case.name for case, _ in done) == sorted(case.name for case in cases)
     assert {result["status"] for _, result in done} == {"converged"}
+
+
+def test_a_sweep_without_workers_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have no worker at all, as when none can be started again: an error instead of a wait without end."""
+    monkeypatch.setattr(runner, "PATIENCE", 2.0)
+    scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
+    with connect(None, 0) as client, pytest.raises(GdfeError, match="no worker has lived for 2 s"):
+        list(run_cases(client, scene, grid_cases({"solver.steps": [1, 2]})))
+
+
+@pytest.mark.slow
+def test_workers_that_take_long_to_come_back_are_waited_for() -> None:
+    """Kill every worker as it starts for 20 s, longer than dask waits for a lost one: then every case is done."""
+    scene = load_scene("bend5", overrides={"mesh.bar.cells": [20, 2, 2]}).source
+    cases, over = grid_cases({"materials.e20.young": [1e4 + 100.0 * k for k in range(20)]}), threading.Event()
+
+    def kill() -> None:
+        while not over.wait(0.05):
+            for nanny in list(client.cluster.workers.values()):
+                with suppress(ProcessLookupError):
+                    os.kill(nanny.pid or NOBODY, signal.SIGKILL)
+
+    with connect(None, 2) as client:
+        thread = threading.Thread(target=kill)
+        thread.start()
+        threading.Timer(20.0, over.set).start()
+        done = list(run_cases(client, scene, cases))
+        thread.join()
+    assert {result["status"] for _, result in done} == {"converged"}
+    assert len(done) == len(cases)

@@ -20,7 +20,7 @@ from gdfe_ros.testing.bench.lockstep import Lockstep
 LATENCY = Latency(1250, 300, 2.0, 4.0, 1.5, 3.0)
 BARE = Cost(1250, False, False, 2.2, 2.0, 1.9, 0.2, {"gdfe-courier": 0.04, "python": 0.01})
 FULL = Cost(1250, True, True, 2.4, 2.1, 1.9, 0.3, {"gdfe-courier": 0.5})
-IDLE = Idleness("wall, paused", 20.0, 0.002, 0)
+IDLE = Idleness("wall, paused", 20.0, 0.002, 0, 20.0)
 STEPS = Lockstep(5000, 5000, 10.0)
 FLOOD = Flood("plates", 1000, 1000, {"stale": 1000}, 0.5, True, 0.0, 1000, 0)
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -45,6 +46,9 @@ _OUTPUTS = {
 
 class Client:
     """Subscribes to every output of a node and keeps all that arrives, by topic.
+
+    Topics keep no order among each other, and steps that come faster than this process reads them may be lost: the node
+    keeps the last ten of a topic. What must be complete is read from a bag.
 
     Attributes:
         received: messages by the topic's name without the node's.
@@ -87,11 +91,16 @@ class Client:
         self.publish(f"handles/{handle}/target", message)
 
     def publish(self, topic: str, message: Any) -> None:
-        """Publish on a topic of the node; the first time waits until the node is active and listens."""
+        """Publish on a topic of the node; the first time waits until the node is active, listens, and knows this one.
+
+        /diagnostics was subscribed to last: who hears it is known with all its subscriptions (``await_discovery``).
+        Before, the node might make a step for those that it knows already, and the others would wait for it in vain.
+        """
         if topic not in self._publishers:
             publisher = self.node.create_publisher(type(message), self.full(topic), 1000)
             self._publishers[topic] = publisher
-            self.wait(lambda: publisher.get_subscription_count() and self.received["mesh"])
+            known = (self.received["mesh"], self.received["/diagnostics"])
+            self.wait(lambda: publisher.get_subscription_count() and all(known))
         self._publishers[topic].publish(message)
 
     def call(self, kind: type, service: str, request: Any) -> Any:
@@ -129,7 +138,7 @@ class Client:
         return [np.frombuffer(message.data, "<f4").reshape(-1, 6) for message in self.received["mesh"]]
 
     def wait_steps(self, count: int) -> None:
-        """Spin until records and meshes of ``count`` steps arrived: topics keep no order among each other."""
+        """Spin until records and meshes of ``count`` steps arrived."""
         self.wait(lambda: len(self.received["step_record"]) >= count and len(self.received["mesh"]) >= count)
 
     def wait_taken(self, count: int) -> None:
@@ -142,12 +151,20 @@ class Client:
         return self.wait(found)[-1]
 
     def diagnostics(self) -> dict[str, str]:
-        """Wait for the next diagnostics and give their values, with level and message."""
-        count = len(self.received["/diagnostics"])
-        self.wait(lambda: len(self.received["/diagnostics"]) > count)
-        status = self.received["/diagnostics"][-1].status[0]
+        """Wait for diagnostics of a moment after the call and give their values, with level and message.
+
+        The next ones to arrive may be older than what this process has seen already.
+        """
+        called, received = time.time_ns(), self.received["/diagnostics"]
+        self.wait(lambda: received and to_nanoseconds(received[-1].header.stamp) > called)
+        status = received[-1].status[0]
         values = {value.key: value.value for value in status.values}
         return {**values, "message": status.message, "level": str(status.level[0])}
+
+
+def to_nanoseconds(stamp: Time) -> int:
+    """Give a stamp as a whole number."""
+    return stamp.sec * 10**9 + stamp.nanosec
 
 
 @pytest.fixture

@@ -57,6 +57,7 @@ def test_actuators_are_commanded_by_name_and_over_time(
     ]
     client.publish("trajectory", JointTrajectory(joint_names=["flexor"], points=points))
     client.wait(lambda: int(client.diagnostics()["steps"]) >= 22)
+    client.wait(lambda: int(client.diagnostics()["commands refused"]) >= 2)
     values = client.diagnostics()
     assert (values["refused: out of range"], values["refused: wrong size"]) == ("1", "1")
     process.stop()

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import rclpy
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
@@ -17,6 +19,7 @@ from gdfe_ros.errors import CommandError
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.sim_node import SimNode
+from gdfe_ros.node.stepper import Stepper
 from gdfe_ros.recording.reader import BagReader
 
 PARAMETERS = {"scene_overrides": ["mesh.bar.cells=[8, 2, 2]"], "clock": "lockstep", "record": True}
@@ -25,12 +28,12 @@ PARAMETERS = {"scene_overrides": ["mesh.bar.cells=[8, 2, 2]"], "clock": "lockste
 class _Robot:
     """A node in this process."""
 
-    def __init__(self, **parameters: Any) -> None:
+    def __init__(self, make: Callable[..., Any] = make_executor, **parameters: Any) -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         overrides = [Parameter(name, value=value) for name, value in {**PARAMETERS, **parameters}.items()]
         self.node = SimNode(context=self.context, parameter_overrides=overrides)
-        self.executor = make_executor(self.context)
+        self.executor = make(context=self.context)
         self.executor.add_node(self.node)
 
     def wait(self, done: Callable[[], Any]) -> None:
@@ -52,6 +55,29 @@ class _Robot:
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
+
+
+@pytest.mark.parametrize("make", [make_executor, MultiThreadedExecutor], ids=["events", "threads"])
+def test_a_failure_while_the_node_becomes_active_is_not_forgotten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[..., Any]
+) -> None:
+    """Let the very first step raise before the transition is over: the node is unconfigured and says why."""
+
+    def broken(*_: Any, **__: Any) -> None:
+        raise ZeroDivisionError("broken on purpose")
+
+    start = Stepper.start
+
+    def start_and_wait(stepper: Stepper, *given: Any) -> None:
+        monkeypatch.setattr(stepper._simulation, "step", broken)
+        start(stepper, *given)
+        stepper._thread.join()
+
+    monkeypatch.setattr(Stepper, "start", start_and_wait)
+    robot = _Robot(make, bag_path=str(tmp_path / "bag"))
+    robot.wait(lambda: robot.node._problem and robot.node.lifecycle_state == "unconfigured")
+    assert "broken on purpose" in robot.node._problem
+    robot.close()
 
 
 def test_a_failing_solver_leads_to_error_processing(tmp_path: Path) -> None:

@@ -58,5 +58,5 @@ def test_wild_commands_at_a_thousand_a_second_leave_finite_meshes(client: Any, s
     assert client.call(Trigger, "reset", Trigger.Request()).success
     client.target(0.05)
     client.wait(lambda: client.meshes()[-1][:, 5].max() == pytest.approx(0.05, abs=1e-6))
-    assert client.diagnostics()["converged"] == "True"
+    client.wait(lambda: client.diagnostics()["converged"] == "True")  # the deadline may cut the step; others follow
     assert all(np.isfinite(mesh).all() for mesh in client.meshes())

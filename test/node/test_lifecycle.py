@@ -7,6 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from gdfe_ros.node.messages import stamp
 from gdfe_ros.scene import scene_names
 
 DEFECTS = """
@@ -79,10 +82,11 @@ def test_the_state_outlives_deactivate_but_not_cleanup(client: Any, start: Calla
     client.target(0.1)
     client.wait(lambda: client.meshes() and client.meshes()[-1][:, 5].max() > 0.09)
     assert client.transition("deactivate")
-    client.received["mesh"].clear()
+    made = int(client.diagnostics()["steps"])
     assert client.transition("activate")
-    client.wait(lambda: client.meshes())
-    assert client.meshes()[-1][:, 5].max() > 0.09
+    client.wait(lambda: client.records()[-1].step >= made)
+    lifted = stamp(client.records()[-1].time)
+    assert np.frombuffer(client.arrived("mesh", lifted).data, "<f4").reshape(-1, 6)[:, 5].max() > 0.09
     assert all(client.transition(label) for label in ("deactivate", "cleanup", "configure"))
     client.received["mesh"].clear()
     assert client.transition("activate")

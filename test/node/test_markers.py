@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable
 from typing import Any
@@ -58,11 +59,11 @@ def test_markers_are_throttled(client: Any, start: Callable, coarse: dict) -> No
     client.node.create_subscription(Marker, client.full("markers"), markers.append, 10)
     begin = time.monotonic()
     client.target(0.001)
-    while len(markers) < 3:
-        client.target(1e-4 * (len(client.records()) % 100))
-        client.wait_steps(len(client.records()) + 1)
-    elapsed, steps = time.monotonic() - begin, len(client.records())
-    assert len(markers) <= 2.0 * elapsed + 2
-    assert steps > 3 * len(markers)
+    for step in itertools.count(2):
+        client.wait_steps(step)
+        if step > 50 and len(markers) >= 3:
+            break
+        client.target(1e-4 * (step % 100))
+    assert len(markers) <= 2.0 * (time.monotonic() - begin) + 2
     assert len(markers[-1].points) == 6 * (4 * 2 * 20 + 2 * 4)
     assert client.set(marker_field="strength")[0].reason.startswith("parameter marker_field is 'strength'; allowed")

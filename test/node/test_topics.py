@@ -62,29 +62,34 @@ def test_a_signal_leaves_a_whole_bag_that_others_read(
     client.wait_taken(10)
     client.wait(lambda: client.meshes()[-1][:, 5].max() > 0.0999)
     assert process.stop(number) == 0, process.log
-    live = [bytes(message.data) for message in client.received["mesh"]]
+    live = [_stamped(message) for message in client.received["mesh"]]
     with AnyReader([tmp_path / "bag"]) as reader:
         chosen = [c for c in reader.connections if c.topic == "/gdfe_sim/mesh"]
-        rosbags = [bytes(reader.deserialize(raw, c.msgtype).data) for c, _, raw in reader.messages(chosen)]
+        rosbags = [_stamped(reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages(chosen)]
     with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         decoded = reader.iter_decoded_messages("/gdfe_sim/mesh", log_time_order=False)
-        mcap = [bytes(message.data) for _, _, _, message in decoded]
+        mcap = [_stamped(message) for _, _, _, message in decoded]
     assert rosbags == mcap
-    begin = rosbags.index(live[0])
-    assert rosbags[begin : begin + len(live)] == live
+    # Not all that was published arrives where the process is slow to read; what does is in the bag, in this order.
+    places = [rosbags.index(message) for message in live]
+    assert places == sorted(set(places))
     counts = BagReader(tmp_path / "bag").counts
     assert counts["/gdfe_sim/handles/tip/target"] == 10
     assert counts["/gdfe_sim/topology"] == counts["/gdfe_sim/scene"] == 1
+
+
+def _stamped(message: Any) -> tuple[int, int, bytes]:
+    return message.header.stamp.sec, message.header.stamp.nanosec, bytes(message.data)
 
 
 def test_a_bag_of_the_wall_clock_replays_to_the_bit(client: Any, start: Callable, coarse: dict, tmp_path: Path) -> None:
     """Feed the step records of a bag to a simulation of the bag's scene: every mesh is the same, bit for bit."""
     process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
     for z in np.linspace(0.01, 0.1, 10):
-        before = len(client.records())
         client.target(z, turn=(0, -z, 0))
-        client.wait(lambda before=before: len(client.records()) > before)
+        # A step without a command may be made in between: only that with this one will do.
+        client.wait(lambda z=z: any(r.handles and r.handles["tip"].translation[2] == z for r in client.records()))
     process.stop()
     with AnyReader([tmp_path / "bag"]) as reader:
         messages = [(c.topic, reader.deserialize(raw, c.msgtype)) for c, _, raw in reader.messages()]

@@ -57,7 +57,7 @@ def run() -> Callable[..., str]:
             env=inherited | environment,
             capture_output=True,
             text=True,
-            timeout=150,
+            timeout=900,  # a registry and a machine may be slow
             check=False,
         )
         assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"

@@ -23,7 +23,7 @@ from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import NodeProcess, Simulator
 from gdfe_ros.testing.link import Link
-from gdfe_ros.testing.node_replay import NodeReplay
+from gdfe_ros.testing.node_replay import PATIENCE, NodeReplay
 
 COARSE = {"mesh.bar.cells": "[20, 2, 2]", "solver.tolerance": "1e-8"}
 
@@ -63,23 +63,26 @@ def test_a_bag_begun_in_the_middle_replays(tmp_path: Path) -> None:
     parameters = {"scene": "bend5", "scene_overrides": overrides, "clock": "lockstep", "autostart": False}
     with (
         NodeProcess({**parameters, "velocity_timeout": 0.02}, namespace="/begun") as process,
-        Link(process, name, topics, patience=60.0) as link,
+        Link(process, name, topics, patience=PATIENCE) as link,
     ):
         link.wait_for_services()
         link.transition("configure")
         link.wait_for_listener()
-        link.transition("activate")
+        _activate(link)
         _command(link, "handles/tip/target", _turned(0.03))
         link.transition("deactivate")
         link.set(record=True, bag_path=str(tmp_path / "bag"))
-        link.transition("activate")
+        _activate(link)
         velocity = TwistStamped()
         velocity.twist.linear.z, velocity.twist.angular.y = 0.4, 1.1
         _command(link, "handles/tip/velocity", velocity)
+        made = link.step
         for dt in (0.01, 0.004, 0.004, 0.03, 0.03):
             link.set(dt=dt)
             link.trigger("step")
+        link.wait_for_step(made + 5)
         link.trigger("reset")
+        link.wait_for_step(made + 6)
         _command(link, "handles/tip/target", _turned(0.05))
         assert process.stop() == 0
     records = _assert_identical(tmp_path / "bag").records
@@ -96,12 +99,12 @@ def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path) -> None:
     parameters = {"scene": "tendon_finger", "clock": "lockstep", "autostart": False, "record": True}
     with (
         NodeProcess({**parameters, "bag_path": str(bag)}, namespace="/pulled") as process,
-        Link(process, name, {"actuation": JointState}, patience=60.0) as link,
+        Link(process, name, {"actuation": JointState}, patience=PATIENCE) as link,
     ):
         link.wait_for_services()
         link.transition("configure")
         link.wait_for_listener()
-        link.transition("activate")
+        _activate(link)
         for cable, tension in (("flexor", 0.3), ("extensor", 0.2), ("flexor", 0.0)):
             _command(link, "actuation", JointState(name=[cable], position=[float("nan")], effort=[tension]))
         assert process.stop() == 0
@@ -109,8 +112,15 @@ def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path) -> None:
     assert [len(record.actuators) for record in records] == [0, 1, 1, 1]
 
 
+def _activate(link: Link) -> None:
+    """Activate, and wait for the state that is published then: later, it would pass for a commanded step."""
+    count = link.step + 1
+    link.transition("activate")
+    link.wait_for_step(count)
+
+
 def _command(link: Link, topic: str, message: Any) -> None:
     """Publish and wait for the step that consumes it."""
     count = link.step + 1
     link.publish({topic: message})
-    link.wait(lambda: link.step >= count, "the step")
+    link.wait_for_step(count)

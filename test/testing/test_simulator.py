@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.constraints import Pose
@@ -19,6 +20,7 @@ from gdfe_ros.testing import Simulator, State, tracking_error
 
 COARSE = {"mesh.bar.cells": [20, 2, 2]}
 GOAL = 0.1
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def _controller(state: State) -> Command:
@@ -48,15 +50,22 @@ class _Follower(Node):
     def __init__(self, simulator: Simulator) -> None:
         super().__init__("follower", context=simulator.context)
         self.step = 0
+        self._known = False
         self._publisher = self.create_publisher(PoseStamped, f"{simulator.name}/handles/tip/target", 10)
-        self.create_subscription(PointCloud2, f"{simulator.name}/mesh", self._follow, 10)
-        self.create_timer(0.5, self._begin)
+        self.create_subscription(PointCloud2, f"{simulator.name}/mesh", self._take, LATCHED)
+        self.create_timer(0.1, self._begin)
 
     def _begin(self) -> None:
-        if self.step == 0 and self._publisher.get_subscription_count():
-            self._follow(None)
+        if self._known and self.step == 0 and self._publisher.get_subscription_count():
+            self._follow()
 
-    def _follow(self, _: Any) -> None:
+    def _take(self, _: Any) -> None:
+        """Follow every mesh but the first, the resting one: who hears it is known to the simulation."""
+        if self._known:
+            self._follow()
+        self._known = True
+
+    def _follow(self) -> None:
         self.step += 1
         message = PoseStamped()
         message.pose.position.z = 1e-3 * self.step

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
@@ -13,12 +14,18 @@ from distributed import Client, Future, LocalCluster, as_completed
 
 from gdfe_ros.analysis.sweep.case_run import Result, run_cases_in_turn
 from gdfe_ros.analysis.sweep.cases import Case
+from gdfe_ros.errors import GdfeError
 
 TASK_SECONDS = 1.0
 """How long a task should take [s]: short cases are put together, as every task costs the scheduler some milliseconds,
 which it takes from the workers on a machine where they have all cores."""
 _SHARE = 4
 """The last cases are cut into so many tasks for each thread, so that all threads end at the same time."""
+PATIENCE = 600.0
+"""Longest time without a worker on this machine [s]; a user's own scheduler may be waited for without end."""
+_POLL = 0.02
+_LOOK = 1.0
+"""Interval at which workers are looked for while no task is done [s]."""
 _SETTINGS = {
     # Solves run in one thread each; dask's profiler would stop them every 10 ms.
     "distributed.nanny.pre-spawn-environ": {
@@ -29,6 +36,9 @@ _SETTINGS = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.worker.memory.monitor-interval": "1s",
+    # A dead worker is started again, which may take long on a busy machine. By default the cluster gives up after 15 s,
+    # closes for good what would have started it, and the sweep waits for ever.
+    "distributed.deploy.lost-worker-timeout": "1d",
 }
 
 
@@ -54,14 +64,35 @@ def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tup
     """Run cases and yield each with its result as it is done.
 
     What goes wrong in a worker, its death included (after four attempts), is the result of that case.
+
+    Raises:
+        GdfeError: the workers on this machine are gone, and none comes back.
     """
     queue = _Queue(client, scene, cases)
     finished = as_completed(queue.refill())
-    for future in finished:
+    for future in _as_done(client, finished):
         done = list(queue.take(future))
         for task in queue.refill():  # before the results are kept: workers do not wait for the disk
             finished.add(task)
         yield from done
+
+
+def _as_done(client: Client, finished: as_completed) -> Iterator[Future]:
+    """Yield tasks as they are done, and look after the workers meanwhile."""
+    looked = seen = time.monotonic()
+    while not finished.is_empty():
+        if finished.has_ready():
+            yield next(finished)
+            seen = time.monotonic()
+            continue
+        time.sleep(_POLL)
+        if (now := time.monotonic()) < looked + _LOOK:
+            continue
+        looked = now
+        if client.cluster is None or client.nthreads():
+            seen = now
+        elif now > seen + PATIENCE:
+            raise GdfeError(f"no worker has lived for {PATIENCE:g} s; the same command goes on from what is done")
 
 
 class _Queue:

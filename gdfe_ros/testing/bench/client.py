@@ -40,6 +40,7 @@ class Client:
         counts: messages received by topic, without the node's name.
         kept: bytes of the topics that are to be kept.
         values: values of the last diagnostics.
+        stamp: of the last diagnostics [ns]; their values were read after it.
         solved: (steps, time spent solving [s]) since the node's start, by its diagnostics.
     """
 
@@ -52,6 +53,7 @@ class Client:
         self.counts = dict.fromkeys((spec.name for spec in topics), 0)
         self.kept: dict[str, list[bytes]] = {spec.name: [] for spec in keep}
         self.values: dict[str, str] = {}
+        self.stamp = 0
         self.solved = (0, 0.0)
         state = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         for spec in topics:
@@ -105,9 +107,12 @@ class Client:
         self._target.publish(target(number))
 
     def next_diagnostics(self) -> dict[str, str]:
-        """Wait for diagnostics of a moment after the call, and return their values."""
-        self.values = {}
-        self.wait(lambda: self.values)
+        """Wait for diagnostics of a moment after the call, and return their values.
+
+        The next ones to arrive may be older: they waited in a queue, or had to be sent again.
+        """
+        called = time.time_ns()
+        self.wait(lambda: self.stamp > called)
         return self.values
 
     def wait_for_steps(self, count: int) -> None:
@@ -134,6 +139,7 @@ class Client:
 
     def _diagnose(self, message: DiagnosticArray) -> None:
         self.values = {value.key: value.value for value in message.status[0].values}
+        self.stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         steps, spent = self.solved
         if "solve time per step [ms]" in self.values:
             now = int(self.values["steps"])

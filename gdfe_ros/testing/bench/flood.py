@@ -20,7 +20,9 @@ from gdfe_ros.testing.process import NodeProcess
 
 _BATCH = 250
 _PAUSE = 0.06
-"""Between two batches [s]: some 3000 commands a second."""
+"""Between two batches [s]: some 3000 commands a second, in bursts of up to ``_AHEAD``."""
+_AHEAD = 1000
+"""Commands that may be under way: what a topic keeps. Beyond, those that a slow node has not read are lost."""
 MOST_GROWTH = 4_000_000
 """Of the resident memory [B] that counts as flat."""
 _COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
@@ -44,7 +46,7 @@ class Flood:
         seconds: of sending.
         finite: whether every mesh held finite numbers only.
         moved: farthest that a vertex was from where it was before [m].
-        memory: growth of the node's resident memory from the first thousand commands to the last [B].
+        memory: growth of the node's resident memory from the first ``_AHEAD`` refusals to the last [B].
         status: exit status of the node after SIGINT.
     """
 
@@ -68,23 +70,29 @@ def measure(scene: str, *, count: int) -> Flood:
         publishers = {topic: client.publisher(topic, kind) for topic, kind in topics.items()}
         client.wait(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()))
         meshes = _Meshes(client)
-        commands, before, started = make(1), 0, time.monotonic()
+        commands, started = make(1), time.monotonic()
+        before = read_memory(node.pid)
         for sent in range(0, count, _BATCH):
+            client.wait(lambda sent=sent: sent + _BATCH - _refused(client) <= _AHEAD)
+            if sent == _AHEAD:
+                before = read_memory(node.pid)
             for _ in range(min(_BATCH, count - sent)):
                 topic, data = next(commands)
                 publishers[topic].publish(data)
             client.poll(_PAUSE)
             meshes.look()
-            if sent <= 4 * _BATCH:
-                before = read_memory(node.pid)
         seconds = time.monotonic() - started
-        client.wait(lambda: int(client.values.get("commands refused", 0)) >= count)
+        client.wait(lambda: _refused(client) >= count)
         values, after = client.next_diagnostics(), read_memory(node.pid)
         meshes.look()
         status = node.stop()
     reasons = {key.removeprefix("refused: "): int(text) for key, text in values.items() if key.startswith("refused: ")}
     refused = int(values["commands refused"])
     return Flood(scene, count, refused, reasons, seconds, meshes.finite, meshes.moved, after - before, status)
+
+
+def _refused(client: Client) -> int:
+    return int(client.values.get("commands refused", 0))
 
 
 class _Meshes:

@@ -34,17 +34,22 @@ class Idleness:
         case: name.
         seconds: measured.
         share: processor time of all its threads over wall time [1].
-        meshes: published in this time.
+        meshes: published in this time: one a step.
+        elapsed: from before the first count of meshes to after the last one [s]; ``seconds`` or more.
     """
 
     case: str
     seconds: float
     share: float
     meshes: int
+    elapsed: float
 
 
 def measure(case: str, *, seconds: float, now: Callable[[], float] = time.monotonic) -> Idleness:
-    """Start a node, have it make ten steps, leave it alone."""
+    """Start a node, have it make ten steps, leave it alone.
+
+    Meshes are counted by the node and not as they arrive: one of before may arrive late.
+    """
     parameters, paused = CASES[case]
     with Client(MESH, STRAIN) as client, NodeProcess(parameters) as node:
         client.wait(lambda: client.values.get("state"))
@@ -55,8 +60,24 @@ def measure(case: str, *, seconds: float, now: Callable[[], float] = time.monoto
             client.wait(lambda: client.counts[MESH.name] and client.values.get("commands taken") == "10")
         if paused:
             client.pause()
-        client.poll(_SETTLE)
-        count, first, started = client.counts[MESH.name], read_processor(node.pid), now()
+        _settle(client)
+        started, count = now(), _steps(client)
+        first = read_processor(node.pid)
         client.poll(seconds)
-        spent, elapsed = read_processor(node.pid).since(first).total, now() - started
-        return Idleness(case, seconds, spent / elapsed, client.counts[MESH.name] - count)
+        spent = read_processor(node.pid).since(first).total
+        meshes = _steps(client) - count
+        elapsed = now() - started
+        return Idleness(case, seconds, spent / elapsed, meshes, elapsed)
+
+
+def _settle(client: Client) -> None:
+    """Wait until no more than a heartbeat a second was to be seen for a while."""
+    count, since = _steps(client), time.monotonic()
+    while time.monotonic() < since + _SETTLE:
+        last, count = count, _steps(client)
+        if count > last + 2:  # two heartbeats may fall between two diagnostics
+            since = time.monotonic()
+
+
+def _steps(client: Client) -> int:
+    return int(client.next_diagnostics().get("steps", 0))

@@ -33,8 +33,11 @@ def read_processor(pid: int) -> Reading:
     """Read the scheduler's account, which counts in nanoseconds; threads that have ended are not in it."""
     threads: dict[str, float] = defaultdict(float)
     for task in Path(f"/proc/{pid}/task").iterdir():
-        name = (task / "comm").read_text(encoding="utf-8").strip()
-        threads[name] += int((task / "schedstat").read_text(encoding="utf-8").split()[0]) * 1e-9
+        try:
+            name = (task / "comm").read_text(encoding="utf-8").strip()
+            threads[name] += int((task / "schedstat").read_text(encoding="utf-8").split()[0]) * 1e-9
+        except (FileNotFoundError, ProcessLookupError):  # it ended since it was listed
+            continue
     return Reading(dict(threads))
 
 

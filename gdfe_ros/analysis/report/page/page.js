@@ -168,13 +168,13 @@ function drawCharts() {
     section.append(heading, plot);
     element("charts").append(section);
   }
-  for (const [place, chart] of charts.entries()) {
+  return Promise.all(charts.map((chart, place) => {
     const layout = {
       margin: { l: 64, r: 12, t: 6, b: 42 }, font: { size: 12 }, hovermode: "closest",
       legend: { orientation: "h", y: 1.12 }, ...chart.layout,
     };
-    Plotly.newPlot(`chart-${place}`, chart.data, layout, { responsive: true, displayModeBar: false });
-  }
+    return Plotly.newPlot(`chart-${place}`, chart.data, layout, { responsive: true, displayModeBar: false });
+  }));
 }
 
 function markMoment(time) {
@@ -197,10 +197,10 @@ async function play() {
 }
 
 function start() {
-  drawCharts();
+  const drawn = drawCharts();
   if (!run.times.length) {
     element("body").innerHTML = "<p>The bag holds no mesh messages.</p>";
-    document.body.dataset.ready = "yes";
+    drawn.then(() => { document.body.dataset.ready = "yes"; });
     return;
   }
   for (const [place, field] of run.fields.entries()) element("field").add(new Option(fieldLabel(field), String(place)));
@@ -213,7 +213,7 @@ function start() {
   element("play").addEventListener("click", play);
   drawMesh().then(() => {
     slider.value = slider.max;
-    return show();
+    return Promise.all([drawn, show()]);
   }).then(() => { document.body.dataset.ready = "yes"; });
 }
 
