@@ -115,10 +115,6 @@ class Client:
         self.wait(lambda: self.stamp > called)
         return self.values
 
-    def wait_for_steps(self, count: int) -> None:
-        """Wait until the diagnostics tell of so many steps."""
-        self.wait(lambda: int(self.values.get("steps", 0)) >= count)
-
     def __enter__(self) -> Client:
         return self
 
