@@ -48,7 +48,7 @@ def test_benchmark_tables_are_those_of_the_report() -> None:
     """Print the tables of the kept reports into README: nothing changes."""
     path = ROOT / "test" / "data" / "bench.json"
     tables = {**all_tables(json.loads(path.read_text())), **tables_beside(path)}
-    assert {"robots", "chamber"} < set(tables)
+    assert {"robots", "chamber", "threads"} < set(tables)
     assert all(f"<!-- end {name} -->" in README for name in tables)
     assert replace_tables(README, tables) == README
 

@@ -132,15 +132,12 @@ def stream_table(results: Sequence[PeerResult]) -> str:
 
 def scaling_table(sizes: Iterable[dict[str, Any]]) -> str:
     """Return set-up, iterations and memory over the number of elements."""
-    sizes = list(sizes)
     rows = [
         (str(size["elements"]), f"{size['time_setup']:.2f}", f"{size['time_solve']:.2f}", str(size["iterations"]),
-         f"{1e3 * size['time_iteration']:.2f}", f"{1e3 * size['time_iteration_threads']:.2f}",
-         f"{size['peak_memory'] / 1e6:.0f}")
+         f"{1e3 * size['time_iteration']:.2f}", f"{size['peak_memory'] / 1e6:.0f}")
         for size in sizes
     ]  # fmt: skip
-    heads = ("elements", "set-up [s]", "solve [s]", "iterations", "one iteration [ms]",
-             f"with {sizes[0]['threads']} threads [ms]", "peak memory [MB]")  # fmt: skip
+    heads = ("elements", "set-up [s]", "solve [s]", "iterations", "one iteration [ms]", "peak memory [MB]")
     return markdown_table(heads, rows)
 
 
@@ -178,11 +175,12 @@ def _label(result: PeerResult) -> str:
 
 
 def tables_beside(report: Path) -> dict[str, str]:
-    """Return the tables of robots.json and chamber.json in the folder of bench.json."""
+    """Return the tables of robots.json, chamber.json and threads.json in the folder of bench.json."""
     from gdfe_ros.benchmark.chamber import chamber_table  # both print with this module
     from gdfe_ros.benchmark.robots import robot_table
+    from gdfe_ros.benchmark.threads import thread_table
 
-    files = {"robots": robot_table, "chamber": chamber_table}
+    files = {"robots": robot_table, "chamber": chamber_table, "threads": thread_table}
     found = {name: report.with_name(f"{name}.json") for name in files}
     return {name: files[name](json.loads(path.read_text())) for name, path in found.items() if path.is_file()}
 

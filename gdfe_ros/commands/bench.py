@@ -42,8 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             console.print(f"{where}: {1e3 * outcome.time_solve:.1f} ms, {100 * outcome.mean_error:.3f} %")
 
-    threads = os.cpu_count() or 1
-    wanted = jobs(slow=not arguments.quick, threads=threads)
+    wanted = jobs(slow=not arguments.quick, threads=os.cpu_count() or 1)
     results = run_jobs(wanted, repeats=arguments.repeats, done=done)
     report = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
@@ -51,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
         "failures": failures,
         "results": [result.to_json() for result in results],
         "joint": _joints(),
-        "scaling": measure_scaling(threads),
+        "scaling": measure_scaling(),
         "ratios": measure_ratios(),
     }
     arguments.out.mkdir(parents=True, exist_ok=True)
