@@ -9,32 +9,20 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-
-import numpy as np
-import rclpy
-from geometry_msgs.msg import PoseStamped
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import Float64MultiArray, Header, String
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Verdict
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.messages import pose_stamped
-from gdfe_ros.recording.step_record import StepRecord
-from gdfe_ros.scene import Scene, load_scene
-from gdfe_ros.testing import NodeProcess
+from gdfe_ros.scene import load_scene
+from gdfe_ros.testing.player import play_program
 
 HERE = Path(__file__).resolve().parent
-NODE = "/gdfe_sim"
 TOLERANCE = 1e-8
 LIMIT = 5_000_000
-PATIENCE = 60.0
 BEGIN, END = "<!-- made by bags/record.py: -->", "<!-- end -->"
 HEADINGS = (
     "| bag | what it shows | vertices | steps | cut | not converged | tolerance | elsewhere within | simulated [s] | "
@@ -105,63 +93,6 @@ RECORDINGS = {
         parameters={"clock": "wall", "rate": 20.0, "deadline": 0.004, "command_set": [""]},
     ),
 }
-
-
-class Conductor:
-    """Commands a node over topics, a step at a time; a context manager.
-
-    Args:
-        scene: that the node simulates.
-        alive: whether the node still runs.
-    """
-
-    def __init__(self, scene: Scene, alive: Callable[[], bool]) -> None:
-        self._program, self._alive, self._step = scene.program, alive, -1
-        self._actuators = [actuator.name for actuator in scene.actuators]
-        rclpy.init()
-        self._node = rclpy.create_node("conductor")
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
-        self._targets = {
-            name: self._node.create_publisher(PoseStamped, f"{NODE}/handles/{name}/target", 100)
-            for name in scene.program.keyframes
-        }
-        self._commands = self._node.create_publisher(Float64MultiArray, f"{NODE}/commands", 100)
-        state = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._node.create_subscription(String, f"{NODE}/step_record", self._see, state)
-
-    def wait_for_node(self) -> None:
-        """Wait until the node publishes and listens."""
-        topics = [*self._targets.values(), *([self._commands] if self._actuators else [])]
-        self._wait(lambda: self._step >= 0 and all(topic.get_subscription_count() for topic in topics))
-
-    def play(self, moment: float) -> None:
-        """Command what the program says at a moment [s] and wait for the step that consumes it."""
-        count = self._step + 1
-        for name, pose in self._program.handle_poses(moment).items():
-            self._targets[name].publish(pose_stamped(Header(frame_id="base_link"), pose))
-        if self._actuators:
-            values = self._program.actuator_values(moment)
-            self._commands.publish(Float64MultiArray(data=[float(values[name]) for name in self._actuators]))
-        self._wait(lambda: self._step >= count)
-
-    def __enter__(self) -> Conductor:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown()
-
-    def _see(self, message: String) -> None:
-        self._step = StepRecord.from_json(message.data).step
-
-    def _wait(self, done: Callable[[], bool]) -> None:
-        end = time.monotonic() + PATIENCE
-        while not done():
-            if not self._alive() or time.monotonic() > end:
-                raise GdfeError("the node ended, or did not answer")
-            self._executor.spin_once(timeout_sec=0.05)
 
 
 def main() -> int:
@@ -235,24 +166,11 @@ def record(recording: Recording, bag: Path) -> None:
     """
     overrides = {"solver.tolerance": f"{TOLERANCE:g}", **recording.overrides}
     scene = load_scene(recording.scene, overrides=overrides)
-    inputs = [f"handles/{name}/target" for name in scene.program.keyframes]
-    parameters = {
-        "scene": recording.scene,
-        "scene_overrides": [f"{key}={value}" for key, value in overrides.items()],
-        "clock": "lockstep",
-        "dt": recording.dt,
-        "command_set": [*inputs, *(["commands"] if scene.actuators else [])],
-        "record": True,
-        "bag_path": str(bag),
-        **recording.parameters,
-    }
-    with NodeProcess(parameters) as node, Conductor(scene, lambda: node.running) as conductor:
-        conductor.wait_for_node()
-        for moment in np.linspace(0.0, scene.program.duration, recording.steps + 1)[1:]:
-            conductor.play(moment)
-        time.sleep(0.2)
-        if node.stop() != 0:
-            raise GdfeError(f"the node ended with status {node.status}:\n{node.log}")
+    changes = {"scene_overrides": [f"{key}={value}" for key, value in overrides.items()], **recording.parameters}
+    options = {"dt": recording.dt, "steps": recording.steps, "parameters": changes}
+    played = play_program(scene, recording.scene, bag=bag, **options)
+    if played.status != 0:
+        raise GdfeError(f"the node ended with status {played.status}:\n{played.log}")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,39 +42,50 @@ class Played:
 
 
 def play_program(
-    scene: Scene, source: str, *, bag: Path, dt: float, tell: Callable[[float], None] = lambda _: None
+    scene: Scene,
+    source: str,
+    *,
+    bag: Path,
+    dt: float,
+    steps: int | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    tell: Callable[[float], None] = lambda _: None,
 ) -> Played:
-    """Start a node, command it step by step in lockstep, and stop it.
+    """Start a node, command it step by step, and stop it.
 
     Args:
         scene: with a program.
         source: what the node is to load: name of the scene, or path of its file.
         bag: directory to record to.
         dt: simulation time of a step [s].
-        tell: is called with the simulation time [s] of each step that was made.
+        steps: into which the program is cut; None: as many as it lasts.
+        parameters: of the node, over those that make it step in lockstep.
+        tell: is called with the moment of the program [s] that each step was for.
 
     Raises:
         GdfeError: the node ended or did not answer.
     """
-    topics = _topics(scene)
-    parameters = {
+    topics, duration = _topics(scene), scene.program.duration
+    settings = {
         "scene": source,
         "clock": "lockstep",
         "dt": dt,
         "record": True,
         "bag_path": str(bag),
         "command_set": list(topics),
+        **(parameters or {}),
     }
     started = time.perf_counter()
-    with NodeProcess(parameters) as node, Link(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
+    with NodeProcess(settings) as node, Link(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
         # Step 0 is the body at rest; heard later, it would pass for the step of the first command.
         link.wait_for_step(0)
         link.wait_for_listener()
         first = time.perf_counter() - started
         tell(0.0)
-        for count, moment in enumerate(np.arange(1, round(scene.program.duration / dt) + 1) * dt, start=1):
+        for moment in np.linspace(0.0, duration, (steps or round(duration / dt)) + 1)[1:]:
+            last = link.step
             link.publish(_messages(scene, moment))
-            link.wait_for_step(count)
+            link.wait_for_step(last + 1)
             tell(moment)
         return Played(node.stop(), first, node.log)
 
