@@ -151,13 +151,20 @@ class Actuation:
         efforts = np.concatenate([self.external.cable[:, EFFORT], self.external.chamber[:, EFFORT]])
         self._kept = np.stack([self._kept[1], efforts])
 
-    def unstable(self, positions: NDArray[np.float64]) -> str:
-        """Name the chamber that inflated without bound in the last solve, which did not converge; empty if none did."""
+    def unstable(self, positions: NDArray[np.float64], before: Mapping[str, float] | None = None) -> str:
+        """Name the chamber that inflated without bound in the last solve, which did not converge; empty if none did.
+
+        Where the body ran away at the first step, no volume tells: then it is the one whose pressure has risen since
+        the commands ``before``.
+        """
         for i, chamber in enumerate(self._chambers):
+            name = chamber.name
+            if before is not None and chamber.mode is Mode.PRESSURE and self.commands[name] > before[name]:
+                return name
             limit = self.external.chamber[i, LIMIT]
             volume = chamber_volume(positions, self.external, i)
             if math.isfinite(limit) and not volume <= RUNNING_AWAY * limit:
-                return chamber.name
+                return name
         return ""
 
     def states(self, positions: NDArray[np.float64]) -> dict[str, ActuatorState]:

@@ -138,7 +138,8 @@ class Engine:
             iterations += outcome.iterations
             substeps += 1
             exhausted = iterations >= budget or past(deadline)
-            unstable = "" if outcome.converged else self.actuation.unstable(outcome.positions)
+            before = self.commands if outcome.diverged else None
+            unstable = "" if outcome.converged else self.actuation.unstable(outcome.positions, before)
             energetic = self._settings.policy is Policy.ENERGY
             balance = weigh(outcome, state, self.actuation, poses, drive) if energetic else None
             snapped = moves and self._snapped(outcome, balance, start_at)
