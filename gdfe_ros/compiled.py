@@ -7,23 +7,29 @@ one, delete the ``__pycache__`` folders (``make clean``).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 from numba import njit
 
+_COMMON: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 # Said outright: what is not set is inherited from the first caller, and results would depend on who that is.
-kernel = njit(cache=True, nogil=True, error_model="numpy", fastmath=False, forceinline=False)
+_EXACT: dict[str, Any] = {**_COMMON, "fastmath": False}
+
+kernel = njit(**_EXACT, cache=True, forceinline=False)
 """Decorator of every compiled function that needs no reassociation of sums."""
 
-inlined = njit(nogil=True, error_model="numpy", fastmath=False, forceinline=True)
-"""Decorator of the pieces of an element kernel: always inlined, so that structs and tuples stay in registers."""
+inlined = njit(**_EXACT, forceinline=True, no_cpython_wrapper=True)
+"""Decorator of the pieces of an element kernel: always inlined, so that structs and tuples stay in registers. Python
+cannot call them: to unpack their arguments from Python objects would take a fifth of the time of compilation."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
 """Decorator of a function that is compiled as part of its only caller: no code of its own, which compiles faster."""
 
-vector_kernel = njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+vector_kernel = njit(**_COMMON, cache=True, fastmath={"reassoc", "contract"})
 """Decorator of reductions that may be vectorised; the order of summation is fixed by the binary."""
 
-parallel_kernel = njit(cache=True, nogil=True, error_model="numpy", fastmath=False, forceinline=False, parallel=True)
+parallel_kernel = njit(**_EXACT, cache=True, forceinline=False, parallel=True)
 """Decorator of a loop whose passes run in several threads at the same time."""
 
 
