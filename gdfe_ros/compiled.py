@@ -19,9 +19,11 @@ _EXACT: dict[str, Any] = {**_COMMON, "fastmath": False}
 kernel = njit(**_EXACT, cache=True, forceinline=False)
 """Decorator of every compiled function that needs no reassociation of sums."""
 
+internal = njit(**_EXACT, cache=True, forceinline=False, no_cpython_wrapper=True)
+"""Decorator of what only other kernels call: without an entry for Python it compiles and loads faster."""
+
 inlined = njit(**_EXACT, forceinline=True, no_cpython_wrapper=True)
-"""Decorator of the pieces of an element kernel: always inlined, so that structs and tuples stay in registers. Python
-cannot call them: to unpack their arguments from Python objects would take a fifth of the time of compilation."""
+"""Decorator of the pieces of an element kernel: always inlined, so that structs and tuples stay in registers."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
 """Decorator of a function that is compiled as part of its only caller: no code of its own, which compiles faster."""

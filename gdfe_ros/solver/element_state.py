@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, POISSON, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant, squared_norm, stretch_sum
@@ -17,7 +17,7 @@ that stiffens much keeps the constant matrix a good preconditioner."""
 NEWTON_STEPS = 20
 
 
-@kernel
+@internal
 def mean_gradient(x, shape, e):
     """Return the mean deformation gradient of element ``e`` at positions ``x`` (n, 3)."""
     f0, f1, f2, f3, f4, f5, f6, f7, f8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -37,7 +37,7 @@ def mean_gradient(x, shape, e):
     return f0, f1, f2, f3, f4, f5, f6, f7, f8
 
 
-@kernel
+@internal
 def volume_at(total, table, k):
     """Return J* with U'(J*) = total for the volume energy U of material ``k``."""
     bulk = table.parameters[k, BULK]
@@ -74,7 +74,7 @@ def update_pressures(x, elements, shape, material, table, pressure):
     return worst, mean / max(volume, 1e-300)
 
 
-@kernel
+@internal
 def equivalent_strain(f, c, j, table, k):
     """Return eps_eq of Eq. 5 (nu = 0.5, but the element's own for the linear law)."""
     first = squared_norm(f)
@@ -83,7 +83,7 @@ def equivalent_strain(f, c, j, table, k):
     return math.sqrt(max(1.5 * (first - s * s / 3.0), 0.0)) / (1.0 + nu)
 
 
-@kernel
+@internal
 def strain_state(x, shape, e, table, k):
     """Return eps_eq, J, secant and tangent modulus [Pa] of element ``e`` of material ``k``."""
     f = mean_gradient(x, shape, e)
@@ -94,7 +94,7 @@ def strain_state(x, shape, e, table, k):
     return strain, j, secant, tangent
 
 
-@kernel
+@internal
 def softened_share(tangent, table, k):
     """Return the hourglass stiffness over that at rest of an element with this tangent modulus [Pa]."""
     return min(max(tangent / table.tangent[k, 0], LEAST_SHARE), MOST_SHARE)

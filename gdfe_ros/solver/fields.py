@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR
 from gdfe_ros.materials.tensor import cofactor, determinant
@@ -97,7 +97,7 @@ def corner_forces(
     return force, energies
 
 
-@kernel
+@internal
 def uncounted(j, pressure, volume, table, k, solved):
     """Return U(J) less the volume part that the kernels count for an element whose pressure carries its volume [J].
 

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from gdfe_ros.actuators.external import external_energy
-from gdfe_ros.compiled import kernel, merged, vector_kernel
+from gdfe_ros.compiled import internal, kernel, merged, vector_kernel
 from gdfe_ros.solver.descent import (
     ABSOLUTE,
     BLOCKED,
@@ -86,7 +86,7 @@ def inner(a, b):
     return total
 
 
-@kernel
+@internal
 def drop_oldest(descent, count):
     """Shift the history so that its last slot is free."""
     oldest = descent.row[0]
@@ -139,7 +139,7 @@ def largest(step):
     return math.sqrt(most)
 
 
-@kernel
+@internal
 def find_direction(descent):
     """Write the quasi-Newton direction d = -H g and its slope g . d and size."""
     count = int(descent.status[COUNT])
@@ -226,7 +226,7 @@ def search(problem, external, descent, first):
         descent.trial[n] = descent.step[n]
 
 
-@kernel
+@internal
 def absolute_sum(values):
     """Return the sum of absolute values."""
     total = 0.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.tensor import (
     cofactor,
     determinant,
@@ -163,7 +163,7 @@ class RelativeEquilibrium:
         _shape_differences(x, self._body.shape, self._rest, self._captured, alpha, self.omega, self._difference)
 
 
-@kernel
+@internal
 def _frame(x, shape, e):
     """Return the proper rotation of an element and the factor that scales it to its rest volume."""
     f = mean_gradient(x, shape, e)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numba import prange
 
-from gdfe_ros.compiled import inlined, kernel, parallel_kernel
+from gdfe_ros.compiled import inlined, internal, kernel, parallel_kernel
 from gdfe_ros.materials.stress import (
     CURVE_FACTOR,
     corotated,
@@ -145,7 +145,7 @@ def hourglass_rows(b, geometry, offset):
         b[ENERGY * LANES + lane] = volume * b[ENERGY * LANES + lane] + energy
 
 
-@kernel
+@internal
 def evaluate_blocks(first, last, x, shape, blocks, material, pressure, share, table, force, energy):
     """Do what `evaluate` does for the blocks from ``first`` up to ``last``, without the sum."""
     b = np.empty(ROWS * LANES)

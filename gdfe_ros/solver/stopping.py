@@ -6,7 +6,7 @@ One short step proves nothing: where the constant matrix takes a soft mode for s
 
 from __future__ import annotations
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent import DISTANCE, FLAT, RING, SEEN, WINDOW
 
 ALIGNED = 0.3
@@ -17,7 +17,7 @@ SLOWEST = 0.95
 """Largest factor from window to window that is believed."""
 
 
-@kernel
+@internal
 def note_step(descent):
     """Put the displacement of the step to come into the ring."""
     seen = int(descent.status[SEEN])
