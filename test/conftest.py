@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import socket
 import tempfile
 import zlib
@@ -59,6 +60,10 @@ os.environ.update(
     OPENBLAS_NUM_THREADS="1",
     MPLBACKEND="Agg",
 )
+
+
+# A shell that starts the tests in the background has them ignore SIGINT, and every process that they start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 class RosSession:
