@@ -16,7 +16,6 @@ from pathlib import Path
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Verdict
 from gdfe_ros.analysis.replay import Replay
-from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 from gdfe_ros.testing.player import play_program
 
@@ -167,10 +166,7 @@ def record(recording: Recording, bag: Path) -> None:
     overrides = {"solver.tolerance": f"{TOLERANCE:g}", **recording.overrides}
     scene = load_scene(recording.scene, overrides=overrides)
     changes = {"scene_overrides": [f"{key}={value}" for key, value in overrides.items()], **recording.parameters}
-    options = {"dt": recording.dt, "steps": recording.steps, "parameters": changes}
-    played = play_program(scene, recording.scene, bag=bag, **options)
-    if played.status != 0:
-        raise GdfeError(f"the node ended with status {played.status}:\n{played.log}")
+    play_program(scene, recording.scene, bag=bag, dt=recording.dt, steps=recording.steps, parameters=changes)
 
 
 if __name__ == "__main__":

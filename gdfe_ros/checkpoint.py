@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Saving and restoring the whole state of a simulation: what follows is the same to the last bit.
 
-A state is everything of the engine that changes: positions, poses, commands, pressures, histories of solver and
-predictor. What a scene determines (mesh, operators, factored matrix) is left out and taken from the simulation that
-the state is restored into, which must be of the same scene, policy and package version.
+A checkpoint is a zip archive of numpy arrays (``.npz``) beside two texts: ``head.json``, with the format, the package
+version and what the state belongs to, and ``state.json``, the tree of `gdfe_ros.solver.state.State` whose leaves are
+numbers, texts and names of arrays. Shapes and SI units are those that the attributes of `State` and of the classes in
+it state. What a scene determines (mesh, operators, factored matrix) is left out and taken from the simulation that the
+state is restored into, which must be of the same scene, settings and package version.
 """
 
 from __future__ import annotations
@@ -11,47 +13,36 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import pickle
-import zlib
-from collections.abc import Mapping
+import zipfile
 from dataclasses import asdict
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 import gdfe_ros
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.tree import TreeError, from_tree, to_tree
 
-_MAGIC = b"gdfe_ros state\n"
-_ALLOWED = {
-    ("numpy", "ndarray"),
-    ("numpy", "dtype"),
-    ("numpy._core.multiarray", "_reconstruct"),
-    ("numpy._core.multiarray", "scalar"),
-    ("numpy._core.numeric", "_frombuffer"),
-    ("numpy.core.multiarray", "_reconstruct"),
-    ("numpy.core.multiarray", "scalar"),
-    ("numpy.core.numeric", "_frombuffer"),
-    ("collections", "deque"),
-    ("collections", "OrderedDict"),
-    ("copyreg", "_reconstructor"),
-    ("builtins", "object"),
-    ("builtins", "set"),
-    ("builtins", "frozenset"),
-    ("builtins", "slice"),
-}
-"""What a state may be made of besides this package's own classes; anything else, e.g. in a bag from somebody else, is
-refused: unpickling runs what it is told to."""
+FORMAT = 2
+"""Of the archive; 1 was a pickle."""
+_OLD_MAGIC = b"gdfe_ros state\n"
+_DAMAGED = (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError, OSError, TreeError)
 
 
 def save_state(simulation: Simulation) -> bytes:
     """Return the state of a simulation, which does not change."""
-    head = json.dumps(_origin(simulation)).encode()
-    body = io.BytesIO()
-    pickler = pickle.Pickler(body, protocol=5)
-    shared = {id(item): key for key, item in _shared(simulation).items()}
-    pickler.persistent_id = lambda item: shared.get(id(item))
-    pickler.dump((simulation._engine, simulation.time, simulation.targets, simulation.commands, simulation.result))
-    return _MAGIC + head + b"\n" + zlib.compress(body.getvalue(), level=1)
+    arrays: dict[str, NDArray[Any]] = {}
+    tree = to_tree(simulation.snapshot(), arrays)
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("head.json", json.dumps({"format": FORMAT, **_origin(simulation)}))
+        archive.writestr("state.json", json.dumps(tree))
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, np.ascontiguousarray(array), allow_pickle=False)
+    return stream.getvalue()
 
 
 def load_state(simulation: Simulation, data: bytes) -> None:
@@ -60,64 +51,35 @@ def load_state(simulation: Simulation, data: bytes) -> None:
     Raises:
         GdfeError: the data is no state, or one of another scene, policy or version; the simulation is unchanged.
     """
-    if not data.startswith(_MAGIC):
-        raise GdfeError(f"these {len(data)} bytes are no state; a state is what save_state wrote")
-    head, _, body = data[len(_MAGIC) :].partition(b"\n")
-    given, own = _head(head), _origin(simulation)
+    if data.startswith(_OLD_MAGIC):
+        raise GdfeError("the state was written by a version that kept pickles; remedy: run to it again and save it")
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(data))
+    except zipfile.BadZipFile as error:
+        raise GdfeError(f"these {len(data)} bytes are no state; a state is what save_state wrote") from error
+    try:
+        given = dict(json.loads(archive.read("head.json")))
+    except (*_DAMAGED, zipfile.zlib.error) as error:
+        raise GdfeError(f"the state is damaged: {error!r}") from error
+    own = {"format": FORMAT, **_origin(simulation)}
     wrong = [f"its {key} is {given.get(key)}, the simulation's {own[key]}" for key in own if given.get(key) != own[key]]
     if wrong:
         raise GdfeError(f"the state does not fit: {'; '.join(wrong)}")
     try:
-        state = _Unpickler(io.BytesIO(zlib.decompress(body)), _shared(simulation)).load()
-    except (zlib.error, pickle.UnpicklingError, EOFError, AttributeError, ValueError, TypeError) as error:
+        tree = json.loads(archive.read("state.json"))
+        names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+        arrays = {name: _array(archive.read(f"{name}.npy")) for name in names}
+        snapshot = from_tree(tree, arrays)
+    except (*_DAMAGED, zipfile.zlib.error) as error:
         raise GdfeError(f"the state is damaged: {error!r}") from error
-    simulation._engine, simulation.time, simulation.targets, simulation.commands, simulation.result = state
+    simulation.restore(snapshot)
 
 
-def _head(text: bytes) -> dict[str, str]:
-    try:
-        return dict(json.loads(text))
-    except (ValueError, TypeError) as error:
-        raise GdfeError(f"the state is damaged: {error!r}") from error
-
-
-class _Unpickler(pickle.Unpickler):
-    def __init__(self, stream: io.BytesIO, shared: Mapping[str, Any]) -> None:
-        super().__init__(stream)
-        self._shared = shared
-
-    def persistent_load(self, key: str) -> Any:
-        if key not in self._shared:
-            raise pickle.UnpicklingError(f"unknown part {key!r}")
-        return self._shared[key]
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) not in _ALLOWED and module.partition(".")[0] != "gdfe_ros":
-            raise pickle.UnpicklingError(f"{module}.{name} is not part of a state")
-        found = super().find_class(module, name)
-        if module.startswith("gdfe_ros") and not isinstance(found, type):
-            raise pickle.UnpicklingError(f"{module}.{name} is not part of a state")
-        return found
+def _array(data: bytes) -> NDArray[Any]:
+    return np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
 
 
 def _origin(simulation: Simulation) -> dict[str, str]:
     scene = hashlib.sha256(simulation.scene.source.encode()).hexdigest()
     settings = {**asdict(simulation.settings), "policy": simulation.policy.value}
     return {"version": gdfe_ros.__version__, "scene": scene, "settings": json.dumps(settings, sort_keys=True)}
-
-
-def _shared(simulation: Simulation) -> dict[str, Any]:
-    """Name what is the same in every state of a scene."""
-    engine, scene = simulation._engine, simulation.scene
-    shared = {
-        "matrix": engine.equilibrium.matrix,
-        "body": engine.body,
-        "shape": engine.body.shape,
-        "blocks": engine.body.blocks,
-        "table": engine.body.table,
-        "unknowns": engine.body.unknowns,
-        "mesh": scene.mesh,
-    }
-    for group in (scene.actuators, scene.loads, scene.handles):
-        shared.update({f"{type(item).__name__}/{item.name}": item for item in group})
-    return shared

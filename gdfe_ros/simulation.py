@@ -3,34 +3,39 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gdfe_ros.actuators import ActuatorState, Growth
+from gdfe_ros.actuators import ActuatorState
 from gdfe_ros.command import Command, Orders
 from gdfe_ros.constraints import Pose
-from gdfe_ros.errors import CommandError, SceneError
+from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.solvable import refuse_contrast
-from gdfe_ros.solver.actuation import LOAD_FACTOR, Actuation
+from gdfe_ros.scene.solvable import refuse_unsolvable
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.engine import Engine
-from gdfe_ros.solver.fields import ElementFields
+from gdfe_ros.solver.elements.fields import ElementFields, element_fields
+from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.result import StepResult
-from gdfe_ros.solver.settings import Policy, SolverSettings
-from gdfe_ros.solver.shape_factor import calibration_remarks
+from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
+from gdfe_ros.solver.state import Snapshot
+from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.stepping.stepper import Stepper
+from gdfe_ros.solver.terms.actuation import LOAD_FACTOR, Actuation
+from gdfe_ros.solver.terms.term import Term
 
 FAR_AWAY = 10.0
 """Body lengths from the world's origin beyond which the solver counts from the body's centre."""
 WARM_UP = 1e-3
-"""Of the body's size: how far plates are moved to have every kernel compiled."""
+"""Of the body's size: how far handles are moved to have every kernel compiled."""
 RELATIVE_STEPS = 20
 """Load steps of a program under the ``relative`` policy where the user names none."""
 
@@ -41,6 +46,10 @@ class Simulation:
     Args:
         scene: what to simulate.
         settings: instead of the scene's own.
+        terms: makers of further terms of the potential (`docs/terms.md`); each is called with the body.
+
+    Raises:
+        SceneError: the scene cannot be solved as it is, e.g. forces under the policy ``relative``.
 
     Example:
         >>> from gdfe_ros import Command, Pose, Simulation, load_scene
@@ -50,9 +59,16 @@ class Simulation:
         True
     """
 
-    def __init__(self, scene: Scene, *, settings: SolverSettings | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        settings: SolverSettings | None = None,
+        terms: Sequence[Callable[[Body], Term]] = (),
+    ) -> None:
         self.scene = scene
         self.settings = settings or scene.solver
+        refuse_unsolvable(scene, self.settings)
         self._orders = Orders(scene)
         self._origin = _working_origin(scene.mesh)
         body = Body.build(
@@ -62,9 +78,8 @@ class Simulation:
             scene.cell_material,
             scene.handles,
         )
-        self._refuse_forces()
-        refuse_contrast(scene)
-        self._engine = Engine(body, self.settings, Actuation(body, scene.actuators, scene.loads))
+        actuation = Actuation(body, scene.actuators, scene.loads, [make(body) for make in terms])
+        self._stepper = Stepper(body, self.settings, actuation)
         self.reset()
 
     @property
@@ -90,16 +105,26 @@ class Simulation:
     @property
     def positions(self) -> NDArray[np.float64]:
         """Current vertices (n, 3) float64 [m]; not to be modified."""
-        return self._engine.positions + self._origin if self._origin.any() else self._engine.positions
+        return self._state.positions + self._origin if self._origin.any() else self._state.positions
 
     def reset(self) -> None:
         """Go back to rest at time 0."""
-        self._engine.reset()
+        self._state = self._stepper.at_rest()
         self.time = 0.0
         self.targets = {handle.name: Pose() for handle in self.scene.handles}
-        self.commands = dict(self._engine.actuation.neutral)
+        self.commands = dict(self._state.commands)
         self.commands.update({load.name: LOAD_FACTOR for load in self.scene.loads})
         self.result: StepResult | None = None
+
+    def snapshot(self) -> Snapshot:
+        """Return all that changes, as a value; `restore` goes back to it."""
+        return Snapshot(state=self._state, time=self.time, targets=self.targets, commands=self.commands)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go to a snapshot of a simulation of the same scene."""
+        self._state = self._stepper.completed(snapshot.state)
+        self.time, self.result = snapshot.time, None
+        self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)
 
     def warm_up(self) -> None:
         """Have every kernel compiled or loaded from its cache, so that the first step takes no longer; resets."""
@@ -125,25 +150,23 @@ class Simulation:
             cut_after: instead of a deadline, end the solve where a recorded one was ended (``StepResult.cut_after``).
 
         Raises:
-            CommandError: an unknown or fixed handle is commanded, an unknown actuator or load, or a command is out of
-                range; the state is unchanged.
+            CommandError: an unknown or fixed handle is commanded, an unknown actuator or load, a command is out of
+                range, or ``dt`` is negative or not finite; the state is unchanged.
         """
         started = time.perf_counter()
+        if not (math.isfinite(dt) and dt >= 0.0):
+            raise CommandError(f"dt is {dt!r}; allowed: finite, 0 or more [s]")
         targets = self._orders.targets(command, self.targets)
         commands = self._orders.values(command, self.commands)
         self.time += dt
         self.targets, self.commands = targets, commands
+        limited = self._orders.within_rates(commands, self._state.commands, dt)
         limit = Deadline.of(started, deadline, cut_after)
-        result = self._engine.step(
-            targets,
-            self._orders.within_rates(commands, self._engine.commands, dt),
-            moment=self.time,
-            started=started,
-            deadline=limit,
-        )
-        self.result = result if limit is None else replace(result, cut_after=limit.after)
-        if self._origin.any():
-            self.result = replace(self.result, positions=self.result.positions + self._origin)
+        march = None
+        if not self._stepper.rests(self._state, targets, limited):
+            march = self._stepper.step(self._state, targets, limited, deadline=limit)
+            self._state = march.state
+        self.result = self._result(march, started, limit)
         return self.result
 
     def remarks(self) -> list[str]:
@@ -175,7 +198,7 @@ class Simulation:
         wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
         if len(wrong):
             raise CommandError(f"positions of vertices {list_ids(wrong)} are not finite; allowed: finite [m]")
-        self._engine.place(given - self._origin)
+        self._state = self._stepper.place(self._state, given - self._origin)
 
     def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
         """Have every iteration of the ``energy`` policy seen: energy [J], size of its terms [J], whether it begins.
@@ -183,7 +206,7 @@ class Simulation:
         Inside a descent the energy must not rise; a change of pressures or shares begins another one. The ``relative``
         policy has no energy and calls nothing.
         """
-        self._engine.equilibrium.observe(observer)
+        self._stepper.equilibrium.observe(observer)
 
     def play(
         self, steps: int | None = None, *, progress: Callable[[float], None] | None = None
@@ -215,7 +238,9 @@ class Simulation:
 
     def later_fields(self) -> Callable[[], ElementFields]:
         """Return what evaluates the element fields of the present state in any thread, also after further steps."""
-        evaluate, origin = self._engine.later_fields(), self._origin
+        state, body, origin = self._state, self._stepper.body, self._origin
+        omega = None if state.shapes is None else state.shapes.omega
+        evaluate = partial(element_fields, body, state.positions, omega, operators=state.operators)
 
         def shifted() -> ElementFields:
             fields = evaluate()
@@ -233,11 +258,12 @@ class Simulation:
         if handle.fixed:
             return Pose()
         moved = handle.centre(self.positions) - handle.centre(self.mesh.vertices)
-        return Pose(tuple(moved), self._engine.pose(name).rotation)
+        pose = self._stepper.equilibrium.handles.pose(name, self._state.poses, self._state.turns)
+        return Pose(tuple(moved), pose.rotation)
 
     def actuator_states(self) -> dict[str, ActuatorState]:
         """Return command, length or volume, tension or pressure of each actuator at the present equilibrium."""
-        return self._engine.actuation.states(self._engine.positions)
+        return dict(self._state.summary.actuators)
 
     def probe_positions(self) -> dict[str, NDArray[np.float64]]:
         """Return where each of the scene's probes is now, (3,) [m]."""
@@ -259,7 +285,7 @@ class Simulation:
         Raises:
             CommandError: no such probe or actuator.
         """
-        from gdfe_ros.solver.sensitivity import central_differences  # needed here only
+        from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
 
         probes = list(self.scene.probes) if probes is None else list(probes)
         for name in probes:
@@ -267,7 +293,7 @@ class Simulation:
                 raise CommandError(f"no probe {name!r}; probes: {', '.join(self.scene.probes) or 'none'}")
         names = self.actuator_names if actuators is None else actuators
         points = [self.scene.probes[name] for name in probes]
-        columns = central_differences(self._engine, points, [self._orders.actuator(name) for name in names])
+        columns = jacobian(self._stepper, self._state, points, [self._orders.actuator(name) for name in names])
         return np.stack(columns, axis=2) if columns else np.zeros((len(probes), 3, 0))
 
     def _moments(self, steps: int | None) -> list[float]:
@@ -278,16 +304,30 @@ class Simulation:
             return list(program.times[1:])
         return list(np.linspace(0.0, program.duration, steps + 1)[1:])
 
-    def _refuse_forces(self) -> None:
-        """Refuse what the ``relative`` policy cannot take: it has no newtons."""
-        if self.policy is Policy.ENERGY:
-            return
-        names = [item.name for item in self.scene.actuators if not isinstance(item, Growth)]
-        names += [load.name for load in self.scene.loads]
-        names += [handle.name for handle in self.scene.handles if handle.turning]
-        if names:
-            text = f"the policy 'relative' has no forces and cannot take {', '.join(names)}"
-            raise SceneError(f"scene {self.scene.name}", [f"{text}; remedy: policy: energy (growth works in both)"])
+    def _result(self, march: March | None, started: float, limit: Deadline | None) -> StepResult:
+        """Return the result of a step; ``march`` is None where the state was the equilibrium already."""
+        state, equilibrium = self._state, self._stepper.equilibrium
+        summary = state.summary
+        return StepResult(
+            time=self.time,
+            positions=state.positions + self._origin,
+            converged=summary.converged,
+            iterations=march.iterations if march else 0,
+            residual=summary.residual,
+            energy=summary.energy,
+            min_det=summary.min_det,
+            reactions={name: wrench.copy() for name, wrench in summary.reactions.items()},
+            actuators=dict(summary.actuators),
+            terms={name: dict(report) for name, report in summary.terms.items()},
+            skipped=march.skipped if march else {Skip.SOLVE.value: 1},
+            substeps=march.increments if march else 0,
+            restarts=march.restarts if march else 0,
+            wall_time=time.perf_counter() - started,
+            policy=self.settings.policy,
+            factorisation=equilibrium.matrix.kind.value,
+            message=summary.message,
+            cut_after=limit.after if limit else None,
+        )
 
 
 def _working_origin(mesh: HexMesh) -> NDArray[np.float64]:

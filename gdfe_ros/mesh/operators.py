@@ -41,6 +41,7 @@ class ShapeOperators(NamedTuple):
         edge_lengths: (m, 3) float64 [m], mean length of the edges along each direction.
         reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
         parallel: (m,) bool, the element is a parallelepiped: its operators are sums and differences of corners.
+        corner_ratio: (m, 8) float64 [1/m^3], one over the triple product of the three edges at each corner.
     """
 
     cells: NDArray[np.int32]
@@ -51,6 +52,7 @@ class ShapeOperators(NamedTuple):
     edge_lengths: NDArray[np.float64]
     reference: NDArray[np.float64]
     parallel: NDArray[np.bool_]
+    corner_ratio: NDArray[np.float64]
 
 
 def shape_operators(vertices: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeOperators:
@@ -80,7 +82,14 @@ def shape_operators(vertices: NDArray[np.float64], cells: NDArray[np.int32]) -> 
         2.0 * lengths,
         np.ascontiguousarray(np.linalg.inv(edges.transpose(0, 2, 1))),
         bends <= PARALLEL * lengths.min(axis=1),
+        np.ascontiguousarray(1.0 / _corner_products(corners)),
     )
+
+
+def _corner_products(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the triple products (m, 8) [m^3] of the edges at the corners (m, 8, 3): eight times det dX/dxi there."""
+    local = np.stack([_local_gradients(point) for point in CORNERS])
+    return 8.0 * np.linalg.det(np.einsum("eai,caj->ecij", corners, local))
 
 
 def _local_gradients(point: NDArray[np.float64]) -> NDArray[np.float64]:

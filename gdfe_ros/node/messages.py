@@ -30,7 +30,7 @@ from std_msgs.msg import Header, Int32MultiArray, MultiArrayDimension, MultiArra
 
 from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints import Pose
-from gdfe_ros.solver.fields import ElementFields
+from gdfe_ros.solver.elements.fields import ElementFields
 
 MESH_FIELDS = ("x", "y", "z", "ux", "uy", "uz")
 STRAIN_FIELDS = ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "energy_density")

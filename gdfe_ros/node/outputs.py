@@ -20,7 +20,7 @@ from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, WrenchPa
 from gdfe_ros.node.step import Demand, Step
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.fields import ElementFields
+from gdfe_ros.solver.elements.fields import ElementFields
 
 
 @dataclass(frozen=True, kw_only=True)

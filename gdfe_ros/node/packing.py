@@ -15,7 +15,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
 from gdfe_ros.node.messages import MESH_FIELDS, STRAIN_FIELDS
 from gdfe_ros.node.template import Template
-from gdfe_ros.solver.fields import ElementFields
+from gdfe_ros.solver.elements.fields import ElementFields
 
 _MARK = -1.2345678901234567e300
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)

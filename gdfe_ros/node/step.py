@@ -10,7 +10,7 @@ from gdfe_ros.actuators import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.fields import ElementFields
+from gdfe_ros.solver.elements.fields import ElementFields
 from gdfe_ros.solver.result import StepResult
 
 _OUTCOME = (

@@ -16,9 +16,10 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import actuation, builder
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
 from gdfe_ros.scene.override import apply_override
-from gdfe_ros.scene.report import Report
+from gdfe_ros.scene.report import NO_VALUE, Report
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft, SceneModel
+from gdfe_ros.scene.solvable import unsolvable
 from gdfe_ros.share import share_dir
 
 _SUFFIXES = (".yaml", ".yml")
@@ -90,6 +91,11 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
         driven = {"actuators": actuators, "loads": loads, "start": start}
         program = builder.build_program(draft.program, draft, _names(document, "handles"), report, **driven)
+    solver = draft.solver.build()
+    if not (cell_material < 0).any() and len(materials) == len(_names(document, "materials")):
+        parts = {"handles": handles, "actuators": actuators, "loads": loads, "policy": solver.policy}
+        for key, text in unsolvable(materials=materials, cell_material=cell_material, **parts):
+            report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
     data = document.data
     return Scene(
@@ -100,7 +106,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         cell_material=cell_material,
         handles=handles,
         program=program,
-        solver=draft.solver.build(),
+        solver=solver,
         source=_source(text, data, draft, mesh, changed=bool(overrides)),
         path=path,
         actuators=actuators,

@@ -3,31 +3,99 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load
+from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
+from gdfe_ros.materials import Material
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.settings import Policy, SolverSettings
 
 LARGEST_CONTRAST = 1e10
 """Of moduli in one body: beyond it double precision leaves nothing of the softer material. 1e6 is tested."""
 
 
-def refuse_contrast(scene: Scene) -> None:
-    """Refuse a body whose stiffest and softest materials are too far apart.
+def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
+    """Refuse a scene that cannot be solved with these settings; what was loaded from a file was checked then.
 
     Raises:
-        SceneError: they are; both are named.
+        SceneError: every reason.
     """
-    names = list(scene.materials)
-    moduli = {names[i]: scene.materials[names[i]].young0 for i in np.unique(scene.cell_material)}
+    defects = unsolvable(
+        materials=scene.materials,
+        cell_material=scene.cell_material,
+        handles=scene.handles,
+        actuators=scene.actuators,
+        loads=scene.loads,
+        policy=settings.policy,
+    )
+    if defects:
+        raise SceneError(f"scene {scene.name}", [text for _, text in defects])
+
+
+def unsolvable(
+    *,
+    materials: Mapping[str, Material],
+    cell_material: NDArray[np.int32],
+    handles: Sequence[Handle],
+    actuators: Sequence[Actuator],
+    loads: Sequence[Load],
+    policy: Policy,
+) -> list[tuple[tuple[str, ...], str]]:
+    """Return why the parts of a scene do not go together: the key in a scene file, and a sentence."""
+    held = {item.name: _held(item, handles) for item in actuators}
+    found = [
+        (("materials",), _contrast(materials, cell_material)),
+        (("solver", "policy"), _forces(handles, actuators, loads, policy)),
+        *((("actuators", name), text) for name, text in held.items()),
+    ]
+    return [(key, text) for key, text in found if text]
+
+
+def _contrast(materials: Mapping[str, Material], cell_material: NDArray[np.int32]) -> str:
+    """Say that materials are too far apart; empty where they are not."""
+    names = list(materials)
+    moduli = {names[i]: materials[names[i]].young0 for i in np.unique(cell_material) if names[i] in materials}
     if not moduli:
-        return
+        return ""
     soft, hard = min(moduli, key=moduli.__getitem__), max(moduli, key=moduli.__getitem__)
-    if not moduli[hard] <= LARGEST_CONTRAST * moduli[soft]:
-        raise SceneError(
-            f"scene {scene.name}",
-            [
-                f"material {hard!r} is {moduli[hard] / moduli[soft]:.3g} times as stiff at rest as {soft!r}; allowed: "
-                f"up to {LARGEST_CONTRAST:g}; remedy: make it a handle, which is rigid, or check the units (Pa)"
-            ],
-        )
+    if moduli[hard] <= LARGEST_CONTRAST * moduli[soft]:
+        return ""
+    return (
+        f"material {hard!r} is {moduli[hard] / moduli[soft]:.3g} times as stiff at rest as {soft!r}; allowed: "
+        f"up to {LARGEST_CONTRAST:g}; remedy: make it a handle, which is rigid, or check the units (Pa)"
+    )
+
+
+def _forces(handles: Sequence[Handle], actuators: Sequence[Actuator], loads: Sequence[Load], policy: Policy) -> str:
+    """Say what the ``relative`` policy cannot take, which has no newtons; empty where there is nothing."""
+    if policy is Policy.ENERGY:
+        return ""
+    names = [item.name for item in actuators if not isinstance(item, Growth)]
+    names += [load.name for load in loads]
+    names += [handle.name for handle in handles if handle.turning]
+    if not names:
+        return ""
+    text = f"the policy 'relative' has no forces and cannot take {', '.join(names)}"
+    return f"{text}; remedy: policy: energy (growth works in both)"
+
+
+def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:
+    """Say that an actuator acts on nothing but vertices that one handle holds; empty where it does not."""
+    if isinstance(actuator, Cable):
+        vertices = actuator.points.corners[actuator.points.weights != 0.0]
+    elif isinstance(actuator, Chamber):
+        vertices = actuator.quads.ravel()
+    else:
+        return ""
+    for handle in handles:
+        if np.isin(vertices, handle.vertices).all():
+            return (
+                f"actuator {actuator.name!r} lies wholly in the handle {handle.name!r} and moves nothing; remedy: "
+                "lead it through cells that can deform"
+            )
+    return ""

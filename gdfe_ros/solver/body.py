@@ -13,8 +13,8 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import MaterialTable, pack
 from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
-from gdfe_ros.solver.blocks import Blocks, make_blocks
-from gdfe_ros.solver.unknowns import Unknowns, number_unknowns
+from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
+from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Body:
             material,
             table,
             tuple(handles),
-            number_unknowns(len(rest), cells, handles),
+            number_unknowns(rest, cells, handles),
             float(np.linalg.norm(np.ptp(rest, axis=0))),
         )
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.unknowns import vertex_force
+from gdfe_ros.solver.matrix.unknowns import vertex_force
 
 
 def handle_reactions(

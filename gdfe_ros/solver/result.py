@@ -18,14 +18,16 @@ class StepResult:
 
     Attributes:
         time: simulation time [s].
-        positions: (n, 3) float64 [m].
-        converged: the residual is at most the tolerance and every plate is where it was commanded.
+        positions: (n, 3) float64 [m], a copy of your own.
+        converged: the residual is at most the tolerance, every handle is where it was commanded, and no element is
+            folded or inverted.
         iterations: linear solves with the constant matrix.
         residual: estimated largest distance to the equilibrium over the body's size: the preconditioned step, divided
-            by the factor by which it may fall short.
+            by the factor by which it may fall short. Infinite where a solve was cut: the distance is not known then.
         energy: strain energy [J].
-        min_det: least determinant of the mean deformation gradient; not positive where an element is inverted.
-        reactions: by handle (6,) float64: the force [N] and the moment [N m] about the plate's deformed centre that
+        min_det: least volume ratio at a corner of an element, det F there; not positive where one is folded or
+            inverted.
+        reactions: by handle (6,) float64: the force [N] and the moment [N m] about the handle's deformed centre that
             the handle exerts on the body.
         skipped: work that was not needed, by name.
         substeps: increments that the step was cut into.
@@ -35,8 +37,9 @@ class StepResult:
         message: what is wrong; empty where nothing is.
         cut_after: how often the solve asked for the time before its deadline had passed; None: it never passed.
         actuators: by name, command, length or volume, tension or pressure of each actuator.
-        restarts: 1 where the step ended in inverted elements or, from given positions, in another equilibrium, and was
-            made again from rest; the message says why.
+        terms: reports of terms that were added to the simulation, by their names.
+        restarts: 1 where the step ended in folded or inverted elements or, from given positions, in another
+            equilibrium, and was made again from rest; the message says why.
     """
 
     time: float
@@ -55,4 +58,5 @@ class StepResult:
     message: str = ""
     cut_after: int | None = None
     actuators: dict[str, ActuatorState] = field(default_factory=dict)
+    terms: dict[str, dict[str, float]] = field(default_factory=dict)
     restarts: int = 0

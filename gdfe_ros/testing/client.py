@@ -21,6 +21,8 @@ from gdfe_ros.node.process import make_executor
 from gdfe_ros.testing.discovery import await_discovery
 from gdfe_ros.testing.process import NodeProcess
 
+PATIENCE = 300.0
+"""Longest wait for anything but a step [s]; the first start of all compiles kernels: minutes on a busy machine."""
 STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Of subscriptions to what each step publishes; the last step is heard by who comes late."""
 

@@ -21,12 +21,11 @@ from gdfe_ros.errors import RecordingError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.recording.provenance import STATE_FILE
 from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.testing.client import PATIENCE
 from gdfe_ros.testing.consumed import ACTUATION, Consumed
 from gdfe_ros.testing.link import Link
 from gdfe_ros.testing.process import NodeProcess
 
-PATIENCE = 300.0
-"""Longest wait for anything but a step [s]; the first start of all compiles: minutes on a busy machine."""
 _SLOWER = 20.0
 """How many times slower than the recorded one a step may be."""
 _NO_CUT = -1

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,31 +13,15 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.actuator_messages import actuation
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.testing.client import PATIENCE
 from gdfe_ros.testing.consumed import ACTUATION, target_key
 from gdfe_ros.testing.link import Link
 from gdfe_ros.testing.process import NodeProcess
-
-PATIENCE = 300.0
-"""Longest wait for an answer of the node [s]; the first one waits for its kernels to be compiled."""
-
-
-@dataclass(frozen=True)
-class Played:
-    """How a program was played.
-
-    Attributes:
-        status: exit status of the node.
-        first: time from the start of its process to its first step [s].
-        log: what the node printed.
-    """
-
-    status: int
-    first: float
-    log: str
 
 
 def play_program(
@@ -50,8 +33,8 @@ def play_program(
     steps: int | None = None,
     parameters: Mapping[str, Any] | None = None,
     tell: Callable[[float], None] = lambda _: None,
-) -> Played:
-    """Start a node, command it step by step, and stop it.
+) -> float:
+    """Start a node, command it step by step, and stop it; return the time from its start to its first step [s].
 
     Args:
         scene: with a program.
@@ -63,7 +46,7 @@ def play_program(
         tell: is called with the moment of the program [s] that each step was for.
 
     Raises:
-        GdfeError: the node ended or did not answer.
+        GdfeError: the node ended, did not answer, or did not end well; with its log.
     """
     topics, duration = _topics(scene), scene.program.duration
     settings = {
@@ -87,7 +70,9 @@ def play_program(
             link.publish(_messages(scene, moment))
             link.wait_for_step(last + 1)
             tell(moment)
-        return Played(node.stop(), first, node.log)
+        if node.stop() != 0:
+            raise GdfeError(f"the node ended with status {node.status}:\n{node.log}")
+        return first
 
 
 def _topics(scene: Scene) -> dict[str, type]:

@@ -28,7 +28,7 @@ from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Command
-from gdfe_ros.testing.client import STATE_QOS, Client
+from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
 from gdfe_ros.testing.process import NodeProcess
 from gdfe_ros.testing.state import Moment, State, moment_of, state_topics, unpack
 
@@ -64,7 +64,7 @@ class Simulator:
         parameters: Mapping[str, Any] | None = None,
         inputs: Sequence[str] | None = None,
         bag: str | Path | None = None,
-        patience: float = 300.0,
+        patience: float = PATIENCE,
     ) -> None:
         self.scene = load_scene(scene, overrides=overrides)
         self._movable = [handle.name for handle in self.scene.handles if not handle.fixed]

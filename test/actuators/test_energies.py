@@ -7,15 +7,18 @@ import numpy as np
 import pytest
 
 from gdfe_ros.actuators import Cable, Chamber, Gravity, Growth, Mode, PointLoad, SurfaceLoad, embed
-from gdfe_ros.actuators.external import EFFORT, STIFFNESS, TARGET, chamber_volume, external_energy
 from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.round_bodies import sphere
-from gdfe_ros.solver.actuation import Actuation
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.fields import corner_forces
+from gdfe_ros.solver.elements.fields import corner_forces
+from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.terms.cable import EFFORT, STIFFNESS, TARGET
+from gdfe_ros.solver.terms.chamber import chamber_volume
+from gdfe_ros.solver.terms.growth import Growths
+from gdfe_ros.solver.terms.term import terms_energy
 
 RUBBER = NeoHookean(young=1e6, poisson=0.4, density=1000.0)
 LINEAR = Linear(young=1e6, poisson=0.4)
@@ -30,14 +33,14 @@ def make_body(mesh: HexMesh, material: Material = RUBBER) -> Body:
 def assert_derivative(actuation: Actuation, x: np.ndarray) -> None:
     """Compare the force with central differences along random directions."""
     force = np.zeros_like(x)
-    external_energy(x, actuation.external, force)
+    terms_energy(x, actuation.table, force, np.zeros(1))
     random = np.random.default_rng(1)
     scratch = np.zeros_like(x)
     for _ in range(5):
         direction = random.standard_normal(x.shape)
         h = 1e-7
-        high, _ = external_energy(x + h * direction, actuation.external, scratch)
-        low, _ = external_energy(x - h * direction, actuation.external, scratch)
+        high = terms_energy(x + h * direction, actuation.table, scratch, np.zeros(1))
+        low = terms_energy(x - h * direction, actuation.table, scratch, np.zeros(1))
         assert (high - low) / (2 * h) == pytest.approx(np.vdot(force, direction), rel=1e-6, abs=1e-9)
 
 
@@ -47,11 +50,11 @@ def test_cable_force_is_the_derivative(effort: float, stiffness: float, target: 
     mesh = bar([0.2, 0.05, 0.05], [4, 2, 2])
     points = embed(mesh, [[0.0, 0.01, 0.02], [0.07, 0, 0.02], [0.12, -0.01, 0.0], [0.2, 0, -0.02]], what="cable")
     actuation = Actuation(make_body(mesh), [Cable(name="c", mode=Mode.TENSION, points=points)])
-    actuation.external.cable[0, [EFFORT, STIFFNESS, TARGET]] = effort, stiffness, target
+    actuation.terms[0].reals[[EFFORT, STIFFNESS, TARGET]] = effort, stiffness, target
     x = mesh.vertices + 0.003 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
     assert_derivative(actuation, x)
     force = np.zeros_like(x)
-    external_energy(x, actuation.external, force)
+    terms_energy(x, actuation.table, force, np.zeros(1))
     assert force.any() == (target < 0.5), "a slack cable must not pull"
     np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12)
 
@@ -62,11 +65,13 @@ def test_chamber_force_is_the_derivative(effort: float, stiffness: float) -> Non
     mesh = sphere(0.01, 0.015, [3, 1])
     cavity = find_cavities(mesh)[0]
     actuation = Actuation(make_body(mesh), [Chamber(name="c", mode=Mode.PRESSURE, quads=cavity.quads)])
-    actuation.external.chamber[0, [EFFORT, STIFFNESS, TARGET]] = effort, stiffness, cavity.volume
+    actuation.terms[0].reals[[EFFORT, STIFFNESS, TARGET]] = effort, stiffness, cavity.volume
     x = mesh.vertices + 0.0005 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
     assert_derivative(actuation, x)
     far = x + np.array([3.0, -2.0, 5.0])
-    assert chamber_volume(far, actuation.external, 0) == pytest.approx(enclosed_volume(x, cavity.quads), rel=1e-10)
+    assert chamber_volume(far, actuation.terms[0].integers) == pytest.approx(
+        enclosed_volume(x, cavity.quads), rel=1e-10
+    )
 
 
 def test_dead_loads_sum_to_their_force_and_moment() -> None:
@@ -94,16 +99,18 @@ def test_growth_energy_is_that_of_the_elastic_part(material: Material) -> None:
     target = np.diag([1.3, 0.9, 1.1])
     body = make_body(mesh, material)
     growth = Growth(name="g", mode=Mode.GROWTH, cells=np.arange(mesh.n_cells), stretch=target)
-    Actuation(body, [growth]).grown.apply({"g": 1.0})
+    growths = Growths(body, [growth])
+    operators = growths.at({"g": 1.0}, growths.ungrown)
     gradient = np.eye(3) + 0.2 * random.standard_normal((3, 3))
     none = np.zeros(mesh.n_cells)
-    _, grown = corner_forces(body, mesh.vertices @ gradient.T, none)
+    _, grown = corner_forces(body, mesh.vertices @ gradient.T, none, operators=operators)
     elastic = gradient @ np.linalg.inv(target)
     _, plain = corner_forces(make_body(mesh, material), mesh.vertices @ elastic.T, none)
     np.testing.assert_allclose(grown, np.linalg.det(target) * plain, rtol=1e-10)
     amplitude = 0.0005 if material is LINEAR else 0.0
     x = mesh.vertices @ gradient.T + amplitude * random.standard_normal(mesh.vertices.shape)
-    force, _ = corner_forces(body, x, none)
+    force, _ = corner_forces(body, x, none, operators=operators)
     direction, h = random.standard_normal(x.shape), 1e-8
-    slope = sum(side * corner_forces(body, x + side * h * direction, none)[1].sum() for side in (1, -1)) / (2 * h)
+    ends = [corner_forces(body, x + side * h * direction, none, operators=operators)[1].sum() for side in (1, -1)]
+    slope = (ends[0] - ends[1]) / (2 * h)
     assert slope == pytest.approx(np.einsum("eai,eai", force, direction[mesh.cells]), rel=1e-6)

@@ -18,7 +18,7 @@ from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError, SceneError
 from gdfe_ros.scene import load_scene
-from gdfe_ros.solver import global_matrix
+from gdfe_ros.solver.matrix import constant_matrix
 
 
 def _pose(z: float) -> dict[str, Pose]:
@@ -146,7 +146,7 @@ def test_every_bag_of_the_repository_replays(kept_bags: dict[Path, float]) -> No
 
 def test_bags_replay_without_the_fast_factorisation(kept_bags: dict[Path, float], monkeypatch: Any) -> None:
     """Take cholespy away, as on a machine without it: other bits, but within the factor times the tolerance."""
-    monkeypatch.setattr(global_matrix, "cholespy", None)  # as its import leaves it there
+    monkeypatch.setattr(constant_matrix, "cholespy", None)  # as its import leaves it there
     for bag in (bag for bag in kept_bags if bag.name in ("twist90", "tensile")):
         differences = Replay(BagRun(bag)).run().differences
         assert differences.verdict() is Verdict.DIFFERENT

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -19,6 +18,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
 from rosbags.highlevel import AnyReader
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
@@ -156,15 +156,10 @@ class Client:
         The next ones to arrive may be older than what this process has seen already.
         """
         called, received = time.time_ns(), self.received["/diagnostics"]
-        self.wait(lambda: received and to_nanoseconds(received[-1].header.stamp) > called)
+        self.wait(lambda: received and Time.from_msg(received[-1].header.stamp).nanoseconds > called)
         status = received[-1].status[0]
         values = {value.key: value.value for value in status.values}
         return {**values, "message": status.message, "level": str(status.level[0])}
-
-
-def to_nanoseconds(stamp: Time) -> int:
-    """Give a stamp as a whole number."""
-    return stamp.sec * 10**9 + stamp.nanosec
 
 
 @pytest.fixture

@@ -12,38 +12,73 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.benchmark.torture.actuation import DRIVES, scene_text
 from gdfe_ros.benchmark.torture.bodies import Driver
 from gdfe_ros.benchmark.torture.snaps import JUMPED, LAWS, SHELLS
-from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.materials import Linear
+from gdfe_ros.mesh import bar
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.balance import Balance
-from gdfe_ros.solver.settings import Policy
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.solver.solution import Solution
+from gdfe_ros.solver.state import Balance, State
+from gdfe_ros.solver.stepping.balance import jumped, work_between
+from gdfe_ros.solver.stepping.stepper import Stepper
 
 
-def _spring(stretch: float, lost: float = 0.0) -> Balance:
-    """Return the balance of a spring of 2 N/m, pulled by a plate along x."""
-    wrench = {"tip": np.array([2.0 * stretch, 0.0, 0.0, 0.0, 0.0, 0.0])}
-    return Balance(stretch**2 - lost, 0.0, {}, wrench, {"tip": Pose((stretch, 0.0, 0.0))}, {})
+@pytest.fixture(scope="module")
+def stepper() -> Stepper:
+    """Solve a bar that a handle pulls, held at its other end."""
+    mesh = bar([0.1, 0.1, 0.1], [1, 1, 1])
+    x = mesh.vertices[:, 0]
+    handles = [Handle(name, np.flatnonzero(x == end).astype(np.int32)) for name, end in (("base", 0.0), ("tip", 0.1))]
+    body = Body.build(mesh.vertices, mesh.cells, [Linear(young=1e5, poisson=0.3)], np.zeros(1, np.int32), handles)
+    return Stepper(body, SolverSettings())
 
 
-def test_a_spring_keeps_its_energy() -> None:
+def _spring(stepper: Stepper, stretch: float, lost: float = 0.0) -> Solution:
+    """Return an equilibrium of a spring of 2 N/m, pulled by a handle along x."""
+    rest = stepper.at_rest()
+    wrench = {"base": np.zeros(6), "tip": np.array([2.0 * stretch, 0.0, 0.0, 0.0, 0.0, 0.0])}
+    summary = dataclasses.replace(rest.summary, energy=stretch**2 - lost, reactions=wrench)
+    poses = {"base": Pose(), "tip": Pose((stretch, 0.0, 0.0))}
+    return _solution(rest.with_(summary=summary, poses=poses))
+
+
+def _solution(state: State) -> Solution:
+    return _solution_of(state.with_(balance=Balance(potential=0.0, slopes={})))
+
+
+def _solution_of(state: State) -> Solution:
+    options = {"tolerance": 1e-4, "active": None, "largest_motion": 1.0, "balance": state.balance}
+    return Solution(state=state, iterations=1, **options)
+
+
+def test_a_spring_keeps_its_energy(stepper: Stepper) -> None:
     """Pull a spring: the work is exact and nothing is lost; without a tenth of it, a short increment proves a jump."""
-    work, doubt = _spring(1.0).work_to(_spring(1.1))
+    handles, begin, end = stepper.equilibrium.handles, _spring(stepper, 1.0).state, _spring(stepper, 1.1)
+    work, doubt = work_between(begin, end, handles)
     assert work == pytest.approx(0.21)
     assert doubt == pytest.approx(0.01)
-    assert not _spring(1.0).jumps_to(_spring(1.1))
-    assert _spring(1.0).jumps_to(_spring(1.1, lost=0.1))
-    assert not _spring(0.0).jumps_to(_spring(1.1, lost=0.1))
+    assert not jumped(begin, end, handles, 0.1)
+    assert jumped(begin, _spring(stepper, 1.1, lost=0.1), handles, 0.1)
+    assert not jumped(_spring(stepper, 0.0).state, _spring(stepper, 1.1, lost=0.1), handles, 0.1)
 
 
-def test_moments_work_on_turns_in_world_axes() -> None:
+def test_moments_work_on_turns_in_world_axes(stepper: Stepper) -> None:
     """Turn a plate further about another axis: the motion is that of the turn between, not of rotation vectors."""
     begin, end = (1.0, 0.4, -0.3), (1.01, 0.41, -0.28)
     turn = (Rotation.from_rotvec(end) * Rotation.from_rotvec(begin).inv()).as_rotvec()
+    rest = stepper.at_rest()
     for axis in range(3):
-        wrench = {"tip": np.eye(6)[3 + axis]}
-        first, last = (Balance(0.0, 0.0, {}, wrench, {"tip": Pose(rotation=pose)}, {}) for pose in (begin, end))
-        assert first.work_to(last)[0] == pytest.approx(turn[axis], abs=1e-6)
+        wrench = {"base": np.zeros(6), "tip": np.eye(6)[3 + axis]}
+        summary = dataclasses.replace(rest.summary, reactions=wrench)
+        first, last = (
+            _solution(rest.with_(summary=summary, poses={"base": Pose(), "tip": Pose(rotation=pose)}))
+            for pose in (begin, end)
+        )
+        work, _ = work_between(first.state, last, stepper.equilibrium.handles)
+        assert work == pytest.approx(turn[axis], abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["tendon_finger", "gripper", "three_chamber_arm"])
@@ -54,11 +89,12 @@ def test_driven_scenes_balance(name: str) -> None:
     simulation, last, worst = Simulation(scene), None, 0.0
     for _, result in zip(range(12), simulation.play(steps=40), strict=False):
         assert JUMPED not in result.message
-        balance = simulation._engine._balance
-        if last is not None and balance is not None:
-            lost = last.energy + last.potential + last.work_to(balance)[0] - balance.energy - balance.potential
-            worst = max(worst, abs(lost) / max(balance.energy, abs(balance.potential)))
-        last = balance
+        state = simulation.snapshot().state
+        if last is not None and last.balance is not None and state.balance is not None:
+            work, _ = work_between(last, _solution_of(state), simulation._stepper.equilibrium.handles)
+            before, after = (each.summary.energy + each.balance.potential for each in (last, state))
+            worst = max(worst, abs(before + work - after) / max(state.summary.energy, abs(state.balance.potential)))
+        last = state
     assert 0.0 < worst < 0.02
 
 
@@ -79,7 +115,7 @@ def test_nothing_is_left_inside_out() -> None:
     assert not result.converged
     assert "inside out" in result.message
     assert result.min_det > 0.0
-    assert -1e6 < simulation._engine.commands["a"] < 0.0
+    assert -1e6 < simulation.snapshot().state.commands["a"] < 0.0
     back = simulation.step(Command(actuators={"a": 0.0}))
     assert back.converged
     assert np.abs(back.positions - simulation.mesh.vertices).max() < 1e-4 * simulation.mesh.size

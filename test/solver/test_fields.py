@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.fields import (
+from gdfe_ros.solver.elements.fields import (
     corner_forces,
     element_fields,
     strain_energies,

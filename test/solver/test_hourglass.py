@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 from gdfe_ros.materials import Linear, Material
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.fields import corner_forces, strain_energies
+from gdfe_ros.solver.elements.fields import corner_forces, strain_energies
 
 MakeBody = Callable[..., Body]
 SAINT_VENANT = {1.0: 0.14057702, 2.0: 0.22868168, 4.0: 0.28081212}

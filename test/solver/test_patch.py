@@ -13,11 +13,13 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.materials import Linear, Material
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.equilibrium import EnergyEquilibrium
-from gdfe_ros.solver.fields import element_fields
-from gdfe_ros.solver.relative import RelativeEquilibrium
+from gdfe_ros.solver.elements.fields import element_fields
+from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
+from gdfe_ros.solver.solution import Increment, Solution
 
 MakeBody = Callable[..., Body]
+Equilibrium = EnergyEquilibrium | RelativeEquilibrium
 Boundary = Callable[[HexMesh], Handle]
 FIELDS = {
     "tension": np.diag([1.4, 0.9, 0.85]),
@@ -25,6 +27,14 @@ FIELDS = {
     "all": np.array([[1.2, 0.3, -0.1], [0.1, 0.9, 0.2], [-0.2, 0.1, 1.05]]),
     "turned": np.array([[0.0, -1.2, 0.1], [0.9, 0.1, 0.2], [0.0, 0.1, 1.0]]),
 }
+
+
+def solve(
+    equilibrium: Equilibrium, start: NDArray[np.float64], base: NDArray[np.float64], *, tolerance: float
+) -> Solution:
+    """Solve from ``start`` with the handles' vertices held at ``base``."""
+    state = equilibrium.at_rest().with_(positions=start, base=base)
+    return equilibrium.solve(Increment.at(state, tolerance=tolerance, limit=2000), state)
 
 
 @pytest.fixture(params=FIELDS.values(), ids=FIELDS)
@@ -40,7 +50,7 @@ def test_linear_field_is_exact(
     body = make_body(distorted, law, [boundary(distorted)])
     exact = distorted.vertices @ gradient.T + np.array([0.5, -0.2, 0.1])
     start = distorted.vertices.copy()
-    outcome = EnergyEquilibrium(body).solve(start, exact, tolerance=1e-9, limit=2000)
+    outcome = solve(EnergyEquilibrium(body), start, exact, tolerance=1e-9)
     assert outcome.converged
     np.testing.assert_allclose(outcome.positions, exact, atol=1e-8 * distorted.size)
     fields = element_fields(body, outcome.positions)
@@ -57,7 +67,7 @@ def test_linear_field_is_exact_in_two_materials_of_equal_stiffness(
     which = (np.arange(distorted.n_cells) % 2).astype(np.int32)
     body = make_body(distorted, two, [boundary(distorted)], which)
     exact = distorted.vertices @ FIELDS["all"].T
-    outcome = EnergyEquilibrium(body).solve(distorted.vertices.copy(), exact, tolerance=1e-9, limit=2000)
+    outcome = solve(EnergyEquilibrium(body), distorted.vertices.copy(), exact, tolerance=1e-9)
     np.testing.assert_allclose(outcome.positions, exact, atol=1e-8 * distorted.size)
 
 
@@ -69,6 +79,6 @@ def test_rigid_motion_is_exact_for_the_relative_policy(
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     exact = distorted.vertices @ turn.T + np.array([0.5, -0.2, 0.1])
     start = np.where(np.isin(np.arange(len(exact)), body.unknowns.free)[:, None], exact + 0.01, exact)
-    outcome = RelativeEquilibrium(body).solve(start, exact, tolerance=1e-8, limit=2000)
+    outcome = solve(RelativeEquilibrium(body), start, exact, tolerance=1e-8)
     assert outcome.converged
     np.testing.assert_allclose(outcome.positions, exact, atol=1e-8 * distorted.size)

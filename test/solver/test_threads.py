@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.solver.descents import Task
+from gdfe_ros.solver.descent.minimiser import Task
 
 _CODE = """
 import hashlib, sys

@@ -13,8 +13,9 @@ from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, preset
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.equilibrium import EnergyEquilibrium
-from gdfe_ros.solver.fields import element_fields, strain_energies
+from gdfe_ros.solver.elements.fields import element_fields, strain_energies
+from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.solution import Increment
 
 MakeBody = Callable[..., Body]
 SIDE = 0.1
@@ -90,7 +91,9 @@ def test_block_follows_the_closed_form(make_body: MakeBody, kind: str, poisson: 
     mesh = bar([SIDE, SIDE, SIDE], [2, 2, 2])
     body = make_body(mesh, material, held_by_its_ends(mesh))
     base = mesh.vertices * (stretch, 1.0, 1.0)
-    outcome = EnergyEquilibrium(body).solve(base.copy(), base, tolerance=1e-8, limit=2000)
+    equilibrium = EnergyEquilibrium(body)
+    state = equilibrium.at_rest().with_(positions=base, base=base)
+    outcome = equilibrium.solve(Increment.at(state, tolerance=1e-8, limit=2000), state)
     assert outcome.converged, outcome.message
     lateral, density = closed_form(material, stretch)
     np.testing.assert_allclose(outcome.positions, mesh.vertices * (stretch, lateral, lateral), atol=2e-5 * SIDE)

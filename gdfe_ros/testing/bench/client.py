@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
+from rclpy.time import Time
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
@@ -22,9 +23,8 @@ from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.node.specification import TopicSpec
+from gdfe_ros.testing.client import PATIENCE
 
-PATIENCE = 300.0
-"""Longest wait for anything [s]."""
 CELLS = {500: (20, 5, 5), 1250: (50, 5, 5), 10_000: (100, 10, 10)}
 """Number of elements of the bar of ``bend5`` -> cells along x, y, z."""
 RISE = 1e-3
@@ -135,7 +135,7 @@ class Client:
 
     def _diagnose(self, message: DiagnosticArray) -> None:
         self.values = {value.key: value.value for value in message.status[0].values}
-        self.stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        self.stamp = Time.from_msg(message.header.stamp).nanoseconds
         steps, spent = self.solved
         if "solve time per step [ms]" in self.values:
             now = int(self.values["steps"])

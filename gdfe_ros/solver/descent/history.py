@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a descent has learned of the body's stiffness, as a value that a state can keep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.descent.workspace import Workspace
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """The pairs of an L-BFGS history, oldest first; a value, whose arrays are never written again.
+
+    Attributes:
+        steps: (3 r,) each, changes s of the unknowns [m].
+        images: (3 r,) each, v = H_0 y of the changes y of the gradient [m].
+        triangle, gram: (k, k) s_i . y_j (upper triangle) and y_i . v_j [J].
+    """
+
+    steps: tuple[NDArray[np.float64], ...]
+    images: tuple[NDArray[np.float64], ...]
+    triangle: NDArray[np.float64]
+    gram: NDArray[np.float64]
+
+    @classmethod
+    def empty(cls) -> History:
+        """Know nothing."""
+        return cls((), (), np.zeros((0, 0)), np.zeros((0, 0)))
+
+
+class HistoryKeeper:
+    """Moves histories between a workspace and the values that states keep; what has not changed is not copied.
+
+    Args:
+        workspace: the workspace.
+    """
+
+    def __init__(self, workspace: Workspace) -> None:
+        self._workspace = workspace
+        self._held: History | None = None
+        self._pairs: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+
+    def load(self, history: History) -> None:
+        """Have the next descent begin with ``history``."""
+        held, self._held = self._held, None
+        if held is history:
+            return
+        work, status, count = self._workspace, self._workspace.status[0], len(history.steps)
+        self._pairs = {}
+        for i, pair in enumerate(zip(history.steps, history.images, strict=True)):
+            status["serial"] += 1
+            work.row[i], work.serial[i] = i, status["serial"]
+            work.steps[i], work.images[i] = pair
+            self._pairs[int(status["serial"])] = pair
+        work.row[count:] = np.arange(count, len(work.row))
+        work.triangle[:count, :count], work.gram[:count, :count] = history.triangle, history.gram
+        status["count"], status["pending"] = count, 0
+
+    def export(self) -> History:
+        """Return what the last descent ended with."""
+        work = self._workspace
+        count = int(work.status[0]["count"])
+        rows = work.row[:count]
+        self._pairs = {
+            int(serial): self._pairs.get(int(serial)) or (work.steps[row].copy(), work.images[row].copy())
+            for row, serial in zip(rows, work.serial[rows], strict=True)
+        }
+        steps, images = zip(*self._pairs.values(), strict=True) if count else ((), ())
+        triangle, gram = work.triangle[:count, :count].copy(), work.gram[:count, :count].copy()
+        self._held = History(tuple(steps), tuple(images), triangle, gram)
+        return self._held

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Descents to a step that is short enough, and how far from the equilibrium they end."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.deadline import Deadline, past
+from gdfe_ros.solver.descent import quasi_newton
+from gdfe_ros.solver.descent.active_set import ActiveSet
+from gdfe_ros.solver.descent.lumps import find_lumps, largest_turn
+from gdfe_ros.solver.descent.stopping import way_left
+from gdfe_ros.solver.descent.workspace import End, Problem, Workspace
+from gdfe_ros.solver.matrix.constant_matrix import Factorisation
+from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
+
+SAFETY = 0.1
+"""The quasi-Newton step falls short of the distance to the equilibrium by up to this factor on slender bodies."""
+PATIENT_ITERATIONS = 20
+"""Iterations before the moments of hard lumps are looked at again."""
+FLOOR = 1e-3
+"""Share of the tolerance at which even the least iterations are left out."""
+FARTHEST = 3000.0
+"""Of the body's size: where a vertex or a step goes farther, the body runs away."""
+CHUNK = 20
+"""Iterations of the compiled loop between two looks at the clock."""
+_TEAM = threading.Lock()
+"""Numba's threads serve one caller at a time: the simplest of its threading layers ends the process otherwise."""
+Observer = Callable[[float, float, bool], None]
+"""Takes the energy [J] that a descent lowers, the size of its terms [J], and whether the descent only begins there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a solve descends in.
+
+    Attributes:
+        active: what moves, and the workspace.
+        problem: what stays constant.
+        coupling: how the handles' rigid rows hang on the free vertices.
+        deadline: when it has passed, a descent ends; None: never.
+    """
+
+    active: ActiveSet
+    problem: Problem
+    coupling: Coupling
+    deadline: Deadline | None = None
+
+    def evaluate(self) -> None:
+        """Evaluate all terms where the unknowns are."""
+        self.advance(0.0, first=True)
+
+    def advance(self, goal: float, *, first: bool = False) -> bool:
+        """Do one iteration towards a step of at most ``goal`` [m]; see `quasi_newton.advance`."""
+        with nullcontext() if self.problem.threads is None else _TEAM:
+            return quasi_newton.advance(self.problem, self.active.workspace, goal, first)
+
+
+@dataclass(frozen=True)
+class Descended:
+    """How a descent went.
+
+    Attributes:
+        iterations: that were made.
+        cut: the limit or the deadline ended it, not its goal.
+    """
+
+    iterations: int
+    cut: bool
+
+
+class Minimiser:
+    """Descends in the potential of a body.
+
+    Args:
+        body: the discretised body.
+        weight, bending: (m,) [Pa] and (m,) [N/m] of the constant matrix.
+
+    Attributes:
+        observer: sees the energy of every iteration; None for nobody.
+        lumps: hard pieces in a soft body, whose turns the constant matrix takes for stiff.
+    """
+
+    def __init__(self, body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> None:
+        self._body = body
+        self._grain = float(np.finfo(float).eps * np.vdot(weight, body.shape.volume))
+        self.lumps = find_lumps(body, weight, bending)
+        self.observer: Observer | None = None
+
+    def begin(self, work: Workspace, *, watched: bool) -> None:
+        """Begin a solve; with ``watched`` it ends only when its steps have shrunk."""
+        status = work.status[0]
+        status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
+        status["seen"] = 0 if watched else -1
+        status["ended"] = End.NONE
+
+    def descend(self, task: Task, *, tolerance: float, least: int, limit: int) -> Descended:
+        """Descend until the step is short enough and no hard lump lags behind.
+
+        At least one iteration is made, whatever the deadline, unless none is needed.
+
+        Args:
+            task: what to descend in; its terms have been evaluated.
+            tolerance: estimated largest distance to the equilibrium over the body's size.
+            least: iterations to make at least.
+            limit: most iterations.
+        """
+        target = SAFETY * tolerance * self._body.size
+        run = self._run_dense if task.active.matrix.kind is Factorisation.DENSE else self._run_sparse
+        descended = run(task, target, least, limit)
+        used, ended = descended.iterations, descended
+        while not ended.cut and self._lag(task.active) > tolerance and used < limit and not past(task.deadline):
+            ended = run(task, target, PATIENT_ITERATIONS, limit - used)
+            used += ended.iterations
+            if not ended.iterations or task.active.workspace.status[0]["ended"] != End.NONE:
+                break
+        if task.active.workspace.status[0]["pending"]:
+            quasi_newton.take_products(task.active.workspace)
+        return Descended(used, ended.cut)
+
+    def residual(self, active: ActiveSet) -> float:
+        """Return the estimated largest distance to the equilibrium over the body's size."""
+        work, size = active.workspace, self._body.size
+        status = work.status[0]
+        distance = float(status["distance"]) / (SAFETY * size)
+        if status["ended"] != End.EXHAUSTED:
+            distance = max(distance, float(way_left(work)) / size)
+        return max(distance, self._lag(active))
+
+    def ran_away(self, active: ActiveSet) -> bool:
+        """Tell whether the energy has no lower bound."""
+        work = active.workspace
+        far = not np.abs(work.x - self._body.rest).max() <= FARTHEST * self._body.size
+        return bool(far or work.status[0]["ended"] == End.RUNAWAY)
+
+    def _run_dense(self, task: Task, target: float, least: int, limit: int) -> Descended:
+        """Iterate with the explicit inverse, many iterations in one compiled call."""
+        work, done = task.active.workspace, 0
+        self._show(work, begins=True)
+        while done < limit:
+            chunk = min(least - done if done < least else CHUNK if task.deadline else limit, limit - done)
+            chunk = 1 if self.observer else chunk
+            goal = FLOOR * target if done < least else target
+            used = quasi_newton.descend(task.problem, work, task.coupling, goal, chunk)
+            self._show(work, begins=False)
+            done += used
+            if used < chunk:
+                return Descended(done, cut=False)
+            if past(task.deadline):
+                break
+        return Descended(done, cut=True)
+
+    def _run_sparse(self, task: Task, target: float, least: int, limit: int) -> Descended:
+        """Iterate with a library's factor."""
+        work, matrix, rows = task.active.workspace, task.active.matrix, len(task.active.unknowns.free)
+        free_gradient, free_step = work.gradient.reshape(-1, 3)[:rows], work.step.reshape(-1, 3)[:rows]
+        self._show(work, begins=True)
+        matrix.solve(free_gradient, free_step)
+        close_coupling(work.gradient, task.coupling, work.step)
+        for iteration in range(limit):
+            goal = target if iteration >= least else FLOOR * target
+            ended = task.advance(goal)
+            self._show(work, begins=False)
+            if ended:
+                return Descended(iteration, cut=False)
+            matrix.solve(free_gradient, free_step)
+            close_coupling(work.gradient, task.coupling, work.step)
+            quasi_newton.remember(work)
+            if past(task.deadline):
+                return Descended(iteration + 1, cut=True)
+        return Descended(limit, cut=True)
+
+    def _show(self, work: Workspace, *, begins: bool) -> None:
+        if self.observer is not None:
+            status = work.status[0]
+            size = float(status["absolute"] + status["outside"]) + self._grain / quasi_newton.ROUNDING
+            self.observer(float(status["energy"]), size, begins)
+
+    def _lag(self, active: ActiveSet) -> float:
+        """Return by how much a hard lump has yet to turn, over the body's size."""
+        if not self.lumps:
+            return 0.0
+        work, free = active.workspace, active.unknowns.free
+        gradient = np.zeros_like(work.x)
+        gradient[free] = work.gradient.reshape(-1, 3)[: len(free)]
+        return largest_turn(self.lumps, work.x, gradient) / self._body.size

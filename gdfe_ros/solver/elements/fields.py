@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Element fields for publication: equivalent strain, volume ratio, moduli, shape factor, energy density."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.materials.stress import logarithmic_volume
+from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR
+from gdfe_ros.materials.tensor import cofactor, determinant
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.measures import (
+    LINEAR,
+    NEO_HOOKEAN,
+    least_corner,
+    mean_gradient,
+    softened_scale,
+    strain_state,
+    update_hourglass_scales,
+    volume_at,
+)
+from gdfe_ros.solver.elements.operators import Operators
+from gdfe_ros.solver.elements.response import evaluate
+
+
+@dataclass(frozen=True)
+class ElementFields:
+    """One value for each element, float64 (m,).
+
+    Attributes:
+        centroids: (m, 3) current centroids [m].
+        eps_eq: equivalent strain, Eq. 5 (nu = 0.5, but the element's own nu for the linear law).
+        J: determinant of the mean deformation gradient.
+        secant: secant modulus Phi'/eps_eq of the material's uniaxial curve [Pa].
+        tangent: tangent modulus of the same curve [Pa].
+        energy_density: strain energy over rest volume, hourglass part included [J/m^3].
+        omega: shape factor; the secant modulus over the largest in the body for the ``energy`` policy.
+    """
+
+    centroids: NDArray[np.float64]
+    eps_eq: NDArray[np.float64]
+    J: NDArray[np.float64]
+    secant: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    energy_density: NDArray[np.float64]
+    omega: NDArray[np.float64]
+
+
+def element_fields(
+    body: Body,
+    positions: NDArray[np.float64],
+    omega: NDArray[np.float64] | None = None,
+    *,
+    operators: Operators | None = None,
+) -> ElementFields:
+    """Evaluate all fields at ``positions`` (n, 3) [m]; ``omega`` (m,) where the policy has its own.
+
+    ``operators`` are those of the present growth; None where nothing has grown, as everywhere in this module.
+    """
+    count, shape = len(body.material), (operators or body).shape
+    values, centroids = np.empty((4, count)), np.empty((count, 3))
+    scale, missing = np.ones(count), np.empty(count)
+    _element_states(positions, shape, body.material, body.table, values, centroids, scale, missing)
+    strain, volume_ratio, secant, tangent = values
+    if omega is None:
+        omega = secant / secant.max()
+    force, energies = np.empty((count, 8, 3)), np.empty(count)
+    none, material = np.zeros(count), body.material
+    evaluate(positions, shape, (operators or body).blocks, material, none, scale, body.table, force, energies, None)
+    density = (energies + missing) / shape.volume
+    return ElementFields(centroids, strain, volume_ratio, secant, tangent, density, np.asarray(omega))
+
+
+def strain_energies(
+    body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
+) -> NDArray[np.float64]:
+    """Return the strain energy (m,) [J] of each element with its full volume energy U(J)."""
+    none = np.zeros(len(body.material))
+    counted = corner_forces(body, positions, none, operators=operators)[1]
+    stored = np.empty_like(counted)
+    elements = np.arange(len(counted), dtype=np.int32)
+    shape, least = (operators or body).shape, np.empty_like(stored)
+    store_energies(positions, elements, shape, body.material, body.table, none, counted, stored, least, False)
+    return stored
+
+
+def corner_forces(
+    body: Body,
+    positions: NDArray[np.float64],
+    pressure: NDArray[np.float64],
+    *,
+    operators: Operators | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return corner forces (m, 8, 3) [N] and energies (m,) [J] with a given pressure (m,) [Pa]."""
+    force, energies = np.zeros((len(body.material), 8, 3)), np.zeros(len(body.material))
+    scale, elements = np.ones(len(body.material)), np.arange(len(body.material), dtype=np.int32)
+    shape, material, table = (operators or body).shape, body.material, body.table
+    update_hourglass_scales(positions, elements, shape, material, table, scale)
+    evaluate(positions, shape, (operators or body).blocks, material, pressure, scale, table, force, energies, None)
+    return force, energies
+
+
+@internal
+def uncounted(j, pressure, volume, table, k, solved):
+    """Return U(J) less the volume part that the kernels count for an element whose pressure carries its volume [J].
+
+    With ``solved``, U(J) is taken as U(J*) + p (J - J*) with the pressure p of the solve and U'(J*) = p, the tangent at
+    J*: with a large bulk modulus U(J) itself would count what the tolerance leaves of J - J* many times over. Nothing
+    is added for an incompressible element: J is 1 up to the tolerance, and what is counted is the augmented Lagrangian.
+    """
+    bulk, change = table.parameters[k, BULK], j - 1.0
+    if bulk == np.inf:
+        return 0.0
+    total = pressure + table.parameters[k, PENALTY] * change
+    counted = change * (pressure + 0.5 * table.parameters[k, PENALTY] * change)
+    target = volume_at(total, table, k) if solved else j
+    if table.law[k] == NEO_HOOKEAN:
+        full, _ = logarithmic_volume(target, bulk - 2.0 / 3.0 * table.parameters[k, SHEAR])
+    else:
+        full = 0.5 * bulk * (target - 1.0) ** 2
+    return volume * (full + total * (j - target) - counted)
+
+
+@kernel
+def _element_states(x, shape, material, table, values, centroids, scale, missing):
+    """Write in one pass what ``strain_states`` does, the centroids, the scales, and what ``store_energies`` adds."""
+    for e in range(len(material)):
+        k = material[e]
+        strain, j, secant, tangent = strain_state(x, shape, e, table, k)
+        values[0, e], values[1, e], values[2, e], values[3, e] = strain, j, secant, tangent
+        missing[e] = uncounted(j, 0.0, shape.volume[e], table, k, False) if table.parameters[k, CARRIED] != 0.0 else 0.0
+        if table.law[k] != LINEAR:
+            scale[e] = softened_scale(tangent, table, k)
+        for i in range(3):
+            total = 0.0
+            for a in range(8):
+                total += x[shape.cells[e, a], i]
+            centroids[e, i] = total / 8.0
+
+
+@kernel
+def strain_states(x, shape, material, table, values):
+    """Write eps_eq, J, secant and tangent modulus [Pa] of every element into the first four rows of ``values``."""
+    for e in range(len(material)):
+        k = material[e]
+        strain, j, secant, tangent = strain_state(x, shape, e, table, k)
+        values[0, e], values[1, e], values[2, e], values[3, e] = strain, j, secant, tangent
+
+
+@kernel
+def store_energies(x, elements, shape, material, table, pressure, energies, stored, least, solved):
+    """Write the energies [J] of ``elements``, with U(J) as their volume part, to ``stored`` (m,).
+
+    ``least`` (m,) gets their least volume ratio at a corner.
+
+    The kernels' ``energies`` (m,) count p_e (J - 1) + kappa/2 (J - 1)^2 where a pressure carries the volume. With
+    ``solved`` these are the pressures of a solve, see `uncounted`.
+    """
+    for e in elements:
+        k = material[e]
+        least[e], stored[e] = least_corner(x, shape, e), energies[e]
+        if table.parameters[k, CARRIED] == 0.0:
+            continue
+        f = mean_gradient(x, shape, e)
+        j = determinant(f, cofactor(f))
+        stored[e] += uncounted(j, pressure[e], shape.volume[e], table, k, solved)
+
+
+def volume_pressures(
+    body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
+) -> NDArray[np.float64]:
+    """Return p_e (m,) [Pa] with which the kernels' volume term has the slope U'(J) of the full volume energy.
+
+    An incompressible element, whose pressure no shape tells, keeps 0: its volume term is that of nu = 0.45.
+    """
+    pressure = np.zeros(len(body.material))
+    _full_pressures(positions, (operators or body).shape, body.material, body.table, pressure)
+    return pressure
+
+
+@kernel
+def _full_pressures(x, shape, material, table, pressure):
+    for e in range(len(material)):
+        k = material[e]
+        if table.parameters[k, CARRIED] == 0.0:
+            continue
+        f = mean_gradient(x, shape, e)
+        change = determinant(f, cofactor(f)) - 1.0
+        bulk = table.parameters[k, BULK]
+        if bulk == np.inf:
+            continue
+        slope = bulk * change
+        if table.law[k] == NEO_HOOKEAN:
+            _, slope = logarithmic_volume(change + 1.0, bulk - 2.0 / 3.0 * table.parameters[k, SHEAR])
+        pressure[e] = slope - table.parameters[k, PENALTY] * change

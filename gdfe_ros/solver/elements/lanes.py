@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of a block's scratch, and moving tuples between rows and lanes.
+
+Row r of lane l lies at ``r * LANES + l`` of a flat array: constant distances, which lets LLVM prove that the lanes are
+independent and use SIMD for every loop over them.
+"""
+
+from __future__ import annotations
+
+from gdfe_ros.compiled import inlined
+from gdfe_ros.solver.elements.blocks import LANES
+
+COORDINATES = 0
+"""24 corner coordinates, x then y then z; overwritten by the corner forces."""
+GRADIENT, MODES, STRESS, FORCES = 24, 33, 45, 54
+"""F (9), hourglass vectors q (4 x 3), V P (9), hourglass forces (4 x 3)."""
+ENERGY, PRESSURE, SHEAR_ROW, LAME_ROW, PENALTY_ROW, YOUNG_ROW, SCALED_SHEAR, POISSON_ROW = range(66, 74)
+ROWS = 74
+
+
+@inlined
+def load3(b, row, lane):
+    """Return three rows of a lane."""
+    i = row * LANES + lane
+    return b[i], b[i + LANES], b[i + 2 * LANES]
+
+
+@inlined
+def load9(b, row, lane):
+    """Return nine rows of a lane."""
+    i = row * LANES + lane
+    return (
+        b[i],
+        b[i + LANES],
+        b[i + 2 * LANES],
+        b[i + 3 * LANES],
+        b[i + 4 * LANES],
+        b[i + 5 * LANES],
+        b[i + 6 * LANES],
+        b[i + 7 * LANES],
+        b[i + 8 * LANES],
+    )
+
+
+@inlined
+def store3(b, row, lane, v):
+    """Write three rows of a lane."""
+    i = row * LANES + lane
+    b[i], b[i + LANES], b[i + 2 * LANES] = v
+
+
+@inlined
+def store9(b, row, lane, v):
+    """Write nine rows of a lane."""
+    i = row * LANES + lane
+    b[i], b[i + LANES], b[i + 2 * LANES] = v[0], v[1], v[2]
+    b[i + 3 * LANES], b[i + 4 * LANES], b[i + 5 * LANES] = v[3], v[4], v[5]
+    b[i + 6 * LANES], b[i + 7 * LANES], b[i + 8 * LANES] = v[6], v[7], v[8]

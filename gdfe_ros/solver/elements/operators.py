@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The operators of a body's elements at a growth, in both of the layouts that kernels take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.solver.elements.blocks import Blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Operators:
+    """The elements' rest shape; a value, whose arrays are never written again.
+
+    Attributes:
+        shape: operators of the elements.
+        blocks: the same in blocks.
+        stretch: (k, 3, 3) growth of the cells that can grow; (0, 3, 3) where none can.
+    """
+
+    shape: ShapeOperators
+    blocks: Blocks
+    stretch: NDArray[np.float64]

@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hyperelastic equilibrium for the ``energy`` policy: descents on the constant matrix, multipliers in between."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import start_threads
+from gdfe_ros.constraints import Pose
+from gdfe_ros.materials.table import LAME, PENALTY, SHEAR, YOUNG
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.deadline import past
+from gdfe_ros.solver.descent.active_set import ActiveSet
+from gdfe_ros.solver.descent.history import History
+from gdfe_ros.solver.descent.minimiser import SAFETY, Minimiser, Observer
+from gdfe_ros.solver.descent.workspace import LONG_MEMORY, MEMORY
+from gdfe_ros.solver.elements.pressures import at_rest
+from gdfe_ros.solver.equilibrium.dormancy import Dormancy
+from gdfe_ros.solver.equilibrium.predictor import Predictor
+from gdfe_ros.solver.equilibrium.solve import Model, Solve
+from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation, assemble
+from gdfe_ros.solver.settings import Skip
+from gdfe_ros.solver.solution import Increment, Solution
+from gdfe_ros.solver.state import Known, State, Summary
+from gdfe_ros.solver.terms.actuation import Actuation
+
+LEAP = 100.0
+"""Of the tolerance: where the start lies farther from the last equilibrium, nothing is taken for granted."""
+REORIENT = 0.3
+"""Turn [rad] of a handle beyond which the constant matrix is coupled to it anew; the history begins again then."""
+RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
+
+
+class EnergyEquilibrium:
+    """Finds positions at which every element's force, derived from its energy, balances.
+
+    Args:
+        body: the discretised body.
+        actuation: what acts on it; None for nothing.
+        library: what factors the constant matrix; None chooses.
+        skip: work that may be left out.
+        threads: most that share the elements.
+
+    Attributes:
+        matrix: the constant matrix.
+        handles: the kinematics of the handles.
+        patience: iterations after which a shorter motion is the better idea.
+    """
+
+    patience = 2000
+
+    def __init__(
+        self,
+        body: Body,
+        actuation: Actuation | None = None,
+        *,
+        library: Factorisation | None = None,
+        skip: Collection[Skip] = tuple(Skip),
+        threads: int = 1,
+    ) -> None:
+        self.body, self._threads = body, threads
+        if threads > 1:
+            start_threads()
+        self.actuation = actuation or Actuation(body)
+        parameters = body.table.parameters[body.material]
+        stiffness = 2.0 * parameters[:, SHEAR] + parameters[:, PENALTY] + parameters[:, LAME]
+        bending = parameters[:, YOUNG] * np.cbrt(body.shape.volume) / 6.0
+        shares = [term.stiffness() for term in self.actuation.terms]
+        assembled = sum((share for share in shares if share is not None), assemble(body.shape, stiffness, bending))
+        self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns, library=library)
+        self.actuation.fit(self.matrix)
+        self.handles = HandleMotions(body)
+        self.minimiser = Minimiser(body, stiffness, bending)
+        self._model = Model(body, self.actuation, self.handles, self.minimiser)
+        self._predictor = Predictor(body, self.handles)
+        memory = LONG_MEMORY if self.actuation.drives else MEMORY
+        still = not self.actuation.growths
+        self._whole = ActiveSet.whole(body, self.matrix, memory, rigid=still, skip=skip)
+        sleeps = skip if still and not self.minimiser.lumps else ()
+        self._dormancy = Dormancy(body, self._whole, sleeps, pushed=bool(self.actuation.terms))
+        count = len(body.material)
+        self._stored, self._least = np.zeros(count), np.ones(count)
+        self._loaded: Known | None = None
+        self._run = 0
+
+    def at_rest(self) -> State:
+        """Return the state at rest."""
+        body, handles, loose = self.body, self.body.handles, np.zeros((len(self.body.unknowns.slides), 3))
+        poses = {handle.name: Pose() for handle in handles}
+        still = {handle.name: np.zeros(6) for handle in handles}
+        neutral, ungrown = self.actuation.neutral, self.actuation.growths.ungrown
+        saved = self.actuation.at_rest()
+        self.actuation.begin(neutral, saved, body.rest)
+        summary = Summary(
+            converged=True,
+            residual=0.0,
+            energy=0.0,
+            min_det=1.0,
+            reactions=still,
+            actuators=self.actuation.states(body.rest, neutral, ungrown),
+        )
+        return State(
+            positions=body.rest,
+            base=body.rest,
+            poses=poses,
+            commands=dict(neutral),
+            slides=loose,
+            turns=loose,
+            orientation=self.handles.rotations(poses, loose),
+            terms=saved,
+            elements=at_rest(body),
+            operators=ungrown,
+            sleep=self._dormancy.at_rest(),
+            balance=self.actuation.balance(body.rest, neutral),
+            summary=summary,
+        )
+
+    def observe(self, observer: Observer | None) -> None:
+        """Have somebody see the energy of every iteration; None for nobody."""
+        self.minimiser.observer = observer
+
+    def solve(self, problem: Increment, start: State) -> Solution:
+        """Find the equilibrium of ``problem`` from ``start``, which stays as it is."""
+        self._run += 1
+        base = self.handles.base(problem.poses, start.poses, start.base)
+        active = self._dormancy.choose(start, base)
+        prediction = self._predictor.predict(start, base, self._change(problem, start), active)
+        near = LEAP * problem.tolerance * self.body.size
+        motion = np.abs(prediction.positions - start.positions).max(initial=0.0)
+        solve = Solve(
+            self._model,
+            problem,
+            start,
+            base,
+            prediction,
+            active.elements,
+            warm=bool(prediction.ratio and motion <= near),
+        )
+        held = self._dormancy.is_part(active)
+        if held:
+            self._load(start.sleep.known)
+        else:
+            self._loaded = None
+        found = self._descend(solve, active, start.part_history if held else start.history)
+        if not held or past(problem.deadline):
+            return found
+        target = SAFETY * problem.tolerance * self.body.size
+        if found.converged and not solve.pressures.stiffened:
+            moved, yielding = self._dormancy.disturbance(start.sleep, target)
+            if moved <= target:
+                residual = max(found.state.summary.residual, moved / target * problem.tolerance)
+                summary, sleep = (
+                    replace(found.state.summary, residual=residual),
+                    replace(start.sleep, yielding=yielding),
+                )
+                return replace(found, state=found.state.with_(summary=summary, sleep=sleep))
+        self._loaded = None
+        if found.converged:
+            solve.go_on_from(found.state)
+        else:
+            solve.begin_anew(self._whole.elements)
+        again = self._descend(solve, self._whole, start.history, spent=found.iterations)
+        return replace(again, iterations=found.iterations + again.iterations)
+
+    def accept(self, solution: Solution, previous: State) -> State:
+        """Return the state that follows ``previous`` with the last solution.
+
+        Raises:
+            RuntimeError: the solution is not that of the last solve, whose workspace is needed.
+        """
+        if solution.run != self._run:
+            raise RuntimeError("only the solution of the last solve can be accepted")
+        found, active = solution.state, solution.active
+        change = np.array([found.commands[name] - value for name, value in previous.commands.items()])
+        part = self._dormancy.is_part(active)
+        exported = active.keeper.export()
+        sleep = found.sleep
+        if self._dormancy.touched(previous, found.base):
+            sleep = self._dormancy.woken(sleep)
+        sleep = self._dormancy.accepted(sleep, active, found.positions, solution.tolerance)
+        sleep = self._dormancy.learned(sleep, lambda: self._known(found))
+        same = sleep is not None and sleep.awake is (previous.sleep and previous.sleep.awake)
+        return found.with_(
+            motion=self._predictor.motion(previous, found, change),
+            turns=self.handles.within_a_turn(found.turns),
+            history=previous.history if part else exported,
+            part_history=exported if part else previous.part_history if same else History.empty(),
+            sleep=sleep,
+            balance=solution.balance,
+        )
+
+    def skipped(self, solution: Solution) -> dict[str, int]:
+        """Return what a solve left out, by name."""
+        counts = solution.active.skipped(self.body, self._whole)
+        return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
+
+    def _descend(self, solve: Solve, active: ActiveSet, history: History, *, spent: int = 0) -> Solution:
+        orientation = self._orientation(solve)
+        coupling = active.matrix.coupling if orientation is None else active.matrix.turned(orientation)
+        if orientation is not None and orientation is not solve.start.orientation:
+            history = History.empty()
+        active.keeper.load(history)
+        solve.descend(active, coupling, threads=active.threads(self._threads), limit=solve.problem.limit - spent)
+        if self.minimiser.ran_away(active):
+            summary = replace(solve.start.summary, converged=False, residual=np.inf, message=RAN_AWAY)
+            return Solution(
+                state=solve.start.with_(summary=summary),
+                iterations=solve.iterations,
+                diverged=True,
+                run=self._run,
+                active=active,
+                tolerance=solve.problem.tolerance,
+            )
+        solution = solve.solution(active, self._stored, self._least, run=self._run)
+        if orientation is None:
+            return solution
+        return replace(solution, state=solution.state.with_(orientation=orientation))
+
+    def _orientation(self, solve: Solve) -> NDArray[np.float64] | None:
+        """Return the rotations for which the handles' rigid rows are coupled; None where no handle turns."""
+        if not self.handles.turn:
+            return None
+        kept = solve.start.orientation
+        now = self.handles.rotations(solve.problem.poses, solve.turns)
+        cosine = 0.5 * (np.einsum("pij,pij->p", now, kept) - 1.0)
+        return kept if (cosine >= np.cos(REORIENT)).all() else now
+
+    def _change(self, problem: Increment, start: State) -> NDArray[np.float64]:
+        """Return the change of every command, in its own unit."""
+        return np.array([problem.commands[name] - value for name, value in start.commands.items()])
+
+    def _load(self, known: Known) -> None:
+        """Have the workspace hold the forces and energies of the elements that are held."""
+        if self._loaded is known:
+            return
+        work = self._whole.workspace
+        work.force[...], work.energies[...] = known.force, known.energies
+        self._stored[...], self._least[...] = known.stored, known.least
+        self._loaded = known
+
+    def _known(self, found: State) -> Known:
+        """Evaluate the whole body at a state that was found."""
+        work = self._whole.workspace
+        solve = Solve.at(self._model, found)
+        solve.evaluate(self._whole, self.matrix.coupling, threads=self._whole.threads(self._threads))
+        solve.measure(self._whole, self._stored, self._least)
+        known = Known(
+            force=work.force.copy(), energies=work.energies.copy(), stored=self._stored.copy(), least=self._least.copy()
+        )
+        self._loaded = known
+        return known

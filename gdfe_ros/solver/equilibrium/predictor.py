@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where to start a step: linear extrapolation of smooth motion, the harmonic predictor for the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.descent.active_set import Movable
+from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.state import Motion, State
+
+LARGEST_RATIO = 2.0
+"""Share of the last step that is repeated at most."""
+SMOOTH = 0.5
+"""Part of a motion that may be new for it to count as going on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Where a solve starts.
+
+    Attributes:
+        positions: (n, 3) [m].
+        slides, turns: (p, 3) free motions of handles [m], [rad].
+        ratio: share of the last step that was repeated.
+    """
+
+    positions: NDArray[np.float64]
+    slides: NDArray[np.float64]
+    turns: NDArray[np.float64]
+    ratio: float
+
+
+class Predictor:
+    """Starts a step from a state and its last motion.
+
+    Args:
+        body: the discretised body.
+        handles: its handles.
+    """
+
+    def __init__(self, body: Body, handles: HandleMotions) -> None:
+        self._held, self._handles = body.unknowns.prescribed, handles
+        self._turning = handles.turning_vertices()
+
+    def predict(
+        self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
+    ) -> Prediction:
+        """Return where to start when the handles are commanded from ``state`` to ``base`` (n, 3) [m].
+
+        ``change`` (k,) is by how much the commands of actuators and loads change; only what is ``movable`` moves.
+        """
+        held, last = self._held, state.motion
+        motion = base[held] - state.base[held]
+        ratio = _ratio(last, motion, change)
+        start, rest, slides, turns = state.positions.copy(), motion, state.slides, state.turns
+        if last is not None and ratio != 0.0:
+            rest = motion - ratio * last.base
+            slides, turns = slides + ratio * last.slides, turns + ratio * last.turns
+            for rows in (slice(None),) if not len(movable.held) else (movable.unknowns.free, held):
+                start[rows] += ratio * last.move[rows]
+        if self._handles.turn:
+            target = self._handles.placed(base, slides, turns)[held]
+            rest = np.where(self._turning[:, None], target - start[held], rest)
+        if rest.any():
+            start[held] += rest
+            start[movable.unknowns.free] += movable.matrix.extend(rest)
+        return Prediction(start, slides, turns, ratio)
+
+    def motion(self, old: State, new: State, change: NDArray[np.float64]) -> Motion:
+        """Return the motion between two accepted states."""
+        return Motion(
+            move=new.positions - old.positions,
+            base=new.base[self._held] - old.base[self._held],
+            change=change,
+            slides=new.slides - old.slides,
+            turns=new.turns - old.turns,
+        )
+
+
+def _ratio(last: Motion | None, motion: NDArray[np.float64], change: NDArray[np.float64]) -> float:
+    """Return how much of the last motion this one repeats, 0 where it is another motion.
+
+    Handles and commands count alike, each in units of the larger of its last two changes.
+    """
+    if last is None:
+        return 0.0
+    if len(change):
+        scale = np.maximum(np.abs(change), np.abs(last.change))
+        scale[scale == 0.0] = 1.0
+        reach = max(np.linalg.norm(motion), np.linalg.norm(last.base)) or 1.0
+        motion = np.concatenate([motion.ravel() / reach, change / scale])
+        return _repeated(np.concatenate([last.base.ravel() / reach, last.change / scale]), motion)
+    return _repeated(last.base, motion)
+
+
+def _repeated(last: NDArray[np.float64], motion: NDArray[np.float64]) -> float:
+    size = np.vdot(last, last)
+    if size == 0.0:
+        return 0.0
+    ratio = float(np.vdot(last, motion) / size)
+    rest = np.linalg.norm(motion - ratio * last)
+    smooth = rest <= SMOOTH * np.linalg.norm(motion) and 0.0 < ratio <= LARGEST_RATIO
+    return ratio if smooth else 0.0

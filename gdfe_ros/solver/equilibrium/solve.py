@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One solve of the ``energy`` policy: descents, updates of multipliers between them, and what they find."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.deadline import past
+from gdfe_ros.solver.descent.active_set import ActiveSet
+from gdfe_ros.solver.descent.minimiser import Minimiser, Task
+from gdfe_ros.solver.descent.workspace import LONG_MEMORY, End, Problem
+from gdfe_ros.solver.elements.fields import store_energies
+from gdfe_ros.solver.elements.measures import update_hourglass_scales
+from gdfe_ros.solver.elements.pressures import Pressures
+from gdfe_ros.solver.equilibrium.predictor import Prediction
+from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.matrix.coupling import Coupling
+from gdfe_ros.solver.reactions import handle_reactions
+from gdfe_ros.solver.solution import Increment, Solution
+from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
+from gdfe_ros.solver.terms.actuation import Actuation
+
+FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
+"""Tolerance of the first descent where multipliers are updated, and by how much each further one is tightened."""
+SCALE_SLACK = 10.0
+"""Change of an hourglass scale, over the tolerance, that leaves the positions within it."""
+WARM_SLACK = 10.0
+"""Misfit of an element's volume, over the tolerance, that a step of a motion may leave to the next one's pressures."""
+WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
+"""Least iterations of a step that continues a motion, and of one that does not: with a stream of small commands the
+work is even from step to step and the error stays far below the tolerance, which alone would let it build up. The third
+is for a driven body while the history is not full: it does not know the softest modes yet, which forces move most."""
+MOST_UPDATES = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """What all solves of a body share: the body, what acts on it, its handles, and what descends in its potential."""
+
+    body: Body
+    actuation: Actuation
+    handles: HandleMotions
+    minimiser: Minimiser
+
+
+class Solve:
+    """A solve while it runs.
+
+    Args:
+        model: what it works with.
+        problem: what is asked.
+        start: where it begins.
+        base: (n, 3) [m], whose rows of handles' vertices are where they are commanded.
+        prediction: positions to begin with.
+        elements: (k,) int32, those that move.
+        warm: the motion goes on as before, and the start is near the equilibrium.
+
+    Attributes:
+        problem, start: as given.
+        turns: (p, 3) rotation vectors [rad] of the handles at the beginning.
+        pressures: that carry the volumes.
+        iterations: of the last call of `descend`.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        problem: Increment,
+        start: State,
+        base: NDArray[np.float64],
+        prediction: Prediction,
+        elements: NDArray[np.int32],
+        *,
+        warm: bool,
+    ) -> None:
+        self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
+        self.problem, self.start, self._warm = problem, start, warm
+        self._base, self._frame, self._prediction = base, model.handles.frame(base), prediction
+        self._operators = self._actuation.growths.at(problem.commands, start.operators)
+        self.iterations = 0
+        same = start.poses == problem.poses and start.commands == problem.commands
+        self._resumed = start.unfinished if same else None
+        self.begin_anew(elements)
+
+    @classmethod
+    def at(cls, model: Model, state: State) -> Solve:
+        """Begin exactly at a state."""
+        problem = Increment.at(state, tolerance=1.0, limit=0)
+        here = Prediction(state.positions, state.slides, state.turns, 0.0)
+        return cls(model, problem, state, state.base, here, np.zeros(0, np.int32), warm=False)
+
+    def begin_anew(self, elements: NDArray[np.int32]) -> None:
+        """Begin at the prediction, with the multipliers that belong to it in the ``elements`` that move."""
+        start, here = self.start, self._prediction
+        self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
+        self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
+        self._scale = start.elements.hourglass_scale.copy()
+        self._actuation.begin(self.problem.commands, start.terms, here.positions, ratio=here.ratio)
+
+    def go_on_from(self, state: State) -> None:
+        """Begin at what was found, with the multipliers as they are."""
+        self._positions, self._slides, self.turns = state.positions, state.slides, state.turns
+        self.pressures.begin()
+
+    def evaluate(self, active: ActiveSet, coupling: Coupling, *, threads: int | None) -> Task:
+        """Place the unknowns and evaluate all terms there; return what descends from there."""
+        body = self._body
+        blocks = self._operators.blocks if self._actuation.growths else active.blocks
+        problem = Problem(
+            self._operators.shape,
+            blocks,
+            body.material,
+            self.pressures.values,
+            self._scale,
+            self.pressures.table,
+            active.unknowns,
+            self._frame,
+            self._actuation.table,
+            threads,
+        )
+        task = Task(active, problem, coupling, self.problem.deadline)
+        active.place(self._positions, self._base, self._slides, self.turns)
+        task.evaluate()
+        return task
+
+    def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
+        """Descend, and update multipliers until they keep what they are to keep."""
+        status, tolerance = active.workspace.status[0], self.problem.tolerance
+        self._minimiser.begin(active.workspace, watched=not self._warm)
+        task = self.evaluate(active, coupling, threads=threads)
+        updates = len(active.carried) or len(active.softening) or self._actuation.updates
+        inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
+        least = WARM_ITERATIONS if self._warm else COLD_ITERATIONS
+        if self._actuation.drives and status["count"] < LONG_MEMORY:
+            least = LEARNING_ITERATIONS
+        if self._resumed is not None:
+            inner, least = max(self._resumed.tolerance, tolerance), max(0, least - self._resumed.iterations)
+            active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
+        self._settled, self.iterations = not updates, 0
+        for _ in range(MOST_UPDATES):
+            went = self._minimiser.descend(task, tolerance=inner, least=least, limit=limit - self.iterations)
+            self.iterations, least, self._cut = self.iterations + went.iterations, 0, went.cut
+            runaway = status["ended"] == End.RUNAWAY or (status["ended"] != End.NONE and status["blocked"] > 0)
+            if went.cut or runaway or not updates:
+                break
+            # Where no descent is left above the tolerance, new pressures and scales may open one.
+            last = inner == tolerance or status["ended"] != End.NONE
+            self._settled = self._update(active, still=went.iterations == 0) and last
+            if self._settled:
+                break
+            inner = max(tolerance, TIGHTEN * inner)
+            self._cut = self.iterations >= limit or past(self.problem.deadline)
+            if self._cut:
+                break
+            task.evaluate()
+        self._inner = inner
+
+    def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
+        """Write energies (m,) [J] and least volume ratios (m,) of the active elements."""
+        work, body, pressures = active.workspace, self._body, self.pressures
+        shape, material = self._operators.shape, body.material
+        store_energies(
+            work.x,
+            active.elements,
+            shape,
+            material,
+            pressures.table,
+            pressures.values,
+            work.energies,
+            stored,
+            least,
+            True,
+        )
+
+    def solution(
+        self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64], *, run: int
+    ) -> Solution:
+        """Return what the last descents found; ``stored`` and ``least`` (m,) as `measure` writes them."""
+        work, start, problem = active.workspace, self.start, self.problem
+        self.measure(active, stored, least)
+        positions = work.x.copy()
+        slides, turns = active.rigid_motion()
+        converged, residual, message = self._verdict(active)
+        outside = work.outside if self._actuation.terms else None
+        summary = Summary(
+            converged=converged,
+            residual=residual,
+            energy=float(stored.sum()),
+            min_det=float(least.min()),
+            reactions=handle_reactions(self._body, positions, work.force, outside),
+            actuators=self._actuation.states(positions, problem.commands, self._operators),
+            terms=self._actuation.reports(positions),
+            message=message,
+        )
+        elements = ElementState(
+            pressures=self.pressures.values.copy(),
+            pressures_before=start.elements.pressures,
+            bulk=self.pressures.bulk,
+            hourglass_scale=self._scale.copy(),
+        )
+        energetic = converged and not self._actuation.growths
+        return Solution(
+            state=start.with_(
+                positions=positions,
+                base=self._base,
+                poses=problem.poses,
+                commands=problem.commands,
+                slides=slides,
+                turns=turns,
+                terms=self._actuation.finish(start.terms, positions),
+                elements=elements,
+                operators=self._operators,
+                unfinished=self._unfinished(active) if self._cut and not converged else None,
+                summary=summary,
+            ),
+            iterations=self.iterations,
+            cut=self._cut and not converged,
+            exhausted=bool(work.status[0]["ended"] == End.EXHAUSTED) and not converged,
+            largest_motion=float(np.linalg.norm(positions - self._prediction.positions, axis=1).max()),
+            balance=self._actuation.balance(positions, problem.commands) if energetic else None,
+            run=run,
+            active=active,
+            tolerance=problem.tolerance,
+        )
+
+    def _update(self, active: ActiveSet, *, still: bool) -> bool:
+        """Update pressures, multipliers and scales; tell whether the positions stay within the tolerance all the same.
+
+        Where no descent is left above the tolerance, new pressures and scales may open one.
+        """
+        body, shape, x, settled = self._body, self._operators.shape, active.workspace.x, True
+        tolerance, slack = self.problem.tolerance, WARM_SLACK if self._warm else 1.0
+        if len(active.carried):
+            settled = self.pressures.update(x, active.carried, shape, still=still) <= slack * tolerance
+        if self._actuation.updates:
+            settled = self._actuation.update(x) <= tolerance and settled
+        if len(active.softening):
+            change = update_hourglass_scales(x, active.softening, shape, body.material, body.table, self._scale)
+            settled = settled and change <= SCALE_SLACK * slack * tolerance
+        return settled
+
+    def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
+        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""
+        tolerance, residual = self.problem.tolerance, self._minimiser.residual(active)
+        if residual <= tolerance and self._settled and (self._warm or not self._cut):
+            return True, residual, ""
+        if self._cut:
+            reason = (
+                "the deadline passed"
+                if past(self.problem.deadline)
+                else f"stopped after {self.problem.limit} iterations"
+            )
+            far = float(active.workspace.status[0]["distance"]) / self._body.size
+            text = (
+                f"{reason}: how far from equilibrium is not known yet, the last step was {far:.3g} of the body's size"
+            )
+            return False, np.inf, f"{text}; the next step goes on from here"
+        if residual <= tolerance:
+            reason = f"pressures and shape factors have not settled in {MOST_UPDATES} updates"
+        else:
+            reason = "no further descent is possible at the precision of the energy"
+        message = f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
+        return False, residual, message
+
+    def _unfinished(self, active: ActiveSet) -> Unfinished:
+        done = self._resumed.iterations if self._resumed else 0
+        work = active.workspace
+        return Unfinished(
+            tolerance=self._inner,
+            iterations=done + self.iterations,
+            recent=work.recent.copy(),
+            seen=int(work.status[0]["seen"]),
+        )

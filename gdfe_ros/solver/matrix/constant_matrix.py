@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The constant global matrix: one n x n system for x, y and z, factored once (Sec. 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import Enum
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from gdfe_ros.compiled import vector_kernel
+from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.solver.matrix.coupling import Coupling, RigidFields, close_coupling
+from gdfe_ros.solver.matrix.unknowns import Unknowns
+
+try:
+    import cholespy
+except ImportError:  # an extra: scipy serves where it is missing
+    cholespy = None
+
+DENSE_UP_TO = 200
+"""Free vertices up to which an explicit inverse, applied in compiled code, is the fastest."""
+
+
+class Factorisation(str, Enum):
+    """What solves with the constant matrix."""
+
+    DENSE = "dense inverse"
+    CHOLESPY = "cholespy"
+    SCIPY = "scipy splu"
+
+
+def assemble(shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]) -> sparse.csc_matrix:
+    """Assemble sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T, (n, n).
+
+    Args:
+        shape: the elements.
+        weight: w_e (m,) [Pa].
+        hourglass: c_e (m,) [N/m].
+    """
+    blocks = np.einsum("e,eai,ebi->eab", weight * shape.volume, shape.gradient, shape.gradient)
+    blocks += np.einsum("e,eka,ekb->eab", hourglass, shape.hourglass, shape.hourglass)
+    return _scatter(blocks, shape)
+
+
+def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
+    """Assemble the paper's A^T A = sum_e V_e N with N = I - 1/8 (Eq. 3), (n, n)."""
+    return _scatter(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape)
+
+
+def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators) -> sparse.csc_matrix:
+    rows, columns = np.repeat(shape.cells, 8, axis=1).ravel(), np.tile(shape.cells, (1, 8)).ravel()
+    return sparse.coo_matrix((blocks.ravel(), (rows, columns))).tocsc()
+
+
+class ConstantMatrix:
+    """The matrix restricted to the unknowns, factored; x, y and z share one factor.
+
+    Handles with a free axis are eliminated by their Schur complement, so that one factor of the free vertices serves
+    all three axes whatever is free.
+
+    Args:
+        matrix: the assembled matrix (n, n), symmetric.
+        rest: (n, 3) rest vertices [m].
+        unknowns: the numbering of the unknowns.
+        library: which library factors; None takes cholespy where it is installed, else scipy.
+
+    Attributes:
+        kind: what solves.
+        coupling: of the handles as they stand at rest.
+
+    Raises:
+        ValueError: cholespy was asked for and is not installed.
+    """
+
+    def __init__(
+        self,
+        matrix: sparse.csc_matrix,
+        rest: NDArray[np.float64],
+        unknowns: Unknowns,
+        *,
+        library: Factorisation | None = None,
+    ) -> None:
+        if library is Factorisation.CHOLESPY and cholespy is None:
+            raise ValueError("cholespy is not installed; install the extra: pip install 'gdfe_ros[fast]'")
+        self._assembled, self._rest, self._library = matrix, rest, library
+        free = unknowns.free
+        rows = matrix[free]
+        block = rows[:, free].tocsc()
+        self._prescribed = rows[:, unknowns.prescribed].tocsr()
+        self.kind = library or self._choose(len(free))
+        self._solve = self._factor(block)
+        dense = self.kind is Factorisation.DENSE
+        self._inverse = np.ascontiguousarray(np.linalg.inv(block.toarray())) if dense else np.zeros((0, 0))
+        self._fields = RigidFields(matrix, rest, unknowns, self.solve)
+        self.coupling = self.turned([np.eye(3)] * len(unknowns.slides))
+
+    def part(self, unknowns: Unknowns) -> ConstantMatrix:
+        """Factor the rows of fewer ``unknowns``; the rest is held."""
+        return ConstantMatrix(self._assembled, self._rest, unknowns, library=self._library)
+
+    def turned(self, rotations: Sequence[NDArray[np.float64]]) -> Coupling:
+        """Return the coupling for handles with a free axis that are turned by rotation matrices (3, 3)."""
+        return self._fields.coupling(rotations, self._inverse)
+
+    def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Solve A_ff out = right for the free vertices, three right-hand sides (f, 3)."""
+        self._solve(right, out)
+
+    def extend(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Spread the motion (b, 3) [m] of the prescribed vertices over the free ones: the harmonic predictor (f, 3)."""
+        right = np.ascontiguousarray(-(self._prescribed @ motion))
+        out = np.empty_like(right)
+        self.solve(right, out)
+        return out
+
+    def _choose(self, count: int) -> Factorisation:
+        if count <= DENSE_UP_TO:
+            return Factorisation.DENSE
+        return Factorisation.SCIPY if cholespy is None else Factorisation.CHOLESPY
+
+    def _factor(self, block: sparse.csc_matrix) -> Callable[[NDArray[np.float64], NDArray[np.float64]], None]:
+        if block.shape[0] == 0:
+            return lambda right, out: None
+        if self.kind is Factorisation.CHOLESPY:
+            entries = block.tocoo()
+            indices = entries.row.astype(np.int32), entries.col.astype(np.int32)
+            return cholespy.CholeskySolverD(block.shape[0], *indices, entries.data, cholespy.MatrixType.COO).solve
+        factor = splu(block, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+        def solve(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+            out[...] = factor.solve(right)
+
+        return solve
+
+
+@vector_kernel
+def apply_inverse(gradient, coupling, out):
+    """Write A^-1 gradient (3 r,) by the explicit inverse of the free block."""
+    count = len(coupling.inverse)
+    for i in range(count):
+        for axis in range(3):
+            out[3 * i + axis] = 0.0
+        for j in range(count):
+            weight = coupling.inverse[i, j]
+            out[3 * i] += weight * gradient[3 * j]
+            out[3 * i + 1] += weight * gradient[3 * j + 1]
+            out[3 * i + 2] += weight * gradient[3 * j + 2]
+    close_coupling(gradient, coupling, out)

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the rigid rows hang on the free vertices: block elimination with one factor for x, y and z.
+
+The constant matrix couples no axes, a rotation does. Each handle moves its vertices by scalar fields: 1, and where it
+turns the three components of the arms at rest. A motion of the handle, turned by Q and with the rotation vector theta,
+is a combination of these fields for each axis, dx = dt + (J_l(theta) dtheta) x (Q r): the harmonic extensions of the
+fields are computed once, and the Schur complement of the rigid rows follows from them for any Q.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+from scipy.linalg import pinvh
+
+from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.matrix.unknowns import Unknowns
+
+SINGULAR = 1e-10
+"""Eigenvalues of the Schur complement below this share of its largest belong to motions that move nothing."""
+
+Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
+
+
+class Coupling(NamedTuple):
+    """What completes a solve with the free block; empty where no handle has a free axis.
+
+    Attributes:
+        columns: (f, k) float64, A_fp b of each scalar field b [N/m times the field's unit].
+        harmonic: (f, k) float64, A_ff^-1 columns.
+        motion: (3, k, 3 q) float64, by axis: coefficient of each field in each component of the rigid rows.
+        inverse_schur: (3 q, 3 q) float64, inverse of the rigid rows' Schur complement, zero where prescribed.
+        inverse: (f, f) float64 explicit inverse of the free block, or (0, 0).
+    """
+
+    columns: NDArray[np.float64]
+    harmonic: NDArray[np.float64]
+    motion: NDArray[np.float64]
+    inverse_schur: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+
+
+class RigidFields:
+    """The scalar fields of a body's handles, their harmonic extensions and their Gram matrix.
+
+    Args:
+        matrix: the assembled matrix (n, n).
+        rest: (n, 3) rest vertices [m].
+        unknowns: the numbering.
+        solve: solves with the free block, three right-hand sides (f, 3).
+    """
+
+    def __init__(self, matrix: sparse.csc_matrix, rest: NDArray[np.float64], unknowns: Unknowns, solve: Solve) -> None:
+        self._unknowns, free = unknowns, unknowns.free
+        fields, self._first = [], []
+        for p in range(len(unknowns.slides)):
+            members = unknowns.members[unknowns.member_start[p] : unknowns.member_start[p + 1]]
+            values = np.zeros((len(rest), 4 if unknowns.turn_row[p] >= 0 else 1))
+            values[members, 0] = 1.0
+            if unknowns.turn_row[p] >= 0:
+                values[members, 1:] = rest[members] - rest[members].mean(axis=0)
+            self._first.append(sum(field.shape[1] for field in fields))
+            fields.append(values)
+        fields = np.concatenate([np.zeros((len(rest), 0)), *fields], axis=1)
+        self.columns = np.ascontiguousarray(matrix[free] @ fields)
+        self.harmonic = np.zeros_like(self.columns)
+        for k in range(self.columns.shape[1]):
+            solution = np.zeros((len(free), 3))
+            solve(np.ascontiguousarray(np.repeat(self.columns[:, [k]], 3, axis=1)), solution)
+            self.harmonic[:, k] = solution[:, 0]
+        self._gram = fields.T @ (matrix @ fields) - self.columns.T @ self.harmonic
+
+    def coupling(self, turned: Sequence[NDArray[np.float64]], inverse: NDArray[np.float64]) -> Coupling:
+        """Return the coupling with each handle turned by a rotation matrix (3, 3), tangents about theta = 0."""
+        motion = self._motion(turned)
+        schur = np.einsum("ika,kl,ilb->ab", motion, self._gram, motion)
+        complement = pinvh(schur, rtol=SINGULAR) if len(schur) else schur
+        return Coupling(self.columns, self.harmonic, motion, np.ascontiguousarray(complement), inverse)
+
+    def _motion(self, turned: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        unknowns, count = self._unknowns, len(self._unknowns.free)
+        motion = np.zeros((3, self.columns.shape[1], 3 * unknowns.rigid_rows))
+        for p, first in enumerate(self._first):
+            for axis in range(3):
+                motion[axis, first, 3 * p + axis] = unknowns.slides[p, axis]
+            if unknowns.turn_row[p] < 0:
+                continue
+            column = 3 * (unknowns.turn_row[p] - count)
+            for axis in range(3):
+                way = np.zeros(3)
+                way[axis] = unknowns.turns[p, axis] / unknowns.radius[p]
+                # dx = way x (Q r): row i holds the coefficients of r's three components.
+                motion[:, first + 1 : first + 4, column + axis] = np.cross(way, np.asarray(turned[p]).T).T
+        return motion
+
+
+@kernel
+def close_coupling(gradient, coupling, out):
+    """Complete ``out`` (3 r,), whose first rows hold A_ff^-1 gradient, by the rigid rows."""
+    count, fields = coupling.columns.shape
+    rigid = len(coupling.inverse_schur)
+    if rigid == 0:
+        return
+    load, share = np.zeros(rigid), np.zeros((3, fields))
+    for axis in range(3):
+        for k in range(fields):
+            total = 0.0
+            for i in range(count):
+                total += coupling.columns[i, k] * out[3 * i + axis]
+            share[axis, k] = total
+    for a in range(rigid):
+        load[a] = gradient[3 * count + a]
+        for axis in range(3):
+            for k in range(fields):
+                load[a] -= coupling.motion[axis, k, a] * share[axis, k]
+    for a in range(rigid):
+        total = 0.0
+        for b in range(rigid):
+            total += coupling.inverse_schur[a, b] * load[b]
+        out[3 * count + a] = total
+    for axis in range(3):
+        for k in range(fields):
+            total = 0.0
+            for a in range(rigid):
+                total += coupling.motion[axis, k, a] * out[3 * count + a]
+            if total != 0.0:
+                for i in range(count):
+                    out[3 * i + axis] -= coupling.harmonic[i, k] * total

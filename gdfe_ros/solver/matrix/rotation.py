@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rotation vectors, compiled: Rodrigues' formula and the left Jacobian of the exponential map of SO(3).
+
+With theta = |theta| and the cross-product matrix [theta], exp([theta]) = I + a [theta] + b [theta]^2 and
+J_l(theta) = I + b [theta] + c [theta]^2, where a = sin theta / theta, b = (1 - cos theta) / theta^2 and
+c = (theta - sin theta) / theta^3; d exp([theta]) v = -[exp([theta]) v] J_l(theta) d theta (Chirikjian 2012).
+"""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import inlined
+
+SMALL = 1e-4
+"""Angle [rad] below which the coefficients' series are exact to double precision with two terms."""
+
+
+@inlined
+def coefficients(turn):
+    """Return a, b and c of a rotation vector [rad]."""
+    square = turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]
+    angle = math.sqrt(square)
+    if angle < SMALL:
+        return 1.0 - square / 6.0, 0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0
+    return math.sin(angle) / angle, (1.0 - math.cos(angle)) / square, (angle - math.sin(angle)) / (square * angle)
+
+
+@inlined
+def rotation_matrix(turn):
+    """Return the rotation matrix (9 numbers, row by row) of a rotation vector [rad]."""
+    a, b, _ = coefficients(turn)
+    x, y, z = turn
+    return (
+        1.0 - b * (y * y + z * z),
+        b * x * y - a * z,
+        b * x * z + a * y,
+        b * x * y + a * z,
+        1.0 - b * (x * x + z * z),
+        b * y * z - a * x,
+        b * x * z - a * y,
+        b * y * z + a * x,
+        1.0 - b * (x * x + y * y),
+    )
+
+
+@inlined
+def rotated(r, x, y, z):
+    """Return a vector turned by a rotation matrix."""
+    return r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z, r[6] * x + r[7] * y + r[8] * z
+
+
+@inlined
+def left_jacobian_transposed(turn, moment):
+    """Return J_l(theta)^T m: from a moment about world axes to the slope along the rotation vector's components."""
+    _, b, c = coefficients(turn)
+    x, y, z = turn
+    m0, m1, m2 = moment
+    k0, k1, k2 = y * m2 - z * m1, z * m0 - x * m2, x * m1 - y * m0
+    l0, l1, l2 = y * k2 - z * k1, z * k0 - x * k2, x * k1 - y * k0
+    return m0 - b * k0 + c * l0, m1 - b * k1 + c * l1, m2 - b * k2 + c * l2

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which positions are unknown: free vertices, and the rigid motion of every handle that has a free axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.constraints import Handle
+from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed, rotated, rotation_matrix
+
+
+class Unknowns(NamedTuple):
+    """Rows of unknowns (r, 3) in metres: the free vertices, then the rigid rows.
+
+    A handle with a free axis has a row for its translation, and one for its rotation where it turns freely: the
+    rotation vector from its commanded orientation, times a radius. Components that are not free stay zero.
+
+    Attributes:
+        free: (f,) int32 vertex of each of the first f rows.
+        prescribed: (b,) int32 vertices of all handles, handle by handle.
+        member_start: (p + 1,) int32, where the vertices of each handle with a free axis start in ``members``.
+        members: int32 vertices of these handles.
+        slides: (p, 3) float64, 1 for a free translation, 0 for a prescribed one.
+        turns: (p, 3) float64, the same for rotations.
+        turn_row: (p,) int32, row of the rotation; -1 where the handle does not turn.
+        radius: (p,) float64, largest distance of any vertex of the body from the handle's centre at rest [m]: where
+            the handle turns the body follows.
+        corner_start: (n + 1,) int32, where each vertex's list of element corners starts in ``corner``.
+        corner: (8 m,) int32, element times eight plus corner; each vertex sums its forces in this order.
+    """
+
+    free: NDArray[np.int32]
+    prescribed: NDArray[np.int32]
+    member_start: NDArray[np.int32]
+    members: NDArray[np.int32]
+    slides: NDArray[np.float64]
+    turns: NDArray[np.float64]
+    turn_row: NDArray[np.int32]
+    radius: NDArray[np.float64]
+    corner_start: NDArray[np.int32]
+    corner: NDArray[np.int32]
+
+    @property
+    def rigid_rows(self) -> int:
+        """Number of rows that belong to handles."""
+        return len(self.slides) + int((self.turn_row >= 0).sum())
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.free) + self.rigid_rows
+
+    def restricted(self, free: NDArray[np.int32]) -> Unknowns:
+        """Return the numbering with fewer free vertices; the rigid rows stay."""
+        shift = np.where(self.turn_row >= 0, len(free) - len(self.free), 0).astype(np.int32)
+        return self._replace(free=free, turn_row=self.turn_row + shift)
+
+    def vertices_only(self, free: NDArray[np.int32]) -> Unknowns:
+        """Return a numbering of ``free`` vertices without rigid rows."""
+        none = np.zeros((0, 3))
+        return self._replace(free=free, slides=none, turns=none, turn_row=np.zeros(0, np.int32))
+
+
+class Frame(NamedTuple):
+    """Where handles are commanded.
+
+    Attributes:
+        base: (n, 3) positions [m] of the handles' vertices with no free motion; other rows are not read.
+        centre: (p, 3) centres [m] of the handles that have a free axis.
+    """
+
+    base: NDArray[np.float64]
+    centre: NDArray[np.float64]
+
+
+def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles: Sequence[Handle]) -> Unknowns:
+    """Number the unknowns of a mesh of vertices ``rest`` (n, 3) [m] with ``cells`` (m, 8) held by ``handles``."""
+    prescribed = np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in handles)])
+    free = np.setdiff1d(np.arange(len(rest)), prescribed)
+    loose = [handle for handle in handles if handle.free or handle.turning]
+    slides, turns = np.zeros((len(loose), 3)), np.zeros((len(loose), 3))
+    turn_row, row = np.full(len(loose), -1, dtype=np.int32), len(free) + len(loose)
+    for p, handle in enumerate(loose):
+        slides[p, list(handle.free)] = 1.0
+        turns[p, list(handle.turning)] = 1.0
+        if handle.turning:
+            turn_row[p], row = row, row + 1
+    arms = [np.linalg.norm(rest - handle.centre(rest), axis=1).max() for handle in loose]
+    corners = cells.ravel()
+    order = np.argsort(corners, kind="stable")
+    return Unknowns(
+        free.astype(np.int32),
+        prescribed.astype(np.int32),
+        np.cumsum([0, *(len(handle.vertices) for handle in loose)], dtype=np.int32),
+        np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in loose)]).astype(np.int32),
+        slides,
+        turns,
+        turn_row,
+        np.array(arms, dtype=np.float64),
+        np.searchsorted(corners[order], np.arange(len(rest) + 1)).astype(np.int32),
+        order.astype(np.int32),
+    )
+
+
+@kernel
+def place(u, frame, unknowns, x):
+    """Write positions ``x`` (n, 3) from the unknowns ``u`` (3 r,) and where handles are commanded."""
+    count = len(unknowns.free)
+    for row in range(count):
+        v = unknowns.free[row]
+        for axis in range(3):
+            x[v, axis] = u[3 * row + axis]
+    for p in range(len(unknowns.slides)):
+        shift = rigid_part(u, count + p, unknowns.slides, p, 1.0)
+        if unknowns.turn_row[p] >= 0:
+            turn = rigid_part(u, unknowns.turn_row[p], unknowns.turns, p, 1.0 / unknowns.radius[p])
+            r = rotation_matrix(turn)
+        for i in range(unknowns.member_start[p], unknowns.member_start[p + 1]):
+            v = unknowns.members[i]
+            if unknowns.turn_row[p] < 0:
+                for axis in range(3):
+                    x[v, axis] = frame.base[v, axis] + shift[axis]
+            else:
+                arm = rotated(
+                    r,
+                    frame.base[v, 0] - frame.centre[p, 0],
+                    frame.base[v, 1] - frame.centre[p, 1],
+                    frame.base[v, 2] - frame.centre[p, 2],
+                )
+                for axis in range(3):
+                    x[v, axis] = frame.centre[p, axis] + shift[axis] + arm[axis]
+
+
+@kernel
+def gather_rows(force, unknowns, gradient):
+    """Sum corner forces (m, 8, 3) into the rows of free vertices, in an order that is always the same."""
+    for row in range(len(unknowns.free)):
+        s = vertex_force(force, unknowns, unknowns.free[row])
+        gradient[3 * row], gradient[3 * row + 1], gradient[3 * row + 2] = s
+
+
+@kernel
+def add_rows(outside, unknowns, gradient):
+    """Add vertex forces (n, 3) to the rows of free vertices."""
+    for row in range(len(unknowns.free)):
+        v = unknowns.free[row]
+        for axis in range(3):
+            gradient[3 * row + axis] += outside[v, axis]
+
+
+@kernel
+def gather_rigid_rows(u, x, force, outside, pushed, frame, unknowns, gradient):
+    """Write the rigid rows of ``gradient`` (3 r,): dE/dt, and dE/dtheta = J_l(theta)^T moment over the radius.
+
+    ``force`` (m, 8, 3) are corner forces, ``outside`` (n, 3) [N] what else acts, where something has ``pushed``.
+    """
+    count = len(unknowns.free)
+    for p in range(len(unknowns.slides)):
+        f0, f1, f2, m0, m1, m2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        shift = rigid_part(u, count + p, unknowns.slides, p, 1.0)
+        c0, c1, c2 = frame.centre[p, 0] + shift[0], frame.centre[p, 1] + shift[1], frame.centre[p, 2] + shift[2]
+        for i in range(unknowns.member_start[p], unknowns.member_start[p + 1]):
+            v = unknowns.members[i]
+            s0, s1, s2 = vertex_force(force, unknowns, v)
+            if pushed:
+                s0, s1, s2 = s0 + outside[v, 0], s1 + outside[v, 1], s2 + outside[v, 2]
+            f0, f1, f2 = f0 + s0, f1 + s1, f2 + s2
+            r0, r1, r2 = x[v, 0] - c0, x[v, 1] - c1, x[v, 2] - c2
+            m0, m1, m2 = m0 + r1 * s2 - r2 * s1, m1 + r2 * s0 - r0 * s2, m2 + r0 * s1 - r1 * s0
+        row = 3 * (count + p)
+        gradient[row] = f0 * unknowns.slides[p, 0]
+        gradient[row + 1] = f1 * unknowns.slides[p, 1]
+        gradient[row + 2] = f2 * unknowns.slides[p, 2]
+        if unknowns.turn_row[p] >= 0:
+            row = 3 * unknowns.turn_row[p]
+            turn = rigid_part(u, unknowns.turn_row[p], unknowns.turns, p, 1.0 / unknowns.radius[p])
+            moment = left_jacobian_transposed(turn, (m0, m1, m2))
+            for axis in range(3):
+                gradient[row + axis] = moment[axis] * unknowns.turns[p, axis] / unknowns.radius[p]
+
+
+@inlined
+def rigid_part(u, row, mask, p, scale):
+    """Return the free components of a rigid row."""
+    return (
+        mask[p, 0] * u[3 * row] * scale,
+        mask[p, 1] * u[3 * row + 1] * scale,
+        mask[p, 2] * u[3 * row + 2] * scale,
+    )
+
+
+@inlined
+def vertex_force(force, unknowns, vertex):
+    """Sum the forces (m, 8, 3) of the element corners at one vertex."""
+    s0, s1, s2 = 0.0, 0.0, 0.0
+    for i in range(unknowns.corner_start[vertex], unknowns.corner_start[vertex + 1]):
+        e, a = unknowns.corner[i] >> 3, unknowns.corner[i] & 7
+        s0 += force[e, a, 0]
+        s1 += force[e, a, 1]
+        s2 += force[e, a, 2]
+    return s0, s1, s2

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One attempt at a share of a command, and the verdict on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.solution import Solution
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.actuation import Actuation, inflated
+
+SHORTEST_SUBSTEP, SHORTEST_JUMP = 1.0 / 256.0, 1.0 / 32.0
+"""Shares of a command; of a jump the second is enough to tell that smaller steps do not prevent it."""
+ROUNDING = 1e-9
+"""Share of a command that counts as none."""
+FOLDS = "elements would fold or turn inside out"
+
+
+class Verdict(Enum):
+    """What follows from an attempt."""
+
+    ACCEPT = "accept"
+    HALVE = "halve"
+    WITHDRAW = "withdraw"
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The way from where a step begins to its command.
+
+    Attributes:
+        poses, commands: at the beginning.
+        targets, wanted: at the end.
+        done: share of it behind.
+        length: share of it that is attempted next.
+        jumped: the body has jumped on it.
+    """
+
+    poses: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    targets: Mapping[str, Pose]
+    wanted: Mapping[str, float]
+    done: float
+    length: float
+    jumped: bool = False
+
+    @property
+    def moves(self) -> bool:
+        """Whether the end differs from the beginning."""
+        return self.poses != self.targets or self.commands != self.wanted
+
+    @property
+    def shortest(self) -> bool:
+        """Whether a shorter attempt is not made."""
+        return self.length <= SHORTEST_SUBSTEP or not self.moves
+
+    @property
+    def next(self) -> float:
+        """Share of the way at which the next attempt ends."""
+        return 1.0 if self.done + self.length > 1.0 - ROUNDING else self.done + self.length
+
+    def at(self, share: float) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
+        """Return poses and commands at a share of the way."""
+        if share == 1.0:
+            return self.targets, self.wanted
+        poses = {name: self.poses[name].blend(target, share) for name, target in self.targets.items()}
+        commands = {name: value + share * (self.wanted[name] - value) for name, value in self.commands.items()}
+        return poses, commands
+
+
+def judge(
+    way: Way, state: State, solution: Solution, *, jumps: bool, unstable: bool, spent: bool, patience: int
+) -> Verdict:
+    """Judge an attempt.
+
+    Args:
+        way: that is followed.
+        state: where the attempt began.
+        solution: what it found.
+        jumps: the body jumped to another equilibrium.
+        unstable: a chamber lost its stability.
+        spent: no iteration or no time is left for another attempt.
+        patience: iterations, those of cut solves before it included, after which nothing is hoped for any more.
+    """
+    sound = solution.min_det > 0.0
+    failed = not (solution.converged or solution.exhausted) or solution.min_det <= 0.0
+    shortened = (failed and not way.shortest) or (jumps and way.length > SHORTEST_JUMP)
+    if shortened and not spent:
+        return Verdict.HALVE
+    # A cut solve may pass through folded shapes on its way.
+    unfinished = solution.state.unfinished
+    hoped_for = unfinished is not None and unfinished.iterations < patience
+    once_sound = state.sound or state.anchor is not None
+    folds = once_sound and not sound and not hoped_for and (way.moves or state.anchor is not None)
+    return Verdict.WITHDRAW if solution.diverged or unstable or folds else Verdict.ACCEPT
+
+
+def reason_to_withdraw(way: Way, state: State, solution: Solution, actuation: Actuation) -> str:
+    """Say why an attempt is taken back."""
+    message, commands = solution.state.summary.message, way.at(way.next)[1]
+    unstable = unstable_chamber(state, solution, commands, actuation)
+    if unstable:
+        return inflated(unstable, state.commands, commands)
+    if solution.diverged:
+        return message
+    return f"{FOLDS} beyond {way.done:.3g} of the way to the command; {message}".rstrip("; ")
+
+
+def unstable_chamber(state: State, solution: Solution, commands: Mapping[str, float], actuation: Actuation) -> str:
+    """Name the chamber that lost its stability in an attempt that came to an end without an equilibrium."""
+    if solution.converged or solution.cut:
+        return ""
+    return actuation.unstable(solution.positions, commands, state.commands if solution.diverged else None)

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How material points move with the commands of actuators: differences of equilibria near the present one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators import Actuator, Cable, Embedding, Mode
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.materials.table import YOUNG
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.stepping.stepper import Stepper
+
+TOLERANCE = 1e-8
+"""Of the equilibria that are compared."""
+REACH = 1e-3
+"""Displacement, over the body's size, by which they differ: the error of a difference is about its square."""
+NARROW, WIDE = 0.1, 3.0
+"""The step is chosen anew where the displacement lies outside of these multiples of ``REACH``."""
+FIRST = 1e-3
+"""First change of a command, over its range or size."""
+SMALLEST = 1e-9
+"""Displacement, over the body's size, that counts as none."""
+SIZINGS = 8
+"""Tries to find a change of a command that moves the body by about ``REACH``."""
+KINK = 0.05
+"""Difference of the slopes on either side, over the larger, from which the two are looked at from nearer by."""
+NEARER = 0.1
+"""How much nearer: what is smooth then differs by this factor less, what has a kink does not."""
+
+
+def jacobian(
+    stepper: Stepper, state: State, points: Sequence[Embedding], actuators: Sequence[Actuator]
+) -> list[NDArray[np.float64]]:
+    """Return d(point)/d(command) of each actuator, (points, 3) each, at the equilibrium ``state``.
+
+    Central differences of second order; one-sided ones of second order at the end of a range, where no equilibrium
+    lies on the other side, and at a kink, on the side on which the actuator acts.
+
+    Raises:
+        GdfeError: no equilibrium was found on either side of an actuator's command.
+    """
+    present = stepper.step(state, state.poses, state.commands, tolerance=TOLERANCE).state
+    return [_Differences(stepper, present, actuator).slope(points) for actuator in actuators]
+
+
+class _Differences:
+    """Equilibria beside the present one along one command."""
+
+    def __init__(self, stepper: Stepper, present: State, actuator: Actuator) -> None:
+        self._stepper, self._present, self._actuator = stepper, present, actuator
+        self._command, self._size = present.commands[actuator.name], stepper.body.size
+        self._acting = -1.0 if actuator.mode is Mode.LENGTH else 1.0
+
+    def slope(self, points: Sequence[Embedding]) -> NDArray[np.float64]:
+        """Return d(point)/d(command) (points, 3)."""
+        effort = self._present.summary.actuators[self._actuator.name].effort
+        slack = isinstance(self._actuator, Cable) and not effort > 0.0
+        step = self._sized(self._acting)
+        motion = self._one_sided(self._acting, step) if slack else self._central(step)
+        if motion is None:
+            raise GdfeError(
+                f"actuator {self._actuator.name!r}: no equilibrium was found beside its command {self._command!r}; "
+                "the body loses its stability there; remedy: step back from it"
+            )
+        return np.concatenate([point.at(motion) for point in points]) if points else np.zeros((0, 3))
+
+    def _central(self, step: float) -> NDArray[np.float64] | None:
+        forward, backward = self._found(step), self._found(-step)
+        if forward is None or backward is None:
+            first = 1.0 if backward is None else -1.0
+            return self._one_sided(first, step) if forward is not backward else None
+        if self._kinked(forward, backward):
+            near = NEARER * step
+            forward, backward = self._found(near), self._found(-near)
+            if forward is None or backward is None or self._kinked(forward, backward):
+                return self._one_sided(self._acting, step)
+            step = near
+        return (forward - backward) / (2.0 * step)
+
+    def _kinked(self, forward: NDArray[np.float64], backward: NDArray[np.float64]) -> bool:
+        """Tell whether the slopes on either side differ."""
+        rise, fall = forward - self._present.positions, self._present.positions - backward
+        return bool(np.abs(rise - fall).max() > KINK * max(np.abs(rise).max(), np.abs(fall).max()))
+
+    def _one_sided(self, side: float, step: float) -> NDArray[np.float64] | None:
+        for sign in (side, -side):
+            near, far = self._found(sign * step), self._found(2.0 * sign * step)
+            if near is not None and far is not None:
+                return sign * (4.0 * near - 3.0 * self._present.positions - far) / (2.0 * step)
+        return None
+
+    def _found(self, change: float) -> NDArray[np.float64] | None:
+        """Return positions (n, 3) [m] at a changed command; None where it is out of range or has no equilibrium."""
+        command, actuator = self._command + change, self._actuator
+        if not actuator.low <= command <= actuator.high:
+            return None
+        commands = {**self._present.commands, actuator.name: command}
+        march = self._stepper.step(self._present, self._present.poses, commands, tolerance=TOLERANCE)
+        return march.state.positions if march.reached and not march.inverted else None
+
+    def _sized(self, side: float) -> float:
+        """Choose the change of a command that moves the body by about ``REACH``; a geometric one is not enlarged."""
+        actuator, width = self._actuator, self._actuator.high - self._actuator.low
+        step = FIRST * (width if math.isfinite(width) else max(abs(self._command), self._scale()))
+        most = 0.4 * width if math.isfinite(width) else math.inf
+        growth = 30.0 if actuator.mode in (Mode.TENSION, Mode.PRESSURE) else 1.0
+        for _ in range(SIZINGS):
+            found = self._found(side * step)
+            found = self._found(-side * step) if found is None else found
+            if found is None:
+                step *= NEARER
+                continue
+            moved = np.linalg.norm(found - self._present.positions, axis=1).max() / self._size
+            if NARROW * REACH <= moved <= WIDE * REACH:
+                break
+            wanted = min(step * min(max(REACH / max(moved, SMALLEST), 1e-3), growth), most)
+            if wanted == step:
+                break
+            step = wanted
+        return step
+
+    def _scale(self) -> float:
+        """Return a first guess of the size of a command whose range has no end."""
+        neutral, mode = self._stepper.actuation.neutral[self._actuator.name], self._actuator.mode
+        if neutral > 0.0 or mode is Mode.SHORTENING:
+            return neutral or self._size
+        stiffness = float(self._stepper.body.table.parameters[:, YOUNG].min())
+        return 0.01 * stiffness * (self._size**2 if mode is Mode.TENSION else 1.0)

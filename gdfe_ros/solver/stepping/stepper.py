@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a state to the state at new commands: increments, verdicts, the way from rest where all else fails."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.deadline import Deadline, past
+from gdfe_ros.solver.elements.measures import least_volume_ratio
+from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
+from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
+from gdfe_ros.solver.solution import Increment, Solution
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.stepping.attempt import Verdict, Way, judge, reason_to_withdraw, unstable_chamber
+from gdfe_ros.solver.stepping.balance import jumped
+from gdfe_ros.solver.stepping.increments import planned_increments
+from gdfe_ros.solver.stepping.march import NEAR, March
+from gdfe_ros.solver.terms.actuation import Actuation
+
+SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling; smaller steps do not change that"
+FINER = 1e-2
+"""Share of the tolerance to which a body is solved whose handles turn freely: what a tolerance leaves of the forces on
+them is much beside their moments."""
+UNFOLD = "remedy: go back to where it was sound, or reset; finer cells fold later"
+
+
+class Stepper:
+    """Finds the states that follow each other. It has no state of its own.
+
+    Args:
+        body: the discretised body.
+        settings: how to solve.
+        actuation: what acts on it; None for nothing.
+
+    Attributes:
+        equilibrium: what solves.
+    """
+
+    def __init__(self, body: Body, settings: SolverSettings, actuation: Actuation | None = None) -> None:
+        self.body, self._settings = body, settings
+        self.actuation = actuation or Actuation(body)
+        self.equilibrium: EnergyEquilibrium | RelativeEquilibrium
+        if settings.policy is Policy.ENERGY:
+            options = {"skip": settings.skip, "threads": settings.threads}
+            self.equilibrium = EnergyEquilibrium(body, self.actuation, **options)
+        else:
+            self.equilibrium = RelativeEquilibrium(body, self.actuation)
+
+    def at_rest(self) -> State:
+        """Return the state at rest, nothing commanded."""
+        return self.equilibrium.at_rest()
+
+    def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
+        """Tell whether ``state`` is the equilibrium at these commands already."""
+        settled = state.poses == targets and state.commands == commands
+        return settled and state.summary.converged and Skip.SOLVE in self._settings.skip
+
+    def step(
+        self,
+        state: State,
+        targets: Mapping[str, Pose],
+        commands: Mapping[str, float],
+        *,
+        tolerance: float | None = None,
+        deadline: Deadline | None = None,
+    ) -> March:
+        """Follow the commands from ``state``, which stays as it is.
+
+        Args:
+            state: where to begin.
+            targets: pose of every handle.
+            commands: of every actuator and load.
+            tolerance: instead of the settings'.
+            deadline: when it has passed, the way ends where it is.
+        """
+        tolerance = tolerance or self._settings.tolerance * (FINER if self.equilibrium.handles.turn else 1.0)
+        doubtful = state.suspect or not (state.tried or np.array_equal(state.positions, self.body.rest))
+        march, suspect, tried = self._march(state, targets, commands, tolerance, deadline), state.suspect, state.tried
+        if (suspect or (march.inverted and doubtful)) and not past(deadline):
+            march = self._better_from_rest(march, targets, commands, tolerance, deadline)
+            suspect, tried = False, True
+        if march.inverted:
+            text = f"folded or inverted elements, least volume ratio {march.state.summary.min_det:.3g}; {UNFOLD}"
+            march = replace(march, converged=False, message=f"{march.message}; {text}".lstrip("; "))
+        summary = replace(march.state.summary, converged=march.converged, message=march.message)
+        flags = {"suspect": suspect, "tried": tried and not march.sound}
+        return replace(march, state=march.state.with_(summary=summary, **flags))
+
+    def place(self, state: State, positions: NDArray[np.float64]) -> State:
+        """Return a state at ``positions`` (n, 3) [m]; the handles stay where they are commanded.
+
+        Pressures, captured shapes and the motion so far are forgotten. Where an element is folded or inverted there,
+        the next step compares what it finds with the way from rest, lest it end in another minimum of the energy.
+        """
+        rest, placed = self.at_rest(), positions.copy()
+        slides, turns = self.equilibrium.handles.fit(placed, state.base)
+        for handle in self.body.handles:
+            if not (handle.free or handle.turning):
+                placed[handle.vertices] = state.base[handle.vertices]
+        least = float(least_volume_ratio(placed, state.operators.shape))
+        return rest.with_(
+            positions=placed,
+            base=state.base,
+            poses=state.poses,
+            commands=state.commands,
+            slides=slides,
+            turns=turns,
+            operators=state.operators,
+            balance=None,
+            summary=replace(state.summary, converged=False, min_det=least),
+            sound=least > 0.0,
+            suspect=not least > 0.0,
+            tried=state.tried,
+        )
+
+    def completed(self, state: State) -> State:
+        """Return a state that was read from an archive with the operators that follow from its commands."""
+        growths = self.actuation.growths
+        anchor = None if state.anchor is None else self.completed(state.anchor)
+        return state.with_(operators=growths.at(state.commands, growths.ungrown), anchor=anchor)
+
+    def _march(
+        self,
+        state: State,
+        targets: Mapping[str, Pose],
+        commands: Mapping[str, float],
+        tolerance: float,
+        deadline: Deadline | None,
+    ) -> March:
+        """Follow the commands, in smaller increments where the solver asks for them."""
+        planned = planned_increments(targets, state.poses, self.body.size)
+        way = Way(state.poses, state.commands, dict(targets), dict(commands), 0.0, 1.0 / planned)
+        budget, iterations, attempts = planned * self._settings.max_iterations, 0, 0
+        while True:
+            solution = self._attempt(way, state, tolerance, max(1, budget - iterations), deadline)
+            iterations, attempts = iterations + solution.iterations, attempts + 1
+            spent = iterations >= budget or past(deadline)
+            jumps = way.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
+            unstable = bool(unstable_chamber(state, solution, way.at(way.next)[1], self.actuation))
+            patience = self.equilibrium.patience
+            flags = {"jumps": jumps, "unstable": unstable, "spent": spent, "patience": patience}
+            verdict = judge(way, state, solution, **flags)
+            way = replace(way, jumped=way.jumped or jumps)
+            if verdict is Verdict.HALVE:
+                way = replace(way, length=0.5 * way.length)
+                continue
+            if verdict is Verdict.WITHDRAW:
+                message = reason_to_withdraw(way, state, solution, self.actuation)
+                return self._end(self._withdrawn(state, message), way, solution, iterations, attempts)
+            state, way = self._accepted(state, solution), replace(way, done=way.next)
+            snapped = jumps or (way.jumped and not solution.converged)
+            if snapped or spent or way.done == 1.0:
+                return self._end(_snapped(state) if snapped else state, way, solution, iterations, attempts)
+
+    def _attempt(self, way: Way, state: State, tolerance: float, left: int, deadline: Deadline | None) -> Solution:
+        poses, commands = way.at(way.next)
+        limit = left if way.shortest else min(left, self.equilibrium.patience)
+        problem = Increment(poses=poses, commands=commands, tolerance=tolerance, limit=limit, deadline=deadline)
+        return self.equilibrium.solve(problem, state)
+
+    def _accepted(self, state: State, solution: Solution) -> State:
+        """Return the state of an accepted solution; on the way to an equilibrium it remembers the last one."""
+        accepted = self.equilibrium.accept(solution, state)
+        before = state if state.unfinished is None and state.sound else None
+        anchor = state.anchor or before if accepted.unfinished is not None else None
+        return accepted.with_(sound=bool(solution.min_det > 0.0), anchor=anchor)
+
+    def _withdrawn(self, state: State, message: str) -> State:
+        """Return the last sound state, with the reason for going back to it."""
+        sound = state.anchor or state
+        return sound.with_(summary=replace(sound.summary, converged=False, message=message))
+
+    def _end(self, state: State, way: Way, solution: Solution, iterations: int, attempts: int) -> March:
+        reached = way.done == 1.0
+        return March(
+            state=state,
+            iterations=iterations,
+            increments=attempts,
+            reached=reached,
+            converged=state.summary.converged and reached,
+            message=state.summary.message,
+            skipped=self.equilibrium.skipped(solution),
+        )
+
+    def _better_from_rest(
+        self,
+        march: March,
+        targets: Mapping[str, Pose],
+        commands: Mapping[str, float],
+        tolerance: float,
+        deadline: Deadline | None,
+    ) -> March:
+        """Go to the commands again from rest; return the better of the two and say so."""
+        again = self._march(self.at_rest(), targets, commands, tolerance, deadline)
+        spent = {
+            "iterations": march.iterations + again.iterations,
+            "increments": march.increments + again.increments,
+        }
+        if not again.is_better(march, NEAR * tolerance * self.body.size):
+            return replace(march, **spent)
+        message = f"restarted from rest: the other way ended in {march.flaw}; {again.message}".rstrip("; ")
+        return replace(again, message=message, restarts=1, **spent)
+
+
+def _snapped(state: State) -> State:
+    message = f"{SNAPPED}; {state.summary.message}".rstrip("; ")
+    return state.with_(summary=replace(state.summary, converged=False, message=message))

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All that acts on a body: its terms beside the elements, and their commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Growth, Mode
+from gdfe_ros.actuators.load import Load
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.operators import Operators
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import Balance
+from gdfe_ros.solver.terms.cable import CableTerm
+from gdfe_ros.solver.terms.chamber import ChamberTerm
+from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
+from gdfe_ros.solver.terms.growth import Growths
+from gdfe_ros.solver.terms.term import Saved, Term, TermTable
+
+LOAD_FACTOR = 1.0
+"""Command of every load that nobody commands."""
+
+
+class Actuation:
+    """The terms of a body beside its elements.
+
+    Args:
+        body: the discretised body.
+        actuators: cables, chambers and growths.
+        loads: dead loads; each acts with the factor that is its command.
+        terms: whatever else acts.
+
+    Attributes:
+        terms: all of them, loads first.
+        table: the same for the kernels.
+        growths: what changes the elements' rest shape.
+        neutral: command of every actuator and load at which it does nothing.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        actuators: Sequence[Actuator] = (),
+        loads: Sequence[Load] = (),
+        terms: Sequence[Term] = (),
+    ) -> None:
+        self._body, self.actuators = body, tuple(actuators)
+        self._loads = [DeadLoadTerm(load, body) for load in loads]
+        self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
+        self._chambers = [ChamberTerm(item, body) for item in self.actuators if isinstance(item, Chamber)]
+        self._more = tuple(terms)
+        self.terms: tuple[Term, ...] = (*self._loads, *self._cables, *self._chambers, *self._more)
+        self.table = TermTable.pack(self.terms)
+        self.growths = Growths(body, self.actuators)
+        self._driven = {term.name: term for term in (*self._cables, *self._chambers)}
+        self.neutral = {item.name: 0.0 for item in (*self.actuators, *self._loads)}
+        self.neutral.update({name: term.neutral_command for name, term in self._driven.items()})
+
+    @property
+    def drives(self) -> bool:
+        """Whether anything acts on the body beside its handles."""
+        return bool(self.terms or self.growths)
+
+    @property
+    def updates(self) -> bool:
+        """Whether a multiplier is updated between descents."""
+        return any(term.updates for term in self.terms)
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Choose the penalties of commanded lengths and volumes."""
+        for term in self.terms:
+            term.fit(matrix)
+
+    def at_rest(self) -> dict[str, Saved]:
+        """Return what all terms save at rest."""
+        return {term.name: term.neutral() for term in self.terms}
+
+    def begin(
+        self,
+        commands: Mapping[str, float],
+        saved: Mapping[str, Saved],
+        positions: NDArray[np.float64],
+        *,
+        ratio: float = 0.0,
+    ) -> None:
+        """Prepare all terms for a solve; arguments as in `Term.begin`, with what each term saved by its name."""
+        for term in self.terms:
+            term.begin(commands, saved[term.name], positions, ratio)
+
+    def update(self, positions: NDArray[np.float64]) -> float:
+        """Update the multipliers; return the largest miss of what they keep over the body's size."""
+        misses = [term.update(positions) for term in self.terms if term.updates]
+        return max(misses, default=0.0) / self._body.size
+
+    def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
+        """Return what all terms save of a solve that ended at ``positions`` (n, 3) [m]."""
+        return {term.name: term.finish(saved[term.name], positions) for term in self.terms}
+
+    def unstable(
+        self,
+        positions: NDArray[np.float64],
+        commands: Mapping[str, float],
+        before: Mapping[str, float] | None = None,
+    ) -> str:
+        """Name the chamber that inflated without bound in the last solve, which failed; empty if none did.
+
+        Where the body ran away at the first step, no volume tells: then it is the one whose pressure has risen since
+        the commands ``before``.
+        """
+        for term in self._chambers:
+            pressed = term.actuator.mode is Mode.PRESSURE
+            if before is not None and pressed and commands[term.name] > before[term.name]:
+                return term.name
+            if term.ran_away(positions):
+                return term.name
+        return ""
+
+    def states(
+        self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators
+    ) -> dict[str, ActuatorState]:
+        """Return the state of every actuator at ``positions`` (n, 3) [m], those of the last solve."""
+        return {
+            item.name: self.growths.state(item, commands, operators)
+            if isinstance(item, Growth)
+            else self._driven[item.name].state(positions)
+            for item in self.actuators
+        }
+
+    def reports(self, positions: NDArray[np.float64]) -> dict[str, dict[str, float]]:
+        """Return what terms from outside of this package report, by their names."""
+        return {term.name: term.report(positions) for term in self._more}
+
+    def balance(self, positions: NDArray[np.float64], commands: Mapping[str, float]) -> Balance:
+        """Return the potential [J] of what acts at ``positions`` (n, 3) [m], and its slope along every command.
+
+        Zero at rest. Where a length or a volume is commanded it has none, and its slope is the multiplier.
+        """
+        found = {
+            term.name: term.potential(positions, commands[term.name])
+            for term in (*self._loads, *self._cables, *self._chambers)
+        }
+        return Balance(
+            potential=sum(potential for potential, _ in found.values()),
+            slopes={name: slope for name, (_, slope) in found.items()},
+        )
+
+
+def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]) -> str:
+    """Say that a chamber lost its stability between two pressures."""
+    return (
+        f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: it would inflate "
+        "without bound; command its volume instead to go on, or stiffen its walls"
+    )

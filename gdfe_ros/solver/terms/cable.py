@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cables as terms.
+
+A cable of length L pulls with t = max(0, T + k (L - l)) and has the energy (t^2 - T^2) / (2 k), which is the augmented
+Lagrangian of L <= l with multiplier T, and for T = 0 an elastic cable of stiffness k. With k = 0 it is T (L - l).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.actuator import ActuatorState, Cable, Mode
+from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
+from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+
+EFFORT, TARGET, STIFFNESS, WEIGHTS = range(4)
+"""Where T [N], l [m] and k [N/m] lie in the term's numbers, and where the weights of its points begin."""
+
+
+@inlined
+def point(x, reals, integers, i):
+    """Return the position of a cable point [m]."""
+    p0, p1, p2 = 0.0, 0.0, 0.0
+    for a in range(8):
+        v, w = integers[8 * i + a], reals[WEIGHTS + 8 * i + a]
+        p0 += w * x[v, 0]
+        p1 += w * x[v, 1]
+        p2 += w * x[v, 2]
+    return p0, p1, p2
+
+
+@kernel
+def cable_length(x, reals, integers):
+    """Return the length [m] of a cable at positions ``x`` (n, 3) [m]."""
+    total = 0.0
+    for i in range(len(integers) // 8 - 1):
+        a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
+        total += np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+    return total
+
+
+@kernel
+def cable_tension(length, reals):
+    """Return the tension [N] of a cable of this length [m]."""
+    return max(0.0, reals[EFFORT] + reals[STIFFNESS] * (length - reals[TARGET]))
+
+
+@kernel
+def pull(x, reals, integers, tension, force):
+    """Add tension times dL/dx to ``force`` (n, 3)."""
+    for i in range(len(integers) // 8 - 1):
+        a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
+        d0, d1, d2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+        scale = tension / length if length > 0.0 else 0.0
+        for corner in range(8):
+            near, far = integers[8 * i + corner], integers[8 * (i + 1) + corner]
+            w, u = scale * reals[WEIGHTS + 8 * i + corner], scale * reals[WEIGHTS + 8 * (i + 1) + corner]
+            force[near, 0] -= w * d0
+            force[near, 1] -= w * d1
+            force[near, 2] -= w * d2
+            force[far, 0] += u * d0
+            force[far, 1] += u * d1
+            force[far, 2] += u * d2
+
+
+@kernel
+def cable_energy(x, reals, integers, force, size):
+    """Return the energy [J] of a cable; `term_kernel` wants this signature."""
+    length = cable_length(x, reals, integers)
+    effort, stiffness = reals[EFFORT], reals[STIFFNESS]
+    tension = cable_tension(length, reals)
+    if stiffness > 0.0:
+        energy = (tension * tension - effort * effort) / (2.0 * stiffness)
+    else:
+        energy = effort * (length - reals[TARGET])
+    size[0] += tension * length
+    if tension > 0.0:
+        pull(x, reals, integers, tension, force)
+    return energy
+
+
+@term_kernel
+def _entry(x, n, reals, k, integers, i, force, size):
+    return cable_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class CableTerm(Term):
+    """A cable by tension, length or shortening.
+
+    Args:
+        cable: as the scene states it.
+        body: what it runs through.
+
+    Attributes:
+        actuator: the cable.
+        neutral_command: the command at rest, in the unit of its mode.
+    """
+
+    kernel = _entry
+
+    def __init__(self, cable: Cable, body: Body) -> None:
+        self.actuator, self._elastic, self._free = cable, math.isfinite(cable.stiffness), body.unknowns.free
+        numbers = np.concatenate([np.zeros(WEIGHTS), cable.points.weights.ravel()])
+        super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
+        self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
+        self.neutral_command = self._rest_length if cable.mode is Mode.LENGTH else 0.0
+        self._body, self._command = body, self.neutral_command
+
+    @property
+    def updates(self) -> bool:
+        """Whether a multiplier keeps the length."""
+        return self.actuator.mode is not Mode.TENSION and not self._elastic
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Take the cable's own stiffness, or for a commanded length a penalty that fits the body's."""
+        if self.actuator.mode is Mode.TENSION:
+            return
+        force = np.zeros_like(self._body.rest)
+        pull(self._body.rest, self.reals, self.integers, 1.0, force)
+        self.reals[STIFFNESS] = (
+            self.actuator.stiffness if self._elastic else fitted_penalty(matrix, force[self._free], self.name)
+        )
+
+    def neutral(self) -> Saved:
+        """Return no tension."""
+        return remembered(0.0, {})
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Take the command, and the tension of the last step where a multiplier keeps the length."""
+        self._command, numbers = commands[self.name], self.reals
+        if self.actuator.mode is Mode.TENSION:
+            numbers[EFFORT], numbers[TARGET] = self._command, cable_length(positions, numbers, self.integers)
+            return
+        numbers[EFFORT] = 0.0 if self._elastic else max(0.0, followed(saved, ratio))
+        wanted = self._command if self.actuator.mode is Mode.LENGTH else self._rest_length - self._command
+        numbers[TARGET] = wanted
+
+    def update(self, positions: NDArray[np.float64]) -> float:
+        """Update the tension that keeps the length."""
+        tension = cable_tension(cable_length(positions, self.reals, self.integers), self.reals)
+        miss = abs(tension - self.reals[EFFORT]) / self.reals[STIFFNESS]
+        self.reals[EFFORT] = tension
+        return miss
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Keep the tension."""
+        return remembered(float(self.reals[EFFORT]), saved)
+
+    def state(self, positions: NDArray[np.float64]) -> ActuatorState:
+        """Return command, length and tension."""
+        extent = float(cable_length(positions, self.reals, self.integers))
+        effort = cable_tension(extent, self.reals) if self._elastic else self.reals[EFFORT]
+        return ActuatorState(self.actuator.mode, self._command, extent, float(effort))
+
+    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+        """Return the potential [J] and its slope along the command; a commanded length has the multiplier's only."""
+        state = self.state(positions)
+        stored = 0.5 * state.effort**2 / self.actuator.stiffness if self._elastic else 0.0
+        if self.actuator.mode is Mode.TENSION:
+            slope = state.extent - self._rest_length
+            return state.effort * slope + stored, slope
+        return stored, state.effort if self.actuator.mode is Mode.SHORTENING else -state.effort

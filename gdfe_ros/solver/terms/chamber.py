@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Chambers as terms.
+
+A chamber of volume V has the energy -p (V - v) + k/2 (V - v)^2: with k = 0 a given pressure, else the augmented
+Lagrangian of V = v with the multiplier p. Sums run in a fixed order.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.actuator import ActuatorState, Chamber, Mode
+from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.materials.tensor import cross
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
+from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+
+EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
+"""Where p [Pa], v [m^3], k [Pa/m^3] and the volume beyond which the chamber counts as unstable [m^3] lie."""
+LARGEST_INFLATION = 8.0
+"""Ratio by which one equilibrium may inflate a chamber of given pressure; beyond it the chamber counts as unstable."""
+RUNNING_AWAY = 0.25
+"""Share of that limit at which a solve that found no equilibrium counts as running away."""
+
+
+@inlined
+def corners_of(x, integers, q):
+    """Return the corners of a quad relative to one vertex of the chamber, lest digits be lost far from the origin."""
+    o, i = integers[0], 4 * q
+    a, b, c, d = integers[i], integers[i + 1], integers[i + 2], integers[i + 3]
+    return (
+        (x[a, 0] - x[o, 0], x[a, 1] - x[o, 1], x[a, 2] - x[o, 2]),
+        (x[b, 0] - x[o, 0], x[b, 1] - x[o, 1], x[b, 2] - x[o, 2]),
+        (x[c, 0] - x[o, 0], x[c, 1] - x[o, 1], x[c, 2] - x[o, 2]),
+        (x[d, 0] - x[o, 0], x[d, 1] - x[o, 1], x[d, 2] - x[o, 2]),
+    )
+
+
+@kernel
+def chamber_volume(x, integers):
+    """Return the volume [m^3] of a chamber of bilinear quads, exact: the mean over both diagonals of each."""
+    total = 0.0
+    for q in range(len(integers) // 4):
+        a, b, c, d = corners_of(x, integers, q)
+        bc, cd, bd = cross(b, c), cross(c, d), cross(b, d)
+        total += a[0] * (bc[0] + cd[0] + bd[0]) + a[1] * (bc[1] + cd[1] + bd[1]) + a[2] * (bc[2] + cd[2] + bd[2])
+        total += b[0] * cd[0] + b[1] * cd[1] + b[2] * cd[2]
+    return total / 12.0
+
+
+@kernel
+def chamber_pressure(volume, reals):
+    """Return the pressure [Pa] of a chamber of this volume [m^3]."""
+    return reals[EFFORT] - reals[STIFFNESS] * (volume - reals[TARGET])
+
+
+@kernel
+def push(x, integers, pressure, force):
+    """Subtract pressure times dV/dx from ``force`` (n, 3)."""
+    scale = pressure / 12.0
+    for q in range(len(integers) // 4):
+        a, b, c, d = corners_of(x, integers, q)
+        ab, ac, ad = cross(a, b), cross(a, c), cross(a, d)
+        bc, bd, cd = cross(b, c), cross(b, d), cross(c, d)
+        for i in range(3):
+            force[integers[4 * q], i] -= scale * (bc[i] + cd[i] + bd[i])
+            force[integers[4 * q + 1], i] -= scale * (cd[i] - ac[i] - ad[i])
+            force[integers[4 * q + 2], i] -= scale * (ab[i] - ad[i] - bd[i])
+            force[integers[4 * q + 3], i] -= scale * (ac[i] + ab[i] + bc[i])
+
+
+@kernel
+def chamber_energy(x, reals, integers, force, size):
+    """Return the energy [J] of a chamber, infinite beyond its limit; `term_kernel` wants this signature."""
+    volume = chamber_volume(x, integers)
+    change, stiffness = volume - reals[TARGET], reals[STIFFNESS]
+    if not abs(volume) <= reals[LIMIT]:
+        return np.inf
+    pressure = chamber_pressure(volume, reals)
+    size[0] += abs(pressure * volume)
+    if pressure != 0.0:
+        push(x, integers, pressure, force)
+    return change * (0.5 * stiffness * change - reals[EFFORT])
+
+
+@term_kernel
+def _entry(x, n, reals, k, integers, i, force, size):
+    return chamber_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class ChamberTerm(Term):
+    """A chamber by pressure or volume.
+
+    Args:
+        chamber: as the scene states it.
+        body: what surrounds it.
+
+    Attributes:
+        actuator: the chamber.
+        neutral_command: the command at rest, in the unit of its mode.
+        updates: whether a multiplier keeps the volume.
+    """
+
+    kernel = _entry
+
+    def __init__(self, chamber: Chamber, body: Body) -> None:
+        self.actuator, self._body = chamber, body
+        super().__init__(chamber.name, np.zeros(4), chamber.quads.ravel().astype(np.int32))
+        self._rest_volume = float(chamber_volume(body.rest, self.integers))
+        self.updates = chamber.mode is Mode.VOLUME
+        self.neutral_command = self._rest_volume if self.updates else 0.0
+        self._command = self.neutral_command
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Take for a commanded volume a penalty that fits the body's stiffness at rest."""
+        if self.updates:
+            force = np.zeros_like(self._body.rest)
+            push(self._body.rest, self.integers, 1.0, force)
+            self.reals[STIFFNESS] = fitted_penalty(matrix, force[self._body.unknowns.free], self.name)
+
+    def neutral(self) -> Saved:
+        """Return no pressure."""
+        return remembered(0.0, {})
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Take the command, and the pressure of the last step where a multiplier keeps the volume."""
+        self._command, numbers = commands[self.name], self.reals
+        if self.updates:
+            numbers[EFFORT], numbers[TARGET], numbers[LIMIT] = followed(saved, ratio), self._command, math.inf
+            return
+        volume = chamber_volume(positions, self.integers)
+        numbers[EFFORT], numbers[TARGET] = self._command, volume
+        numbers[LIMIT] = LARGEST_INFLATION * max(abs(volume), self._rest_volume)
+
+    def update(self, positions: NDArray[np.float64]) -> float:
+        """Update the pressure that keeps the volume."""
+        volume = chamber_volume(positions, self.integers)
+        self.reals[EFFORT] = chamber_pressure(volume, self.reals)
+        return abs(volume - self.reals[TARGET]) / max(abs(self.reals[TARGET]), 1e-30) ** (2.0 / 3.0)
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Keep the pressure."""
+        return remembered(float(self.reals[EFFORT]), saved)
+
+    def ran_away(self, positions: NDArray[np.float64]) -> bool:
+        """Tell whether a chamber of given pressure has inflated far towards its limit in a solve that failed."""
+        volume = chamber_volume(positions, self.integers)
+        return math.isfinite(self.reals[LIMIT]) and not volume <= RUNNING_AWAY * self.reals[LIMIT]
+
+    def state(self, positions: NDArray[np.float64]) -> ActuatorState:
+        """Return command, volume and pressure."""
+        extent = float(chamber_volume(positions, self.integers))
+        return ActuatorState(self.actuator.mode, self._command, extent, float(self.reals[EFFORT]))
+
+    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+        """Return the potential [J] and its slope along the command; a commanded volume has the multiplier's only."""
+        if self.updates:
+            return 0.0, float(self.reals[EFFORT])
+        slope = self._rest_volume - float(chamber_volume(positions, self.integers))
+        return command * slope, slope

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dead loads as terms: E = -s sum_v f_v . (x_v - X_v), forces that keep their size and direction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.load import Load
+from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+
+FACTOR, FORCES = 0, 1
+"""Where the factor s lies in the term's numbers, and where the forces f_v [N] begin, each followed by X_v [m]."""
+
+
+@kernel
+def dead_load_energy(x, reals, integers, force, size):
+    """Return the energy [J] of a dead load; `term_kernel` wants this signature."""
+    energy, factor = 0.0, reals[FACTOR]
+    if factor == 0.0:
+        return 0.0
+    for i in range(len(integers)):
+        v = integers[i]
+        for axis in range(3):
+            pull = factor * reals[FORCES + 6 * i + axis]
+            work = pull * (x[v, axis] - reals[FORCES + 6 * i + 3 + axis])
+            energy -= work
+            size[0] += abs(work)
+            force[v, axis] -= pull
+    return energy
+
+
+@term_kernel
+def _entry(x, n, reals, k, integers, i, force, size):
+    return dead_load_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class DeadLoadTerm(Term):
+    """A load at the factor that it is commanded.
+
+    Args:
+        load: as the scene states it.
+        body: what it acts on.
+    """
+
+    kernel = _entry
+
+    def __init__(self, load: Load, body: Body) -> None:
+        self._forces, self._rest = load.forces(body.rest, body.cells), body.rest
+        acted = np.flatnonzero(self._forces.any(axis=1)).astype(np.int32)
+        numbers = np.concatenate([self._forces[acted], body.rest[acted]], axis=1).ravel()
+        super().__init__(load.name, np.concatenate([[0.0], numbers]), acted)
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Take the factor on the load."""
+        self.reals[FACTOR] = commands[self.name]
+
+    def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
+        """Return the potential [J] at ``positions`` (n, 3) [m] and its slope along the factor."""
+        slope = -float(np.vdot(self._forces, positions - self._rest))
+        return command * slope, slope

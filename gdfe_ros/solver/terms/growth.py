@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Growth of cells: it has no energy of its own, it replaces the operators of the cells' rest shape.
+
+With F_e = F G^-1 the gradients of a cell become G^-T g_a, its volume det G V and its edges G d, while its hourglass
+vectors stay as they are (they are blind to linear maps). The element kernels then see the elastic part of F alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Growth
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.blocks import block_geometry
+from gdfe_ros.solver.elements.operators import Operators
+
+
+class Growths:
+    """All growths of a body.
+
+    Args:
+        body: the body, whose operators stay as they are.
+        actuators: out of these, the growths.
+
+    Attributes:
+        cells: (k,) those that can grow.
+    """
+
+    def __init__(self, body: Body, actuators: Sequence[Actuator]) -> None:
+        self._body = body
+        self.growths = tuple(item for item in actuators if isinstance(item, Growth))
+        none = np.zeros(0, dtype=np.intp)
+        self.cells = np.unique(np.concatenate([none, *(growth.cells for growth in self.growths)])).astype(np.intp)
+        self._rows = [np.searchsorted(self.cells, growth.cells) for growth in self.growths]
+        self.ungrown = Operators(body.shape, body.blocks, self._stretch({growth.name: 0.0 for growth in self.growths}))
+
+    def __bool__(self) -> bool:
+        """Tell whether anything can grow."""
+        return bool(self.growths)
+
+    def at(self, commands: Mapping[str, float], last: Operators) -> Operators:
+        """Return the operators at these commands; ``last`` itself where it is at them already."""
+        stretch = self._stretch(commands)
+        if np.array_equal(stretch, last.stretch):
+            return last
+        if np.array_equal(stretch, self.ungrown.stretch):
+            return self.ungrown
+        shape, own, inverse = self._body.shape, self.cells, np.linalg.inv(stretch)
+        edges = np.einsum("eij,ekj->eki", stretch, (shape.edge_axes * shape.edge_lengths[..., None])[own])
+        lengths = np.linalg.norm(edges, axis=2)
+        volume_ratio = np.linalg.det(stretch)
+        grown = shape._replace(
+            volume=_replaced(shape.volume, own, shape.volume[own] * volume_ratio),
+            gradient=_replaced(shape.gradient, own, shape.gradient[own] @ inverse),
+            edge_axes=_replaced(shape.edge_axes, own, edges / lengths[..., None]),
+            edge_lengths=_replaced(shape.edge_lengths, own, lengths),
+            reference=_replaced(shape.reference, own, shape.reference[own] @ inverse),
+            corner_ratio=_replaced(shape.corner_ratio, own, shape.corner_ratio[own] / volume_ratio[:, None]),
+        )
+        blocks = self._body.blocks
+        return Operators(grown, blocks._replace(geometry=block_geometry(grown, blocks.element)), stretch)
+
+    def state(self, growth: Growth, commands: Mapping[str, float], grown: Operators) -> ActuatorState:
+        """Return command and mean det G of a growth."""
+        rows = self._rows[self.growths.index(growth)]
+        weights = self._body.shape.volume[self.cells[rows]]
+        mean = float(np.average(np.linalg.det(grown.stretch[rows]), weights=weights))
+        return ActuatorState(growth.mode, commands[growth.name], mean, 0.0)
+
+    def _stretch(self, commands: Mapping[str, float]) -> NDArray[np.float64]:
+        stretch = np.tile(np.eye(3), (len(self.cells), 1, 1))
+        for growth, rows in zip(self.growths, self._rows, strict=True):
+            stretch[rows] += commands[growth.name] * (growth.stretch - np.eye(3))
+        return stretch
+
+
+def _replaced(array: NDArray[np.float64], rows: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a copy of ``array`` with other ``rows``."""
+    changed = array.copy()
+    changed[rows] = values
+    return changed

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Multipliers of commanded lengths and volumes: their penalty, and how they follow a motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.terms.term import Saved
+
+PENALTY = 10.0
+"""Penalty stiffness of a commanded length or volume over the body's own, as the constant matrix sees it: large enough
+for few updates, small enough to leave a descent one outlying eigenvalue that its history takes care of."""
+
+
+def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str) -> float:
+    """Return the penalty of what pulls at the free vertices with ``force`` (f, 3) at unit effort.
+
+    Raises:
+        ValueError: it moves no free vertex; scenes with such an actuator are refused when they are loaded.
+    """
+    right = np.ascontiguousarray(force)
+    out = np.zeros_like(right)
+    matrix.solve(right, out)
+    compliance = float(np.vdot(right, out))
+    if not compliance > 0.0:
+        raise ValueError(f"actuator {name!r} moves nothing: all that it acts on is held by handles")
+    return PENALTY / compliance
+
+
+def remembered(effort: float, saved: Saved) -> Saved:
+    """Return what is saved: the effort and the one before it."""
+    return {"effort": np.array([effort, saved["effort"][0] if saved else 0.0])}
+
+
+def followed(saved: Saved, ratio: float) -> float:
+    """Return the effort to start with where ``ratio`` of the last step is repeated."""
+    last, before = saved["effort"]
+    return float(last + ratio * (last - before))

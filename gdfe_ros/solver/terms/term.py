@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The contract of a term: one physics more in the potential that a solve minimises.
+
+The descent sees the sum of all terms and their gradient and does not know which there are. The elements are its first
+term and have kernels of their own; every other term is a compiled function of the positions and of two arrays that the
+term fills, and is called by its address: a scene compiles nothing for the terms that it combines, and has no code path
+for those that it lacks. `docs/terms.md` shows how to add one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import carray, cfunc, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+
+Saved = Mapping[str, NDArray[np.float64]]
+"""What a term keeps from one accepted step to the next, by name; a value: its arrays are never written again."""
+
+_REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int32)
+_ENTRY = types.float64(_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.intp, _REALS, _REALS)
+
+
+term_kernel = cfunc(_ENTRY, cache=True)
+"""Decorator of a term's entry, which solves call by its address:
+
+    @term_kernel
+    def spring_entry(x, n, reals, k, integers, i, force, size):
+        return spring_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+where ``spring_energy(x, reals, integers, force, size)``, a `gdfe_ros.compiled.kernel`, gets the positions ``x`` (n, 3)
+[m] and the term's two arrays, adds dE/dx to ``force`` (n, 3) [N], adds to ``size[0]`` [J] what bounds the rounding of
+its energy (the absolute values that it sums) and returns the energy [J], infinite where positions are out of bounds.
+"""
+
+
+@inlined
+def as_arrays(x, n, reals, k, integers, i, force, size):
+    """Return the arguments of an entry as the arrays that a term's energy takes."""
+    return carray(x, (n, 3)), carray(reals, (k,)), carray(integers, (i,)), carray(force, (n, 3)), carray(size, (1,))
+
+
+class Term:
+    """What every term has; a term overrides what it needs.
+
+    Attributes:
+        name: unique among the terms of a body; of an actuator or load, its name in the scene.
+        kernel: made by `term_kernel`; None for a term without an energy of its own.
+        reals: (k,) float64, what the kernel reads; written by `begin` and `update`.
+        integers: (i,) int32, the same.
+        updates: whether `update` has anything to do.
+    """
+
+    kernel: Any = None
+    updates = False
+
+    def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
+        self.name, self.reals, self.integers = name, reals, integers
+
+    def stiffness(self) -> sparse.spmatrix | None:
+        """Return the term's share of the constant matrix (n, n) [N/m]; None for none."""
+        return None
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Choose penalties once the constant ``matrix`` is known."""
+
+    def neutral(self) -> Saved:
+        """Return what is saved at rest."""
+        return {}
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Prepare a solve.
+
+        Args:
+            commands: of every actuator and load.
+            saved: what the term kept from the last accepted step.
+            positions: (n, 3) [m] where the solve starts; energies may count from there.
+            ratio: how much of the last accepted step the start repeats; multipliers may follow.
+        """
+
+    def update(self, positions: NDArray[np.float64]) -> float:
+        """Update the multipliers between descents; return the largest miss [m] of what they keep."""
+        return 0.0
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Return what is to be saved of a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
+        return {}
+
+    def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
+        """Return what users may want to know of the term, by name, in SI units; it appears in `StepResult.terms`."""
+        return {}
+
+
+class TermTable(NamedTuple):
+    """All terms for the kernels.
+
+    Attributes:
+        address: (t,) int64 of the compiled energies.
+        real_start, integer_start: (t + 1,) int64, where each term's numbers start.
+        reals, integers: the numbers of all terms; each term holds a view of its own.
+    """
+
+    address: NDArray[np.int64]
+    real_start: NDArray[np.int64]
+    reals: NDArray[np.float64]
+    integer_start: NDArray[np.int64]
+    integers: NDArray[np.int32]
+
+    @classmethod
+    def pack(cls, terms: Sequence[Term]) -> TermTable:
+        """Lay the numbers of all terms that have an energy side by side; the terms go on in views of them."""
+        acting = [term for term in terms if term.kernel is not None]
+        real_start = np.cumsum([0, *(len(term.reals) for term in acting)])
+        integer_start = np.cumsum([0, *(len(term.integers) for term in acting)])
+        reals = np.concatenate([np.zeros(0), *(term.reals for term in acting)])
+        integers = np.concatenate([np.zeros(0, np.int32), *(term.integers for term in acting)]).astype(np.int32)
+        for t, term in enumerate(acting):
+            term.reals = reals[real_start[t] : real_start[t + 1]]
+            term.integers = integers[integer_start[t] : integer_start[t + 1]]
+        address = np.array([term.kernel.address for term in acting], dtype=np.int64)
+        return cls(address, real_start.astype(np.int64), reals, integer_start.astype(np.int64), integers)
+
+
+@intrinsic
+def call_term(typingctx, address, x, n, reals, k, integers, i, force, size):
+    """Call the compiled energy of a term by its address."""
+    pointers = (_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.intp, _REALS, _REALS)
+    signature = types.float64(types.intp, *pointers)
+
+    def codegen(context, builder, signature, arguments):
+        kinds = [context.get_value_type(kind) for kind in signature.args[1:]]
+        function = builder.inttoptr(arguments[0], ir.FunctionType(ir.DoubleType(), kinds).as_pointer())
+        return builder.call(function, arguments[1:])
+
+    return signature, codegen
+
+
+@kernel
+def terms_energy(x, table, force, size):
+    """Write dE/dx (n, 3) [N] of all terms at positions ``x`` (n, 3) [m]; return their energy [J].
+
+    ``size`` (1,) gets what bounds the rounding of that energy [J].
+    """
+    force[...] = 0.0
+    size[0] = 0.0
+    energy = 0.0
+    for t in range(len(table.address)):
+        first, last = table.real_start[t], table.real_start[t + 1]
+        low, high = table.integer_start[t], table.integer_start[t + 1]
+        energy += call_term(
+            table.address[t],
+            x.ctypes,
+            len(x),
+            table.reals[first:].ctypes,
+            last - first,
+            table.integers[low:].ctypes,
+            high - low,
+            force.ctypes,
+            size.ctypes,
+        )
+    return energy

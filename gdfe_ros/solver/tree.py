@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""States as trees of plain values and arrays, for archives: nothing in them is code."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators.actuator import ActuatorState, Mode
+from gdfe_ros.constraints import Pose
+from gdfe_ros.solver import state as states
+from gdfe_ros.solver.descent.history import History
+from gdfe_ros.solver.elements.operators import Operators
+
+_VALUES = (
+    states.Balance,
+    states.ElementState,
+    states.Known,
+    states.Motion,
+    states.ShapeState,
+    states.Sleep,
+    states.Snapshot,
+    states.State,
+    states.Summary,
+    states.Unfinished,
+    ActuatorState,
+    History,
+    Pose,
+)
+_CLASSES = {kind.__name__: kind for kind in _VALUES}
+"""What a tree may be made of besides plain values."""
+
+
+class TreeError(ValueError):
+    """A tree that this package does not write."""
+
+
+def to_tree(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
+    """Return a value as a tree that JSON takes; its arrays are put into ``arrays``, each once."""
+    if value is None or (isinstance(value, (bool, int, float, str)) and not isinstance(value, Enum)):
+        return value
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        name = next((name for name, array in arrays.items() if array is value), f"a{len(arrays)}")
+        arrays[name] = value
+        return {"array": name}
+    if isinstance(value, Mode):
+        return {"mode": value.value}
+    if isinstance(value, Mapping):
+        return {"mapping": {key: to_tree(item, arrays) for key, item in value.items()}}
+    if isinstance(value, tuple):
+        return {"tuple": [to_tree(item, arrays) for item in value]}
+    if is_dataclass(value) and type(value).__name__ in _CLASSES:
+        entries = {item.name: getattr(value, item.name) for item in fields(value)}
+        kept = {name: to_tree(item, arrays) for name, item in entries.items() if not isinstance(item, Operators)}
+        return {"class": type(value).__name__, "fields": kept}
+    raise TreeError(f"a {type(value).__name__} is not part of a state")
+
+
+def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
+    """Return the value of a tree; operators, which follow from the commands, are left to the caller (None).
+
+    Raises:
+        TreeError: it is none that `to_tree` made.
+    """
+    if tree is None or isinstance(tree, (bool, int, float, str)):
+        return tree
+    if not isinstance(tree, dict) or len(tree) not in (1, 2):
+        raise TreeError(f"{str(tree)[:60]!r} is not part of a state")
+    if "array" in tree:
+        return arrays[tree["array"]]
+    if "mode" in tree:
+        return Mode(tree["mode"])
+    if "mapping" in tree:
+        return {key: from_tree(item, arrays) for key, item in tree["mapping"].items()}
+    if "tuple" in tree:
+        return tuple(from_tree(item, arrays) for item in tree["tuple"])
+    if tree.get("class") not in _CLASSES:
+        raise TreeError(f"{str(tree)[:60]!r} is not part of a state")
+    kind = _CLASSES[tree["class"]]
+    given = {name: from_tree(item, arrays) for name, item in tree["fields"].items()}
+    names = {item.name for item in fields(kind)} - ({"operators"} if kind is states.State else set())
+    if set(given) != names:
+        raise TreeError(f"{kind.__name__} has other parts: {sorted(set(given) ^ names)}")
+    return kind(**given, operators=None) if kind is states.State else kind(**given)

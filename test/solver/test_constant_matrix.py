@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The constant matrix: symmetric positive definite, one solution from every library, sliding plates eliminated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints import Axis, Handle
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.operators import shape_operators
+from gdfe_ros.solver.matrix import constant_matrix
+from gdfe_ros.solver.matrix.constant_matrix import (
+    DENSE_UP_TO,
+    ConstantMatrix,
+    Factorisation,
+    apply_inverse,
+    assemble,
+    assemble_centring,
+)
+from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
+from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
+
+End = Callable[[HexMesh, str], NDArray[np.int32]]
+MESH = bar([0.4, 0.1, 0.1], [8, 2, 2])
+SHAPE = shape_operators(MESH.vertices, MESH.cells)
+FACTORS = list(Factorisation)
+
+
+def stiffness() -> constant_matrix.sparse.csc_matrix:
+    """Assemble a matrix whose left half is 100 times stiffer than its right half."""
+    weight = np.where(MESH.centroids[:, 0] < 0.2, 1e7, 1e5)
+    return assemble(SHAPE, weight, 0.05 * weight)
+
+
+@pytest.fixture
+def sliding(end: End) -> Unknowns:
+    """Hold x-, let x+ slide along x and z and two vertices in the middle along y and x."""
+    handles = [
+        Handle("base", end(MESH, "x-"), fixed=True),
+        Handle("tip", end(MESH, "x+"), free=(Axis.X, Axis.Z)),
+        Handle("middle", np.array([4, 5], np.int32), free=(Axis.X, Axis.Y)),
+    ]
+    return number_unknowns(MESH.vertices, MESH.cells, handles)
+
+
+@pytest.mark.parametrize("matrix", [stiffness(), assemble_centring(SHAPE)], ids=["energy", "relative"])
+def test_matrix_is_symmetric_and_positive(matrix: constant_matrix.sparse.csc_matrix) -> None:
+    """Look at all eigenvalues: one zero, for a motion of all vertices alike, the others positive."""
+    dense = matrix.toarray()
+    np.testing.assert_allclose(dense, dense.T, atol=1e-12 * np.abs(dense).max())
+    np.testing.assert_allclose(dense @ np.ones(len(dense)), 0.0, atol=1e-12 * np.abs(dense).max())
+    values = np.linalg.eigvalsh(dense)
+    assert abs(values[0]) < 1e-12 * values[-1]
+    assert values[1] > 1e-6 * values[-1]
+
+
+def test_centring_matrix_is_the_papers(end: End) -> None:
+    """Assemble one element: its volume times N, 7/8 on the diagonal and -1/8 beside it (Sec. 3.1)."""
+    mesh = bar([0.2, 0.1, 0.3], [1, 1, 1])
+    matrix = assemble_centring(shape_operators(mesh.vertices, mesh.cells)).toarray()
+    np.testing.assert_allclose(matrix, 0.006 * (np.eye(8) - 0.125), rtol=1e-12)
+
+
+@pytest.mark.parametrize("library", FACTORS)
+def test_every_library_solves_the_full_system(library: Factorisation, sliding: Unknowns) -> None:
+    """Solve for free vertices and sliding plates: the same as one dense system for each axis."""
+    matrix = stiffness()
+    found = solve(ConstantMatrix(matrix, MESH.vertices, sliding, library=library), gradient(sliding), sliding)
+    expected = np.zeros_like(found)
+    for axis in range(3):
+        plates = np.flatnonzero(sliding.slides[:, axis])
+        motions = np.zeros((MESH.n_vertices, len(sliding.free) + len(plates)))
+        motions[sliding.free, np.arange(len(sliding.free))] = 1.0
+        for column, plate in enumerate(plates):
+            members = sliding.members[sliding.member_start[plate] : sliding.member_start[plate + 1]]
+            motions[members, len(sliding.free) + column] = 1.0
+        rows = np.concatenate([np.arange(len(sliding.free)), len(sliding.free) + plates])
+        full = motions.T @ (matrix @ motions)
+        expected[rows, axis] = np.linalg.solve(full, gradient(sliding)[rows, axis])
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.4, -1.1, 0.7)], ids=["rest", "turned"])
+@pytest.mark.parametrize("library", FACTORS)
+def test_turning_handles_are_eliminated(library: Factorisation, turn: tuple[float, float, float], end: End) -> None:
+    """Let a handle turn about two axes and slide along one: the same as one dense system of all axes."""
+    tip = Handle("tip", end(MESH, "x+"), free=(Axis.X,), turning=(Axis.Y, Axis.Z))
+    unknowns = number_unknowns(MESH.vertices, MESH.cells, [Handle("base", end(MESH, "x-"), fixed=True), tip])
+    matrix, rotation = stiffness(), Rotation.from_rotvec(turn).as_matrix()
+    constant = ConstantMatrix(matrix, MESH.vertices, unknowns, library=library)
+    right = np.random.default_rng(0).normal(size=(unknowns.rows, 3))
+    right[-2:] *= np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
+    found = solve(constant, right, unknowns, coupling=constant.turned([rotation]))
+    count, n = len(unknowns.free), MESH.n_vertices
+    motions = np.zeros((n, 3, 3 * count + 3))
+    for axis in range(3):
+        motions[unknowns.free, axis, 3 * np.arange(count) + axis] = 1.0
+    arms = (MESH.vertices[tip.vertices] - tip.centre(MESH.vertices)) @ rotation.T / unknowns.radius[0]
+    motions[tip.vertices, 0, -3] = 1.0
+    motions[tip.vertices, :, -2] = np.cross([0.0, 1.0, 0.0], arms)
+    motions[tip.vertices, :, -1] = np.cross([0.0, 0.0, 1.0], arms)
+    full = sum(motions[:, axis].T @ (matrix @ motions[:, axis]) for axis in range(3))
+    rows = np.concatenate([np.arange(3 * count), 3 * count + np.array([0, 4, 5])])
+    expected = np.zeros(right.size)
+    expected[rows] = np.linalg.solve(full, right.ravel()[rows])
+    np.testing.assert_allclose(found.ravel(), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("library", FACTORS)
+def test_constant_motion_of_all_plates_extends_to_the_body(library: Factorisation, sliding: Unknowns) -> None:
+    """Move every plate alike: the harmonic predictor moves every vertex alike."""
+    motion = np.tile([1.0, -2.0, 3.0], (len(sliding.prescribed), 1))
+    spread = ConstantMatrix(stiffness(), MESH.vertices, sliding, library=library).extend(motion)
+    np.testing.assert_allclose(spread, np.tile([1.0, -2.0, 3.0], (len(sliding.free), 1)), rtol=1e-9)
+
+
+def test_harmonic_predictor_stays_between_the_plates(end: End) -> None:
+    """Hold one end and lift the other: every vertex rises by something between."""
+    handles = [Handle("base", end(MESH, "x-"), fixed=True), Handle("tip", end(MESH, "x+"))]
+    unknowns = number_unknowns(MESH.vertices, MESH.cells, handles)
+    motion = np.repeat([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], 9, axis=0)
+    spread = ConstantMatrix(assemble(SHAPE, np.ones(32), np.full(32, 0.005)), MESH.vertices, unknowns).extend(motion)
+    np.testing.assert_allclose(spread[:, :2], 0.0, atol=1e-12)
+    np.testing.assert_allclose(spread[:, 2], MESH.vertices[unknowns.free, 0] / 0.4, atol=1e-9)
+
+
+def test_small_systems_take_an_explicit_inverse() -> None:
+    """Choose: dense up to a few hundred vertices, cholespy beyond."""
+    small, large = bar([1.0, 1.0, 1.0], [3, 3, 3]), bar([1.0, 1.0, 1.0], [7, 7, 7])
+    assert small.n_vertices <= DENSE_UP_TO < large.n_vertices
+    kinds = [kind_of(mesh) for mesh in (small, large)]
+    assert kinds == [Factorisation.DENSE, Factorisation.CHOLESPY]
+
+
+def test_scipy_serves_where_cholespy_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take the extra away: scipy is chosen, and asking for cholespy by name says how to get it."""
+    monkeypatch.setattr(constant_matrix, "cholespy", None)
+    large = bar([1.0, 1.0, 1.0], [7, 7, 7])
+    assert kind_of(large) is Factorisation.SCIPY
+    with pytest.raises(ValueError, match=r"cholespy is not installed; install the extra"):
+        kind_of(large, library=Factorisation.CHOLESPY)
+
+
+def test_a_body_held_everywhere_has_nothing_to_solve(end: End) -> None:
+    """Prescribe every vertex: an empty system is no error."""
+    handle = Handle("all", np.arange(MESH.n_vertices, dtype=np.int32))
+    unknowns = number_unknowns(MESH.vertices, MESH.cells, [handle])
+    matrix = ConstantMatrix(stiffness(), MESH.vertices, unknowns)
+    assert matrix.extend(np.ones((MESH.n_vertices, 3))).shape == (0, 3)
+
+
+def kind_of(mesh: HexMesh, *, library: Factorisation | None = None) -> Factorisation:
+    """Return what solves a mesh held at its first vertex."""
+    unknowns = number_unknowns(mesh.vertices, mesh.cells, [Handle("one", np.zeros(1, np.int32))])
+    matrix = assemble_centring(shape_operators(mesh.vertices, mesh.cells))
+    return ConstantMatrix(matrix, mesh.vertices, unknowns, library=library).kind
+
+
+def gradient(unknowns: Unknowns) -> NDArray[np.float64]:
+    """Return a right-hand side for every row; rows of prescribed axes are zero."""
+    right = np.random.default_rng(0).normal(size=(unknowns.rows, 3))
+    right[len(unknowns.free) :] *= unknowns.slides
+    return right
+
+
+def solve(
+    matrix: ConstantMatrix, right: NDArray[np.float64], unknowns: Unknowns, *, coupling: Coupling | None = None
+) -> NDArray[np.float64]:
+    """Solve for all rows as the solvers do: with the explicit inverse where there is one."""
+    out, count, coupling = np.zeros_like(right), len(unknowns.free), coupling or matrix.coupling
+    if matrix.kind is Factorisation.DENSE:
+        apply_inverse(right.ravel(), coupling, out.ravel())
+    else:
+        matrix.solve(right[:count], out[:count])
+        close_coupling(right.ravel(), coupling, out.ravel())
+    return out
