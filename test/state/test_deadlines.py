@@ -17,7 +17,7 @@ name: ball
 mesh: {sphere: {inner: 0.020, outer: 0.030, cells: [4, 2]}}
 materials: {rubber: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
 regions: [{material: rubber}]
-handles: {base: {where: {vertices: [0]}, fixed: true}}
+handles: {base: {where: {box: {x: [-1, -0.025]}}, fixed: true}}
 actuators: {air: {chamber: {command: pressure}}}
 """
 LOOSE = "base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}, free: [x, y, z, rx, ry, rz]}"

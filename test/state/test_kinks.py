@@ -23,7 +23,7 @@ name: ball
 mesh: {sphere: {inner: 0.010, outer: 0.015, cells: [2, 1]}}
 materials: {rubber: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
 regions: [{material: rubber}]
-handles: {base: {where: {vertices: [0]}, fixed: true}}
+handles: {base: {where: {box: {x: [-1, -0.0101]}}, fixed: true}}
 actuators: {air: {chamber: {command: pressure}}}
 probes: {side: [0.0149, 0, 0]}
 """
