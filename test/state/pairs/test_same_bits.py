@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every feature with everything that copies or repeats a state: the same to the last bit."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Simulation
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.errors import CommandError
+from gdfe_ros.scene import scene_from_text
+
+WRONG = Command(actuators={"nobody": 1.0}), Command(loads={"nobody": 1.0})
+
+
+def test_the_feature_is_at_work(feature: Any) -> None:
+    """Make the way: the body moves, ends in equilibrium, and what the feature names has happened."""
+    simulation = feature.simulation()
+    results = feature.run(simulation, feature.way)
+    assert results[-1].converged, results[-1].message
+    assert np.abs(simulation.positions - simulation.mesh.vertices).max() > 1e-4 * simulation.mesh.size
+    assert feature.seen(results), "the way does not reach what it is for"
+
+
+# --- once more ---
+
+
+def test_replay(feature: Any, same: Any) -> None:
+    """Make the same steps in a fresh simulation."""
+    same.run(feature.run(feature.simulation(), feature.way), feature.results)
+
+
+def test_replay_of_the_scene_read_anew(feature: Any, same: Any) -> None:
+    """Read the scene from its own text and make the same steps."""
+    simulation = Simulation(scene_from_text(feature.scene.source))
+    same.run(feature.run(simulation, feature.way), feature.results)
+
+
+def test_reset_and_again(feature: Any, same: Any) -> None:
+    """Make the steps, go elsewhere, reset, and again: as in the beginning, each time."""
+    simulation, fresh = feature.simulation(), feature.simulation()
+    for _ in range(2):
+        feature.run(simulation, feature.way + feature.elsewhere)
+        simulation.reset()
+        same.state(simulation, fresh)
+    same.run(feature.run(simulation, feature.way), feature.results)
+
+
+# --- side by side ---
+
+
+def test_two_in_turn(feature: Any, same: Any) -> None:
+    """Step two simulations of one scene in turn, on different ways: each as if alone."""
+    one, other, found = feature.simulation(), feature.simulation(), []
+    for index, step in enumerate(feature.way):
+        feature.run(other, [feature.elsewhere[index % 2]])
+        found += feature.run(one, [step])
+    same.run(found, feature.results)
+
+
+def test_two_threads_at_the_same_time(feature: Any, same: Any) -> None:
+    """Step two simulations of one scene in two threads: each as if alone."""
+    simulations, found = [feature.simulation(), feature.simulation()], {}
+    barrier = threading.Barrier(2)
+
+    def work(index: int) -> None:
+        barrier.wait()
+        found[index] = feature.run(simulations[index], feature.way)
+
+    threads = [threading.Thread(target=work, args=(index,)) for index in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for index in range(2):
+        same.run(found[index], feature.results)
+
+
+# --- saved and loaded ---
+
+
+@pytest.mark.parametrize("where", ["fresh", "elsewhere", "itself"])
+def test_checkpoint(feature: Any, same: Any, where: str) -> None:
+    """Save in the middle, load where nothing or something else has happened, go on: as if never interrupted."""
+    half = len(feature.way) // 2
+    first = feature.simulation()
+    feature.run(first, feature.way[:half])
+    state = save_state(first)
+    second = first if where == "itself" else feature.simulation()
+    if where != "fresh":
+        feature.run(second, feature.elsewhere)
+    load_state(second, state)
+    if where != "itself":
+        same.state(second, first)
+    for simulation in {id(item): item for item in (second, first)}.values():
+        same.run(feature.run(simulation, feature.way[half:]), feature.results[half:])
+
+
+# --- fields of the past ---
+
+
+def test_deferred_fields(feature: Any, same: Any) -> None:
+    """Take the fields of every step at once, and evaluate them later in another thread: equal."""
+    simulation, now, later = feature.simulation(), [], []
+    for step in feature.way:
+        feature.run(simulation, [step])
+        later.append(simulation.later_fields())
+        now.append(simulation.fields())
+    feature.run(simulation, feature.elsewhere)
+    found: list[Any] = []
+    thread = threading.Thread(target=lambda: found.extend(evaluate() for evaluate in later))
+    thread.start()
+    feature.run(simulation, feature.way[:1])
+    thread.join()
+    for one, other in zip(found, now, strict=True):
+        same.fields(one, other)
+
+
+# --- what must not change a thing ---
+
+
+def test_a_refused_command_changes_nothing(feature: Any, same: Any) -> None:
+    """Refuse commands between any two steps: the steps are those of a simulation that never was asked."""
+    simulation, found = feature.simulation(), []
+    for step in feature.way:
+        for wrong in (*WRONG, Command(actuators={feature.lever[0]: 1e12})):
+            with pytest.raises(CommandError):
+                simulation.step(wrong, dt=0.1)
+        found += feature.run(simulation, [step])
+    same.run(found, feature.results)
+
+
+def test_asking_changes_nothing(feature: Any, same: Any) -> None:
+    """Ask for all that can be asked between any two steps: the steps are those of a simulation that never was."""
+    simulation, found = feature.simulation(), []
+    for index, step in enumerate(feature.way):
+        simulation.fields()
+        simulation.actuator_states()
+        save_state(simulation)
+        if index == len(feature.way) // 2:
+            simulation.jacobian()
+        found += feature.run(simulation, [step])
+    same.run(found, feature.results)
+
+
+# --- the same with threads ---
+
+
+@pytest.mark.skipif("PAIRS_IN_THREADS" in os.environ, reason="this is the process that it starts")
+def test_with_threads() -> None:
+    """Make all pairs for a body whose elements two threads share, in a process that may use two."""
+    here = Path(__file__).parent
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "2", "PAIRS_IN_THREADS": "1"}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--confcutdir={here.parent}", str(here)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stdout[-3000:]

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Solves that are cut short: every call makes headway, resumes where it stopped, and says truly how far it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.result import StepResult
+
+BALL = """\
+name: ball
+mesh: {sphere: {inner: 0.020, outer: 0.030, cells: [4, 2]}}
+materials: {rubber: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
+regions: [{material: rubber}]
+handles: {base: {where: {box: {x: [-1, -0.025]}}, fixed: true}}
+actuators: {air: {chamber: {command: pressure}}}
+"""
+LOOSE = "base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}, free: [x, y, z, rx, ry, rz]}"
+WEIGHT = "loads: {weight: {gravity: [0, 0, -9.81]}}"
+CUTS = [{"cut_after": 0}, {"cut_after": 1}, {"cut_after": 5}, {"deadline": 0.0}, {"deadline": 5e-4}, {"deadline": 6e-3}]
+ROUND = 3
+"""Iterations of all calls together, over those of one that is not cut; a call makes one at least."""
+
+
+def bend5() -> tuple[Simulation, Command]:
+    """Return the bar of five segments, and its tip lifted by 0.2 m."""
+    return Simulation(load_scene("bend5")), Command(handles={"tip": Pose((0.0, 0.0, 0.2))})
+
+
+def ball() -> tuple[Simulation, Command]:
+    """Return a hollow ball, and a pressure that doubles its volume."""
+    return Simulation(scene_from_text(BALL)), Command(actuators={"air": 15e3})
+
+
+def drive(simulation: Simulation, command: Command, most: int, **cut: float) -> list[StepResult]:
+    """Repeat a command until it is carried out, at most so often."""
+    results: list[StepResult] = []
+    while len(results) < most and not (results and results[-1].converged):
+        results.append(simulation.step(command, **cut))
+    return results
+
+
+def assert_arrives(results: list[StepResult], exact: StepResult, off: Callable[[StepResult], float]) -> None:
+    """Ask for headway in every call, no false alarm, and the equilibrium in the end."""
+    assert not [result.message for result in results if "stability" in result.message]
+    assert all(result.iterations > 0 for result in results if not result.converged)
+    assert results[-1].converged, f"after {len(results)} calls {off(results[-1]):.2g} of the size off"
+    assert sum(result.iterations for result in results) <= ROUND * exact.iterations
+    assert off(results[-1]) < 20.0 * 1e-4
+
+
+@pytest.mark.parametrize("make", [bend5, ball])
+@pytest.mark.parametrize("cut", CUTS, ids=str)
+def test_a_cut_step_arrives(lab: Any, make: Callable, cut: dict[str, float]) -> None:
+    """Cut every step, below its fixed cost, too: the body arrives after as many iterations as it takes, times three."""
+    simulation, command = make()
+    exact = Simulation(simulation.scene).step(command)
+    results = drive(simulation, command, ROUND * exact.iterations, **cut)
+    assert_arrives(results, exact, lambda result: lab.distance(result.positions, exact.positions, simulation.mesh))
+
+
+@pytest.mark.parametrize("cut", CUTS, ids=str)
+def test_a_cut_step_of_free_rotations_arrives(lab: Any, cut: dict[str, float]) -> None:
+    """Let go of a plate altogether and cut every step: it hangs where it hangs without cuts."""
+    simulation = lab.bar(handles=LOOSE, actuators="", more=WEIGHT)
+    exact = Simulation(simulation.scene).step()
+    assert exact.converged
+    results = drive(simulation, Command(), ROUND * exact.iterations, **cut)
+    assert_arrives(results, exact, lambda result: lab.distance(result.positions, exact.positions, simulation.mesh))
+
+
+@pytest.mark.parametrize("most", [5, 20])
+def test_few_iterations_inflate_a_ball_in_the_end(lab: Any, most: int) -> None:
+    """Allow fewer iterations than the pressure needs: it is called unfinished, not unstable, and goes on."""
+    simulation, command = ball()
+    exact = simulation.step(command)
+    slow = Simulation(scene_from_text(BALL, overrides={"solver.max_iterations": most}))
+    results = drive(slow, command, ROUND * exact.iterations)
+    assert all(result.iterations <= most for result in results)
+    assert f"{most} iterations" in results[0].message
+    assert_arrives(results, exact, lambda result: lab.distance(result.positions, exact.positions, slow.mesh))
+
+
+@pytest.mark.parametrize("cut", [0, 1, 2, 5, 10, 20])
+@pytest.mark.parametrize("name", ["bend5", "ball", "loose"])
+def test_the_residual_of_a_cut_step_is_true(lab: Any, name: str, cut: int) -> None:
+    """Cut one step and compare with the equilibrium: the residual is a third of the distance at least."""
+    loose = {"handles": LOOSE, "actuators": "", "more": WEIGHT}
+    simulation, command = {"bend5": bend5, "ball": ball, "loose": lambda: (lab.bar(**loose), Command())}[name]()
+    exact = lab.fresh(simulation, command, tolerance=1e-6)
+    for _ in range(3):
+        result = simulation.step(command, cut_after=cut)
+        off = lab.distance(result.positions, exact.positions, simulation.mesh)
+        assert result.residual >= off / 3.0 or off <= simulation.settings.tolerance
+        assert result.converged == (result.message == "")
+
+
+@pytest.mark.parametrize("make", [bend5, ball])
+def test_a_cut_step_is_repeated_to_the_bit(make: Callable) -> None:
+    """Cut by the clock, then repeat with the places recorded: the same states."""
+    simulation, command = make()
+    twin = Simulation(simulation.scene)
+    for result in drive(simulation, command, 40, deadline=2e-3):
+        again = twin.step(command, cut_after=result.cut_after)
+        assert (again.positions == result.positions).all()
+        assert (again.residual, again.energy, again.message) == (result.residual, result.energy, result.message)
+
+
+def test_a_chamber_that_is_unstable_is_still_named() -> None:
+    """Ask for a pressure without an equilibrium, cut: in the end the chamber is named, at a finite state."""
+    simulation, _ = ball()
+    results = drive(simulation, Command(actuators={"air": 60e3}), 60, cut_after=20)
+    assert not any(result.converged for result in results)
+    assert "'air' lost its stability" in results[-1].message

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Folded elements: the least determinant is that of the corners, and no fold is taken for an equilibrium."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Simulation
+from gdfe_ros.scene import scene_from_text
+
+FOLDED = r"fold|inside out"
+REMEDY = r"reset|rest|smaller|slower|set_positions|finer"
+HOLLOW = "cut: [{box: {x: [0.01, 0.09], y: [-0.006, 0.006], z: [-0.006, 0.006]}}]"
+MESHES = {
+    "hollow": f"cells: [10, 5, 5], {HOLLOW}",
+    "thin": f"cells: [20, 4, 4], {HOLLOW}",
+    "solid": "cells: [12, 3, 3]",
+}
+TEXT = """\
+name: folds
+mesh: {{bar: {{size: [0.1, 0.02, 0.02], {mesh}}}}}
+materials: {{rubber: {{law: {law}, young: 1.0e6, poisson: 0.45}}}}
+regions: [{{material: rubber}}]
+handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
+actuators: {{pull: {{cable: {{points: [[0, 0, 0.008], [0.1, 0, 0.008]], command: tension}}}}}}
+"""
+PULLS = [("hollow", 8.0), ("hollow", 20.0), ("thin", 8.0), ("thin", 20.0), ("solid", 20.0), ("solid", 50.0)]
+
+
+def folding(mesh: str, law: str = "neo_hookean") -> Simulation:
+    """Return a bar that a cable along its upper edge folds."""
+    return Simulation(scene_from_text(TEXT.format(mesh=MESHES[mesh], law=law)))
+
+
+@pytest.mark.parametrize("law", ["neo_hookean", "linear"])
+@pytest.mark.parametrize(("mesh", "tension"), PULLS)
+def test_no_fold_is_an_equilibrium(lab: Any, mesh: str, tension: float, law: str) -> None:
+    """Pull a bar until it folds, and let go: an end with a folded corner is not converged and says so."""
+    simulation = folding(mesh, law)
+    for pull in (tension, 0.0):
+        result = lab.go(simulation, pull=pull)
+        if lab.least_corner(simulation.mesh, result.positions) <= 0.0:
+            assert not result.converged
+            assert re.search(FOLDED, result.message)
+
+
+@pytest.mark.parametrize(("mesh", "tension"), PULLS)
+def test_the_least_determinant_is_that_of_a_corner(lab: Any, mesh: str, tension: float) -> None:
+    """Pull and let go: the step's least determinant is that of the trilinear map's gradient at the corners."""
+    simulation = folding(mesh)
+    for pull in (tension, 0.0):
+        result = lab.go(simulation, pull=pull)
+        expected = lab.least_corner(simulation.mesh, result.positions)
+        assert result.min_det == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize(("mesh", "tension"), PULLS)
+def test_a_folded_body_unfolds_or_says_what_to_do(lab: Any, mesh: str, tension: float) -> None:
+    """Let go of the cable: rest, or not converged, with a message that names the fold and a remedy."""
+    simulation = folding(mesh)
+    lab.go(simulation, pull=tension)
+    for _ in range(3):
+        result = lab.go(simulation, pull=0.0)
+    if result.converged:
+        assert lab.distance(result.positions, simulation.mesh.vertices, simulation.mesh) < 0.01
+    else:
+        assert re.search(FOLDED, result.message)
+        assert re.search(REMEDY, result.message)
+    simulation.reset()
+    assert lab.go(simulation, pull=0.1).converged
+
+
+def test_a_vertex_pushed_through_its_cell_is_seen_and_comes_back(lab: Any) -> None:
+    """Start from one folded corner that the mean gradient hides: the least determinant tells, then rest is found."""
+    simulation = folding("solid")
+    positions = simulation.mesh.vertices.copy()
+    tip = int(np.argmax(positions @ [1.0, 1.0, 1.0]))
+    positions[tip] -= 0.01
+    assert lab.least_corner(simulation.mesh, positions) < 0.0
+    simulation.set_positions(positions)
+    result = simulation.step(cut_after=0)
+    assert result.min_det == pytest.approx(lab.least_corner(simulation.mesh, result.positions), rel=1e-6, abs=1e-9)
+    while not result.converged:
+        result = simulation.step()
+    assert lab.distance(result.positions, simulation.mesh.vertices, simulation.mesh) < 1e-3

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""States without a two-sided derivative, and cables that cannot be shortened: true figures or errors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+
+from gdfe_ros import Command, Simulation
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene import scene_from_text
+
+BASE = "base: {where: {face: x-}, fixed: true}"
+HINGE = f"{BASE}, tip: {{where: {{face: x+}}, free: [x, z, ry]}}"
+INSIDE = "pull: {{cable: {{points: [[0.02, 0, 0.008], [0.08, 0, 0.008]], command: {mode}}}}}"
+PLATE = "pull: {{cable: {{points: [[0, -0.005, 0.008], [0, 0.005, 0.008]], command: {mode}}}}}"
+ACROSS = "pull: {{cable: {{points: [[0, 0, 0.008], [0.1, 0, 0.008]], command: {mode}}}}}"
+BALL = """\
+name: ball
+mesh: {sphere: {inner: 0.010, outer: 0.015, cells: [2, 1]}}
+materials: {rubber: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
+regions: [{material: rubber}]
+handles: {base: {where: {box: {x: [-1, -0.0101]}}, fixed: true}}
+actuators: {air: {chamber: {command: pressure}}}
+probes: {side: [0.0149, 0, 0]}
+"""
+STABLE = 1e5
+"""Pressure [Pa] at which the ball is far from losing its stability."""
+
+
+def slopes(lab: Any, simulation: Simulation, probe: str, name: str, value: float, change: float) -> np.ndarray:
+    """Return the second-order one-sided difference (3,) of a probe by a command, from fresh simulations."""
+    values = (value, value + change, value + 2.0 * change)
+    ends = [lab.fresh(simulation, Command(actuators={name: item})).probe_positions()[probe] for item in values]
+    return (4.0 * ends[1] - 3.0 * ends[0] - ends[2]) / (2.0 * change)
+
+
+def jacobian_or_error(simulation: Simulation, probe: str, name: str) -> np.ndarray | None:
+    """Return a column of the jacobian; None where it is refused with an error or says NaN."""
+    try:
+        column = simulation.jacobian([probe], [name])[0, :, 0]
+    except GdfeError as error:
+        assert name in str(error)  # noqa: PT017 - either answer is sound
+        return None
+    return None if np.isnan(column).any() else column
+
+
+# --- a cable that is just slack, or just taut ---
+
+
+@pytest.mark.parametrize("detour", [0.0, 0.001, 0.003])
+@pytest.mark.parametrize("handles", [BASE, HINGE], ids=["fixed", "hinge"])
+@pytest.mark.parametrize("mode", ["shortening", "length"])
+def test_jacobian_at_the_rest_length(lab: Any, mode: str, handles: str, detour: float) -> None:
+    """Come to a cable's rest length from rest and from a shorter cable: the slope towards the taut side, within 5 %."""
+    simulation = lab.bar(handles=handles, actuators=INSIDE.format(mode=mode))
+    rest, taut = (0.0, 1.0) if mode == "shortening" else (0.06, -1.0)
+    if detour:
+        lab.go(simulation, pull=rest + taut * detour)
+    assert lab.go(simulation, pull=rest).converged
+    found = jacobian_or_error(simulation, "tip", "pull")
+    if found is not None:
+        expected = slopes(lab, simulation, "tip", "pull", rest, taut * 1e-4)
+        np.testing.assert_allclose(found, expected, atol=0.05 * np.abs(expected).max())
+
+
+# --- a ball beside the pressure at which it loses its stability ---
+
+
+class Filled:
+    """The ball by its volume, which passes the largest pressure smoothly.
+
+    Args:
+        lab: what makes a fresh simulation.
+    """
+
+    def __init__(self, lab: Any) -> None:
+        scene = scene_from_text(BALL, overrides={"actuators.air.chamber.command": "volume"})
+        self._simulation = lab.fresh(Simulation(scene))
+        self.rest = self._simulation.actuator_states()["air"].extent
+        found = minimize_scalar(lambda ratio: -self.at(ratio)[0], bounds=(2.0, 8.0), options={"xatol": 1e-4})
+        self.ratio, self.pressure = found.x, -found.fun
+
+    def at(self, ratio: float) -> tuple[float, float]:
+        """Return pressure [Pa] and the probe's x [m] at a volume over that at rest."""
+        self._simulation.reset()
+        state = self._simulation.step(Command(actuators={"air": ratio * self.rest})).actuators["air"]
+        return state.effort, self._simulation.probe_positions()["side"][0]
+
+    def slope(self, pressure: float) -> float:
+        """Return d(probe)/d(pressure) [m/Pa] on the stable side."""
+        ratio = brentq(lambda value: self.at(value)[0] - pressure, 1.01, self.ratio, xtol=1e-7)
+        (low, first), (high, second) = (self.at(ratio + way) for way in (-2e-4, 2e-4))
+        return (second - first) / (high - low)
+
+
+@pytest.fixture(scope="module")
+def filled(lab: Any) -> Filled:
+    """Give the ball by its volume."""
+    return Filled(lab)
+
+
+def blown(pressure: float) -> Simulation:
+    """Return the ball at a pressure."""
+    simulation = Simulation(scene_from_text(BALL))
+    for command in (STABLE, pressure):
+        simulation.step(Command(actuators={"air": command}))
+    return simulation
+
+
+@pytest.mark.parametrize("below", [10.0, 20.0, 100.0, 1000.0, 10_000.0])
+def test_jacobian_beside_the_loss_of_stability(filled: Filled, below: float) -> None:
+    """Inflate a ball to below its limit: the slope of the same ball by its volume within 5 %, or an error."""
+    simulation = blown(filled.pressure - below)
+    assert simulation.result.converged
+    found = jacobian_or_error(simulation, "side", "air")
+    assert found is None or found[0] == pytest.approx(filled.slope(filled.pressure - below), rel=0.05)
+
+
+@pytest.mark.parametrize("below", [0.01, 0.1, 1.0, 5.0])
+def test_jacobian_at_the_limit_is_not_small(filled: Filled, below: float) -> None:
+    """Inflate it to the limit itself: a slope larger than that 20 Pa below, or an error; never a silent 0."""
+    simulation = blown(filled.pressure - below)
+    assert simulation.result.converged or "stability" in simulation.result.message
+    found = jacobian_or_error(simulation, "side", "air")
+    assert found is None or found[0] > filled.slope(filled.pressure - 20.0)
+
+
+# --- cables that hold on to plates ---
+
+
+@pytest.mark.parametrize("mode", ["tension", "shortening", "length"])
+def test_a_cable_inside_a_fixed_plate_is_refused_or_reads_sense(lab: Any, mode: str) -> None:
+    """Shorten what cannot be shortened: refused with its name, or a tension of the body's order and soon an end."""
+    try:
+        simulation = lab.bar(actuators=PLATE.format(mode=mode))
+        command = {"tension": 1.0, "shortening": 0.001, "length": 0.005}[mode]
+        result = lab.go(simulation, pull=command)
+    except GdfeError as error:
+        assert "pull" in str(error)  # noqa: PT017 - either answer is sound
+        return
+    assert abs(result.actuators["pull"].effort) < 1e4
+    assert result.substeps < 20
+    assert np.array_equal(result.positions, simulation.mesh.vertices)
+    assert result.converged == (mode == "tension")
+
+
+@pytest.mark.parametrize("mode", ["shortening", "length"])
+def test_a_straight_cable_between_two_plates_draws_them_together(lab: Any, mode: str) -> None:
+    """Shorten a cable from the fixed plate to one that slides by 1 mm: it slides by that, at a tension that fits."""
+    simulation = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}, free: [x]}}", actuators=ACROSS.format(mode=mode))
+    result = lab.go(simulation, pull=0.001 if mode == "shortening" else 0.099)
+    assert result.converged, result.message
+    assert simulation.handle_pose("tip").translation[0] == pytest.approx(-0.001, abs=2e-5)
+    twin = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}}}", actuators="")
+    push = lab.go(twin, simulation.handle_pose("tip")).reactions["tip"][0]
+    assert result.actuators["pull"].effort == pytest.approx(-push, rel=0.02)
