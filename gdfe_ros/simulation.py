@@ -104,8 +104,10 @@ class Simulation:
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """Current vertices (n, 3) float64 [m]; not to be modified."""
-        return self._state.positions + self._origin if self._origin.any() else self._state.positions
+        """Current vertices (n, 3) float64 [m], read-only."""
+        positions = self._state.positions + self._origin if self._origin.any() else self._state.positions.view()
+        positions.flags.writeable = False
+        return positions
 
     def reset(self) -> None:
         """Go back to rest at time 0."""

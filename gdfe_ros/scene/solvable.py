@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load
+from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load, Mode
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material
@@ -85,17 +85,19 @@ def _forces(handles: Sequence[Handle], actuators: Sequence[Actuator], loads: Seq
 
 
 def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:
-    """Say that an actuator acts on nothing but vertices that one handle holds; empty where it does not."""
-    if isinstance(actuator, Cable):
+    """Say that a commanded length or volume lies between vertices that cannot give way; empty where it does not."""
+    if isinstance(actuator, Cable) and actuator.mode is not Mode.TENSION:
         vertices = actuator.points.corners[actuator.points.weights != 0.0]
-    elif isinstance(actuator, Chamber):
+    elif isinstance(actuator, Chamber) and actuator.mode is not Mode.PRESSURE:
         vertices = actuator.quads.ravel()
     else:
         return ""
-    for handle in handles:
-        if np.isin(vertices, handle.vertices).all():
-            return (
-                f"actuator {actuator.name!r} lies wholly in the handle {handle.name!r} and moves nothing; remedy: "
-                "lead it through cells that can deform"
-            )
-    return ""
+    stiff = [handle for handle in handles if not (handle.free or handle.turning)]
+    held = np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in stiff)])
+    if not np.isin(vertices, held).all():
+        return ""
+    names = ", ".join(repr(handle.name) for handle in stiff if np.isin(vertices, handle.vertices).any())
+    return (
+        f"actuator {actuator.name!r} lies wholly in what {names} hold and cannot change its {actuator.mode.value}; "
+        "remedy: lead it through cells that can deform, or command a force"
+    )

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.matrix.unknowns import Frame
+from gdfe_ros.solver.matrix.unknowns import Frame, handle_centres
 
 Vectors = NDArray[np.float64]
 
@@ -49,8 +49,7 @@ class HandleMotions:
 
     def frame(self, base: Vectors) -> Frame:
         """Return the frame for kernels of handles at ``base`` (n, 3) [m]."""
-        centres = [base[handle.vertices].mean(axis=0) for handle in self._loose]
-        return Frame(base, np.array(centres).reshape(-1, 3))
+        return Frame(base, handle_centres(base, self._body.unknowns))
 
     def placed(self, base: Vectors, slides: Vectors, turns: Vectors) -> Vectors:
         """Return ``base`` (n, 3) [m] with the handles that turn moved on by their free motions (p, 3)."""

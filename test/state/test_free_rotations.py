@@ -15,6 +15,8 @@ from gdfe_ros import Command, Pose, Simulation
 
 BASE = "base: {where: {face: x-}, fixed: true}"
 CELLS = {"mesh__bar__cells": [4, 2, 2]}
+CONSERVATIVE = {"materials__rubber": {"law": "linear", "young": 1.0e6, "poisson": 0.45}}
+"""The linear law, whose hourglass stiffness is constant: of the others a change of it is no part of the forces."""
 TWIST = 1.2
 """Commanded about z [rad], while the plate turns freely about x and y."""
 OFFSETS = [(-0.02, 0.03, 0.02), (-0.03, 0.03, 0.01), (0.0, 0.02, 0.02)]
@@ -41,7 +43,7 @@ class Commanded:
 
     def __init__(self, lab: Any, near: Pose) -> None:
         handles = f"{BASE}, tip: {{where: {{face: x+}}}}"
-        scene = lab.scene(handles=handles, actuators="", solver__tolerance=1e-7, **CELLS)
+        scene = lab.scene(handles=handles, actuators="", solver__tolerance=1e-7, **CELLS, **CONSERVATIVE)
         self._simulation, self._near = Simulation(scene), near
         self._simulation.step(Command(handles={"tip": near}))
 
@@ -58,7 +60,7 @@ class Commanded:
 @pytest.mark.parametrize("offset", OFFSETS)
 def test_two_free_rotations_reach_the_minimum(lab: Any, offset: tuple[float, float, float], parts: int) -> None:
     """Offset the tip and turn it about z at once and in parts: no swing about x and y has less energy."""
-    simulation = hinged(lab)
+    simulation = hinged(lab, **CONSERVATIVE)
     for part in range(1, parts + 1):
         result = lab.go(simulation, Pose().blend(twisted(offset), part / parts))
     assert result.converged, result.message

@@ -115,14 +115,14 @@ class ActiveSet(Movable):
         """Put the unknowns to a start.
 
         Args:
-            positions: (n, 3) [m], of which the free vertices are read.
+            positions: (n, 3) [m] of the free vertices, those that are held included.
             base: (n, 3) [m], of which the handles' vertices are read.
             slides: (p, 3) translations [m] of the handles with a free axis.
             turns: (p, 3) their rotation vectors [rad].
         """
         work, unknowns = self.workspace, self.unknowns
         count = len(unknowns.free)
-        work.x[unknowns.free] = positions[unknowns.free]
+        work.x[unknowns.free], work.x[self.held] = positions[unknowns.free], positions[self.held]
         work.x[unknowns.prescribed] = base[unknowns.prescribed]
         u = work.u.reshape(-1, 3)
         u[:count] = positions[unknowns.free]

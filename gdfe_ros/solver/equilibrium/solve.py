@@ -153,7 +153,7 @@ class Solve:
             if self._settled:
                 break
             inner = max(tolerance, TIGHTEN * inner)
-            self._cut = self.iterations >= limit or past(self.problem.deadline)
+            self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:
                 break
             task.evaluate()

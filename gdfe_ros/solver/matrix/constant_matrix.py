@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.matrix.coupling import Coupling, RigidFields, close_coupling
-from gdfe_ros.solver.matrix.unknowns import Unknowns
+from gdfe_ros.solver.matrix.unknowns import Frame, Unknowns, gather_rigid_rows, handle_centres
 
 try:
     import cholespy
@@ -86,7 +86,7 @@ class ConstantMatrix:
     ) -> None:
         if library is Factorisation.CHOLESPY and cholespy is None:
             raise ValueError("cholespy is not installed; install the extra: pip install 'gdfe_ros[fast]'")
-        self._assembled, self._rest, self._library = matrix, rest, library
+        self._assembled, self._rest, self._unknowns, self._library = matrix, rest, unknowns, library
         free = unknowns.free
         rows = matrix[free]
         block = rows[:, free].tocsc()
@@ -109,6 +109,23 @@ class ConstantMatrix:
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right for the free vertices, three right-hand sides (f, 3)."""
         self._solve(right, out)
+
+    def compliance(self, force: NDArray[np.float64]) -> float:
+        """Return by how much vertex forces (n, 3) give way, over their size: f . A^-1 f [m/N times their unit squared].
+
+        Handles with a free axis give way as they do at rest.
+        """
+        unknowns, count = self._unknowns, len(self._unknowns.free)
+        right = np.zeros((unknowns.rows, 3))
+        right[:count] = force[unknowns.free]
+        frame = Frame(self._rest, handle_centres(self._rest, unknowns))
+        none, rest = np.zeros((0, 8, 3)), np.zeros(right.size)
+        no_corners = unknowns._replace(corner_start=np.zeros_like(unknowns.corner_start))
+        gather_rigid_rows(rest, self._rest, none, force, True, frame, no_corners, right.reshape(-1))
+        out = np.zeros_like(right)
+        self.solve(right[:count], out[:count])
+        close_coupling(right.reshape(-1), self.coupling, out.reshape(-1))
+        return float(np.vdot(right, out))
 
     def extend(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Spread the motion (b, 3) [m] of the prescribed vertices over the free ones: the harmonic predictor (f, 3)."""

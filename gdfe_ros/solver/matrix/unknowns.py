@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -105,6 +106,12 @@ def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles
         np.searchsorted(corners[order], np.arange(len(rest) + 1)).astype(np.int32),
         order.astype(np.int32),
     )
+
+
+def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
+    """Return the centres (p, 3) [m] of the handles with a free axis at ``positions`` (n, 3) [m]."""
+    members = [unknowns.members[first:last] for first, last in pairwise(unknowns.member_start)]
+    return np.array([positions[own].mean(axis=0) for own in members]).reshape(-1, 3)
 
 
 @kernel

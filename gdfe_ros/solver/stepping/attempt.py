@@ -72,7 +72,7 @@ class Way:
 
 
 def judge(
-    way: Way, state: State, solution: Solution, *, jumps: bool, unstable: bool, spent: bool, patience: int
+    way: Way, state: State, solution: Solution, *, jumps: bool, unstable: bool, spent: bool, patient: bool
 ) -> Verdict:
     """Judge an attempt.
 
@@ -83,18 +83,16 @@ def judge(
         jumps: the body jumped to another equilibrium.
         unstable: a chamber lost its stability.
         spent: no iteration or no time is left for another attempt.
-        patience: iterations, those of cut solves before it included, after which nothing is hoped for any more.
+        patient: a solve that is cut may pass through folded shapes: so few iterations were made for this command,
+            those of cut steps before it included, that it may yet arrive.
     """
     sound = solution.min_det > 0.0
     failed = not (solution.converged or solution.exhausted) or solution.min_det <= 0.0
     shortened = (failed and not way.shortest) or (jumps and way.length > SHORTEST_JUMP)
     if shortened and not spent:
         return Verdict.HALVE
-    # A cut solve may pass through folded shapes on its way.
-    unfinished = solution.state.unfinished
-    hoped_for = unfinished is not None and unfinished.iterations < patience
     once_sound = state.sound or state.anchor is not None
-    folds = once_sound and not sound and not hoped_for and (way.moves or state.anchor is not None)
+    folds = once_sound and not sound and not (solution.cut and patient) and (way.moves or state.anchor is not None)
     return Verdict.WITHDRAW if solution.diverged or unstable or folds else Verdict.ACCEPT
 
 

@@ -29,8 +29,8 @@ SIZINGS = 8
 """Tries to find a change of a command that moves the body by about ``REACH``."""
 KINK = 0.05
 """Difference of the slopes on either side, over the larger, from which the two are looked at from nearer by."""
-NEARER = 0.1
-"""How much nearer: what is smooth then differs by this factor less, what has a kink does not."""
+NEARER, REFINEMENTS = 0.1, 2
+"""How much nearer, and how often: what is smooth then differs by this factor less, what has a kink does not."""
 
 
 def jacobian(
@@ -44,7 +44,9 @@ def jacobian(
     Raises:
         GdfeError: no equilibrium was found on either side of an actuator's command.
     """
-    present = stepper.step(state, state.poses, state.commands, tolerance=TOLERANCE).state
+    present = state
+    if state.shapes is None:  # captured shapes have a history: solving again would be one step more
+        present = stepper.step(state, state.poses, state.commands, tolerance=TOLERANCE).state
     return [_Differences(stepper, present, actuator).slope(points) for actuator in actuators]
 
 
@@ -55,6 +57,7 @@ class _Differences:
         self._stepper, self._present, self._actuator = stepper, present, actuator
         self._command, self._size = present.commands[actuator.name], stepper.body.size
         self._acting = -1.0 if actuator.mode is Mode.LENGTH else 1.0
+        self._here = present.positions if present.shapes is None else self._found(0.0)
 
     def slope(self, points: Sequence[Embedding]) -> NDArray[np.float64]:
         """Return d(point)/d(command) (points, 3)."""
@@ -70,28 +73,28 @@ class _Differences:
         return np.concatenate([point.at(motion) for point in points]) if points else np.zeros((0, 3))
 
     def _central(self, step: float) -> NDArray[np.float64] | None:
-        forward, backward = self._found(step), self._found(-step)
-        if forward is None or backward is None:
-            first = 1.0 if backward is None else -1.0
-            return self._one_sided(first, step) if forward is not backward else None
-        if self._kinked(forward, backward):
-            near = NEARER * step
-            forward, backward = self._found(near), self._found(-near)
-            if forward is None or backward is None or self._kinked(forward, backward):
-                return self._one_sided(self._acting, step)
-            step = near
-        return (forward - backward) / (2.0 * step)
+        nearer = step
+        for _ in range(REFINEMENTS + 1):
+            forward, backward = self._found(nearer), self._found(-nearer)
+            both = forward is not None and backward is not None
+            if both and not self._kinked(forward, backward):
+                return (forward - backward) / (2.0 * nearer)
+            nearer *= NEARER
+        nearer /= NEARER
+        if both:
+            return self._one_sided(self._acting, step)
+        return self._one_sided(1.0 if backward is None else -1.0, nearer)
 
     def _kinked(self, forward: NDArray[np.float64], backward: NDArray[np.float64]) -> bool:
         """Tell whether the slopes on either side differ."""
-        rise, fall = forward - self._present.positions, self._present.positions - backward
+        rise, fall = forward - self._here, self._here - backward
         return bool(np.abs(rise - fall).max() > KINK * max(np.abs(rise).max(), np.abs(fall).max()))
 
     def _one_sided(self, side: float, step: float) -> NDArray[np.float64] | None:
         for sign in (side, -side):
             near, far = self._found(sign * step), self._found(2.0 * sign * step)
             if near is not None and far is not None:
-                return sign * (4.0 * near - 3.0 * self._present.positions - far) / (2.0 * step)
+                return sign * (4.0 * near - 3.0 * self._here - far) / (2.0 * step)
         return None
 
     def _found(self, change: float) -> NDArray[np.float64] | None:
@@ -115,7 +118,7 @@ class _Differences:
             if found is None:
                 step *= NEARER
                 continue
-            moved = np.linalg.norm(found - self._present.positions, axis=1).max() / self._size
+            moved = np.linalg.norm(found - self._here, axis=1).max() / self._size
             if NARROW * REACH <= moved <= WIDE * REACH:
                 break
             wanted = min(step * min(max(REACH / max(moved, SMALLEST), 1e-3), growth), most)

@@ -144,8 +144,9 @@ class Stepper:
             spent = iterations >= budget or past(deadline)
             jumps = way.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
             unstable = bool(unstable_chamber(state, solution, way.at(way.next)[1], self.actuation))
-            patience = self.equilibrium.patience
-            flags = {"jumps": jumps, "unstable": unstable, "spent": spent, "patience": patience}
+            before = state.unfinished.iterations if state.unfinished else 0
+            patient = before + iterations < self.equilibrium.patience
+            flags = {"jumps": jumps, "unstable": unstable, "spent": spent, "patient": patient}
             verdict = judge(way, state, solution, **flags)
             way = replace(way, jumped=way.jumped or jumps)
             if verdict is Verdict.HALVE:

@@ -107,7 +107,7 @@ class CableTerm(Term):
     kernel = _entry
 
     def __init__(self, cable: Cable, body: Body) -> None:
-        self.actuator, self._elastic, self._free = cable, math.isfinite(cable.stiffness), body.unknowns.free
+        self.actuator, self._elastic = cable, math.isfinite(cable.stiffness)
         numbers = np.concatenate([np.zeros(WEIGHTS), cable.points.weights.ravel()])
         super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
@@ -125,9 +125,7 @@ class CableTerm(Term):
             return
         force = np.zeros_like(self._body.rest)
         pull(self._body.rest, self.reals, self.integers, 1.0, force)
-        self.reals[STIFFNESS] = (
-            self.actuator.stiffness if self._elastic else fitted_penalty(matrix, force[self._free], self.name)
-        )
+        self.reals[STIFFNESS] = self.actuator.stiffness if self._elastic else fitted_penalty(matrix, force, self.name)
 
     def neutral(self) -> Saved:
         """Return no tension."""

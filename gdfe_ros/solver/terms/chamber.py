@@ -111,7 +111,7 @@ class ChamberTerm(Term):
 
     def __init__(self, chamber: Chamber, body: Body) -> None:
         self.actuator, self._body = chamber, body
-        super().__init__(chamber.name, np.zeros(4), chamber.quads.ravel().astype(np.int32))
+        super().__init__(chamber.name, np.array([0.0, 0.0, 0.0, math.inf]), chamber.quads.ravel().astype(np.int32))
         self._rest_volume = float(chamber_volume(body.rest, self.integers))
         self.updates = chamber.mode is Mode.VOLUME
         self.neutral_command = self._rest_volume if self.updates else 0.0
@@ -122,7 +122,7 @@ class ChamberTerm(Term):
         if self.updates:
             force = np.zeros_like(self._body.rest)
             push(self._body.rest, self.integers, 1.0, force)
-            self.reals[STIFFNESS] = fitted_penalty(matrix, force[self._body.unknowns.free], self.name)
+            self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
 
     def neutral(self) -> Saved:
         """Return no pressure."""

@@ -15,15 +15,12 @@ for few updates, small enough to leave a descent one outlying eigenvalue that it
 
 
 def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str) -> float:
-    """Return the penalty of what pulls at the free vertices with ``force`` (f, 3) at unit effort.
+    """Return the penalty of what pulls at the vertices with ``force`` (n, 3) at unit effort.
 
     Raises:
-        ValueError: it moves no free vertex; scenes with such an actuator are refused when they are loaded.
+        ValueError: it moves nothing; scenes with such an actuator are refused when they are loaded.
     """
-    right = np.ascontiguousarray(force)
-    out = np.zeros_like(right)
-    matrix.solve(right, out)
-    compliance = float(np.vdot(right, out))
+    compliance = matrix.compliance(force)
     if not compliance > 0.0:
         raise ValueError(f"actuator {name!r} moves nothing: all that it acts on is held by handles")
     return PENALTY / compliance
