@@ -88,16 +88,16 @@ torture: $(VENV)/.extra-test
 	@$(BIN)/python -m pytest -n $(JOBS) -m torture test/torture test/node
 
 bench-node: install
-	@$(BIN)/python -m gdfe_ros.testing.bench
+	@$(BIN)/python -m benchmarks.node
 
 bench-skip: install
-	@$(BIN)/python -m gdfe_ros.benchmark.savings
+	@$(BIN)/python -m benchmarks.savings
 
 bench-sweep: install
-	@$(BIN)/python -m gdfe_ros.benchmark.sweep
+	@$(BIN)/python -m benchmarks.sweep
 
 bench: $(VENV)/.extra-bench
-	@$(BIN)/gdfe bench
+	@$(BIN)/python -m benchmarks
 
 bags: install
 	@$(BIN)/python bags/record.py

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from gdfe_ros.benchmark import node_tables
-from gdfe_ros.benchmark.tables import all_tables, replace_tables, tables_beside
+from benchmarks.node import tables as node_tables
+from benchmarks.tables import all_tables, replace_tables, tables_beside
 from gdfe_ros.cli import COMMANDS
 from gdfe_ros.node.reference import markdown
 from gdfe_ros.scene import scene_from_text

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gdfe_ros.benchmark.torture import walks
-from gdfe_ros.benchmark.torture.bodies import BAR, LAWS, make_scene
-from gdfe_ros.benchmark.torture.case import Case, Finding, Group, Outcome, Verdict, attempt
-from gdfe_ros.benchmark.torture.catalogue import all_cases
-from gdfe_ros.benchmark.torture.picture import draw_scores
-from gdfe_ros.benchmark.torture.score import HEADINGS, WALK_HEADINGS, Score, summary, torture_tables
+from benchmarks.torture import walks
+from benchmarks.torture.bodies import BAR, LAWS, make_scene
+from benchmarks.torture.case import Case, Finding, Group, Outcome, Verdict, attempt
+from benchmarks.torture.catalogue import all_cases
+from benchmarks.torture.picture import draw_scores
+from benchmarks.torture.score import HEADINGS, WALK_HEADINGS, Score, summary, torture_tables
 from gdfe_ros.errors import CommandError
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Policy
