@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the benchmark as Markdown, printed from bench.json; the same text stands in README.
+"""The tables of the benchmark as Markdown, printed from bench.json; the same text stands in README and docs/.
 
-``python -m benchmarks.tables [bench.json] [README.md]`` prints them, and replaces them in a README; it takes a
-torture.json as well.
+``python -m benchmarks.tables [bench.json]`` prints them; it takes a torture.json or a skip.json as well.
 """
 
 from __future__ import annotations
@@ -25,7 +24,14 @@ PAPER_TIMES = {"bend5": (11.3, 71.4), "twist90": (4.19, 19.35), "tensile": (18.3
 NAMES = {Solver.GDFE: "gdfe_ros", Solver.FELUPE: "FElupe", Solver.CALCULIX: "CalculiX", Solver.MUJOCO: "MuJoCo"}
 LIMITS = (1.0, 0.5, 0.35)
 """Errors of the front [%]."""
-MARK = "<!-- {name}: printed by python -m benchmarks.tables -->"
+SUMMARY = (
+    (Solver.GDFE, "energy"),
+    (Solver.GDFE, "relative"),
+    (Solver.FELUPE, "H8"),
+    (Solver.CALCULIX, "C3D8I"),
+    (Solver.MUJOCO, "trilinear"),
+)
+"""Solvers and elements of the table in README."""
 
 
 def all_tables(report: dict[str, Any]) -> dict[str, str]:
@@ -37,6 +43,7 @@ def all_tables(report: dict[str, Any]) -> dict[str, str]:
     results = [PeerResult.from_json(item) for item in report["results"]]
     cold = [result for result in results if result.settings["threads"] == 1 and not is_stream(result)]
     return {
+        "summary": summary_table(cold),
         "paper meshes": paper_table(cold),
         "joint": joint_table(report["joint"]),
         "front": front_table(cold),
@@ -80,6 +87,20 @@ def paper_table(results: Sequence[PeerResult]) -> str:
     return markdown_table(
         ("scene", "solver", "solve [ms]", "set-up [ms]", "mean error [%]", "reaction error [%]"), rows
     )
+
+
+def summary_table(results: Sequence[PeerResult]) -> str:
+    """Return time and error of each solver with one element on the paper's own meshes: the table of README."""
+    rows = []
+    for name in CaseName:
+        mesh = "x".join(map(str, get_case(name).cells))
+        here = _best_tolerance([item for item in results if item.scene == name.value and item.mesh.split()[0] == mesh])
+        row = [name.value, f"{mesh} cells"]
+        for solver, element in SUMMARY:
+            found = [item for item in here if item.solver is solver and item.mesh.split(maxsplit=1)[1] == element]
+            row += [f"{1e3 * item.time_solve:.0f} ms, {100 * item.mean_error:.2f} %" for item in found[:1]] or ["-"]
+        rows.append(row)
+    return markdown_table(("scene", "mesh", *(f"{NAMES[solver]}, {element}" for solver, element in SUMMARY)), rows)
 
 
 def joint_table(joints: Iterable[dict[str, Any]]) -> str:
@@ -147,16 +168,6 @@ def ratio_table(ratios: Iterable[dict[str, Any]]) -> str:
     return markdown_table(("Poisson's ratio", "iterations", "solve [s]"), rows)
 
 
-def replace_tables(readme: str, tables: dict[str, str], *, mark: str = MARK) -> str:
-    """Return the README with every marked table replaced; ``mark`` is the line before a table."""
-    for name, text in tables.items():
-        start, end = mark.format(name=name), f"<!-- end {name} -->"
-        before, found, rest = readme.partition(start)
-        if found:
-            readme = f"{before}{start}\n{text}\n{end}{rest.partition(end)[2]}"
-    return readme
-
-
 def _best_tolerance(results: Sequence[PeerResult]) -> list[PeerResult]:
     """Keep of our runs the loosest tolerance within the error that is asked for, of the others all."""
     from benchmarks.peers.gdfe_peer import PAPER_TOLERANCE
@@ -186,14 +197,11 @@ def tables_beside(report: Path) -> dict[str, str]:
 
 
 def main() -> None:
-    """Print the tables of a report and of what lies beside it, and put them into a README."""
+    """Print the tables of a report and of what lies beside it."""
     report = Path(sys.argv[1] if len(sys.argv) > 1 else "bench.json")
     tables = {**all_tables(json.loads(report.read_text())), **tables_beside(report)}
     for name, text in tables.items():
         print(f"\n{name}\n\n{text}")
-    if len(sys.argv) > 2:
-        readme = Path(sys.argv[2])
-        readme.write_text(replace_tables(readme.read_text(), tables))
 
 
 if __name__ == "__main__":

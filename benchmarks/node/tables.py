@@ -1,21 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of ``make bench-node`` as Markdown, printed from bench_node.json; the same text stands in README.
-
-``python -m benchmarks.node.tables [bench_node.json] [README.md]`` prints them, and replaces them in a README.
-"""
+"""The tables of ``make bench-node``, printed from bench_node.json; the same text stands in docs/node.md."""
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 from benchmarks.markdown import markdown_table
-from benchmarks.tables import replace_tables
 
-MARK = "<!-- {name}: printed by python -m benchmarks.node.tables -->"
 Rows = tuple[tuple[str, ...], list[tuple[str, ...]]]
 """Heads and rows of a table."""
 
@@ -74,18 +66,3 @@ def command_rows(lockstep: Mapping[str, Any], floods: Iterable[Mapping[str, Any]
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     """Return every table of a report as Markdown, by name."""
     return {name: markdown_table(*rows) for name, rows in all_rows(report).items()}
-
-
-def main() -> None:
-    """Print the tables of a report, and put them into a README."""
-    report = Path(sys.argv[1] if len(sys.argv) > 1 else "bench_node.json")
-    tables = all_tables(json.loads(report.read_text()))
-    for name, text in tables.items():
-        print(f"\n{name}\n\n{text}")
-    if len(sys.argv) > 2:
-        readme = Path(sys.argv[2])
-        readme.write_text(replace_tables(readme.read_text(), tables, mark=MARK))
-
-
-if __name__ == "__main__":
-    main()

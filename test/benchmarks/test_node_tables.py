@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
+from benchmarks.markdown import MARK, replace_tables
 from benchmarks.node.__main__ import missed_targets
 from benchmarks.node.cost import Cost
 from benchmarks.node.flood import Flood
 from benchmarks.node.idle import Idleness
 from benchmarks.node.latency import Latency
 from benchmarks.node.lockstep import Lockstep
-from benchmarks.node.tables import MARK, all_rows, all_tables
-from benchmarks.tables import replace_tables
+from benchmarks.node.tables import all_rows, all_tables
 
 LATENCY = Latency(1250, 300, 2.0, 4.0, 1.5, 3.0)
 BARE = Cost(1250, False, False, 2.2, 2.0, 1.9, 0.2, {"gdfe-courier": 0.04, "python": 0.01})
@@ -45,7 +45,15 @@ def test_tables_take_their_place_in_a_readme() -> None:
     start = MARK.format(name="idle")
     text = f"before\n{start}\nold\n<!-- end idle -->\nafter"
     tables = all_tables(_report())
-    assert replace_tables(text, tables, mark=MARK) == f"before\n{start}\n{tables['idle']}\n<!-- end idle -->\nafter"
+    assert replace_tables(text, tables) == f"before\n{start}\n{tables['idle']}\n<!-- end idle -->\nafter"
+
+
+def test_a_mark_that_nothing_is_printed_for_is_named() -> None:
+    """Ask for a table that does not exist, and leave the end of one away."""
+    with pytest.raises(ValueError, match=r"'tides'.*there is: idle"):
+        replace_tables(MARK.format(name="tides") + "\n<!-- end tides -->", {"idle": ""})
+    with pytest.raises(ValueError, match="'idle'"):
+        replace_tables(MARK.format(name="idle"), {"idle": ""})
 
 
 def test_targets_that_are_met_are_not_missed() -> None:
