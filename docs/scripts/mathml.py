@@ -10,6 +10,8 @@ from latex2mathml.converter import convert
 
 _CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.DOTALL)
 _FORMULA = re.compile(r"\$\$(?P<block>.+?)\$\$|\$(?P<inline>(?:[^$\n]|\n(?!\n))+)\$", re.DOTALL)
+_PRIME = re.compile(r"<msup>(<m[io]>[^<]*</m[io]>)<mi>&#x02032;</mi></msup>")
+"""A prime is raised by itself; as a superscript it would fly off."""
 _formulas: list[str] = []
 
 
@@ -29,5 +31,6 @@ def on_page_content(html: str, **_: Any) -> str:
 def _hold(found: re.Match[str]) -> str:
     block = found["block"] is not None
     text = " ".join((found["block"] if block else found["inline"]).split())
-    _formulas.append(convert(text, display="block" if block else "inline"))
+    formula = convert(text, display="block" if block else "inline")
+    _formulas.append(_PRIME.sub(r"\1<mo>&#x02032;</mo>", formula))
     return f"FORMULA{len(_formulas) - 1}END"
