@@ -2,7 +2,7 @@
 """A chamber robot beside FElupe on the same mesh, over its whole program.
 
 ``python -m benchmarks.chamber [DIRECTORY]`` runs both (a few minutes), writes ``chamber.json`` and
-``bending_tube_felupe.npz`` into the directory (default: runs/chamber) and prints the table that stands in README.
+``bending_tube_felupe.npz`` into the directory (default: runs/chamber) and prints the table of docs/benchmark.md.
 """
 
 from __future__ import annotations

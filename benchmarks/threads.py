@@ -2,7 +2,7 @@
 """What threads save: twist90_uniform from 500 to 32 000 elements with one thread and with all.
 
 ``python -m benchmarks.threads [DIRECTORY]`` writes ``threads.json`` into the directory (default: runs/threads)
-and prints README's table. Every number is the median of three fresh processes.
+and prints the table of docs/benchmark.md. Every number is the median of three fresh processes.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ PATIENCE = 300.0
 CELLS = {500: (20, 5, 5), 1250: (50, 5, 5), 10_000: (100, 10, 10)}
 """Number of elements of the bar of ``bend5`` -> cells along x, y, z."""
 RISE = 1e-3
-"""Lift of the tip with each command [m]: a path of 0.2 m in 200 steps, as in the streaming table of README."""
+"""Lift of the tip with each command [m]: a path of 0.2 m in 200 steps, as the streams in docs/benchmark.md."""
 HIGHEST = 200
 """Commands from the lowest to the highest place of the tip."""
 

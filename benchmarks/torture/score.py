@@ -147,7 +147,7 @@ def rich_table(scores: Sequence[Score]) -> Table:
 
 
 def torture_tables(data: Mapping[str, Any]) -> dict[str, str]:
-    """Return the tables of the README by name, as Markdown, from what `write_scores` wrote."""
+    """Return the tables of docs/torture.md by name, as Markdown, from what `write_scores` wrote."""
     scores = [Score.from_json(entry) for entry in data["cases"]]
     return {
         "torture": markdown_table(HEADINGS, summary(scores)),
