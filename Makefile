@@ -2,7 +2,7 @@
 # make install            .venv with the commands gdfe, sim_node
 # make torture            the numerical torture test             make bench run time against error
 # make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
-# make bags               record bags/ anew and replay them
+# make bags               record bags/ anew and replay them        make docs build/site from docs/
 # make clean              remove .venv and everything that was built
 
 VENV   := .venv
@@ -26,7 +26,7 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run test browser torture bench bench-node bench-skip bags clean
+.PHONY: install run test browser torture bench bench-node bench-skip bench-sweep bags docs clean
 
 install: $(STAMP)
 
@@ -58,7 +58,7 @@ $(STAMP): $(SOURCES)
 	@$(PIP) --editable '.[$(EXTRAS)]'
 	@touch $@
 
-# Tools for tests and benchmarks: $(VENV)/.extra-test, $(VENV)/.extra-bench
+# Tools for tests, benchmarks and docs: $(VENV)/.extra-test, .extra-bench, .extra-docs
 $(VENV)/.extra-%: $(STAMP)
 	@echo "installing the extra '$*' ..."
 	@$(PIP) --editable '.[$*]'
@@ -75,7 +75,7 @@ browser:
 	  apt-get -qq install -y --no-install-recommends chromium chromium-driver >/dev/null || true; \
 	fi
 
-test: $(VENV)/.extra-test browser
+test: $(VENV)/.extra-test $(VENV)/.extra-docs browser
 	@status=0; \
 	$(BIN)/ruff check . || status=1; \
 	$(BIN)/ruff format --check . || status=1; \
@@ -88,19 +88,25 @@ torture: $(VENV)/.extra-test
 	@$(BIN)/python -m pytest -n $(JOBS) -m torture test/torture test/node
 
 bench-node: install
-	@$(BIN)/python -m gdfe_ros.testing.bench
+	@$(BIN)/python -m benchmarks.node
 
 bench-skip: install
-	@$(BIN)/python -m gdfe_ros.benchmark.savings
+	@$(BIN)/python -m benchmarks.savings
 
 bench-sweep: install
-	@$(BIN)/python -m gdfe_ros.benchmark.sweep
+	@$(BIN)/python -m benchmarks.sweep
 
 bench: $(VENV)/.extra-bench
-	@$(BIN)/gdfe bench
+	@$(BIN)/python -m benchmarks
 
 bags: install
 	@$(BIN)/python bags/record.py
+
+# Tables and references are printed into the pages first, from the code and from the reports in test/data.
+docs: $(VENV)/.extra-docs
+	@$(BIN)/python -m docs.scripts.generate
+	@$(BIN)/mkdocs build --quiet --strict
+	@echo "written: build/site/index.html"
 
 clean:
 	rm -rf $(VENV) build install log dist *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -39,6 +39,7 @@ EXTRAS = {
     "sweep": ["distributed>=2024.8", "pyarrow>=15.0"],
     "video": ["av>=14.0"],
     "bench": ["felupe>=11.3", "tensortrax>=0.29", "pypardiso>=0.4.7", "mujoco>=4.0"],
+    "docs": ["mkdocs>=1.6", "latex2mathml>=3.77"],
     "test": [
         "pytest>=8.0",
         "pytest-xdist>=3.5",

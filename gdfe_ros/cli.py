@@ -16,7 +16,6 @@ COMMANDS = {
     "solve": "play a scene's program and print and write the result",
     "demo": "start the node, command it over topics, record, draw",
     "calibrate": "repeat the calibration of Sec. 4.2.1 beside Eq. 7",
-    "bench": "run time against error beside FElupe, CalculiX and MuJoCo; streaming; scaling",
     "replay": "make a recorded run again, without ROS or through a node, and compare every published array",
     "compare": "say whether two recorded runs differ, where and by how much",
     "recover": "get out of a bag that was cut off what it holds",

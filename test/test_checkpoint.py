@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+import io
 import json
 import pickle
-import zlib
+import zipfile
 
 import numpy as np
 import pytest
 
-from gdfe_ros.checkpoint import _MAGIC, load_state, save_state
+import gdfe_ros
+from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene.loader import load_scene
@@ -61,16 +63,49 @@ def test_a_state_of_another_scene_is_refused() -> None:
     assert np.array_equal(other.positions, before)
 
 
-def test_damaged_and_hostile_states_are_refused() -> None:
-    """Load noise, a cut state, and a pickle that would run a program: an error, and nothing runs."""
+def test_a_state_is_an_archive_of_arrays() -> None:
+    """Open a state with numpy and json alone: format, version and positions are there, nothing needs unpickling."""
     simulation = _simulation()
-    state = save_state(simulation)
-    head = state[len(_MAGIC) :].partition(b"\n")[0]
-    hostile = zlib.compress(pickle.dumps(_Hostile()))
-    for data in (b"noise", state[:-20], _MAGIC + b"{}\n", _MAGIC + b"x\n", _MAGIC + head + b"\n" + hostile):
-        with pytest.raises(GdfeError):
-            load_state(simulation, data)
-    assert json.loads(head)["version"]
+    simulation.step(_command(3))
+    with zipfile.ZipFile(io.BytesIO(save_state(simulation))) as archive:
+        head, tree = (json.loads(archive.read(name)) for name in ("head.json", "state.json"))
+    assert head["version"] == gdfe_ros.__version__
+    name = tree["fields"]["state"]["fields"]["positions"]["array"]
+    arrays = np.load(io.BytesIO(save_state(simulation)), allow_pickle=False)
+    assert np.array_equal(arrays[name], simulation.positions)
+
+
+@pytest.mark.parametrize("damage", ["noise", "cut", "flipped", "no array", "another class", "hostile", "old"])
+def test_damaged_and_hostile_states_are_refused(damage: str) -> None:
+    """Load noise, a damaged state, one of other parts, and pickles: an error, nothing runs, nothing changes."""
+    simulation = _simulation()
+    before, state = simulation.step(_command(2)).positions, save_state(simulation)
+    flipped = bytearray(state)
+    flipped[len(state) // 2] ^= 1
+    broken = {
+        "noise": b"noise",
+        "cut": state[:-20],
+        "flipped": bytes(flipped),
+        "no array": _replaced(state, "a0.npy", None),
+        "another class": _replaced(state, "state.json", b'{"class": "Path", "fields": {}}'),
+        "hostile": _replaced(state, "a0.npy", pickle.dumps(_Hostile())),
+        "old": b"gdfe_ros state\n{}\n",
+    }
+    with pytest.raises(GdfeError, match="no state|damaged|kept pickles"):
+        load_state(simulation, broken[damage])
+    assert np.array_equal(simulation.positions, before)
+
+
+def _replaced(state: bytes, name: str, content: bytes | None) -> bytes:
+    """Return an archive with other content for an entry, or without it."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(state)) as old, zipfile.ZipFile(stream, "w") as new:
+        for entry in old.namelist():
+            if entry != name:
+                new.writestr(entry, old.read(entry))
+            elif content is not None:
+                new.writestr(entry, content)
+    return stream.getvalue()
 
 
 class _Hostile:

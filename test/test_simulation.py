@@ -205,7 +205,7 @@ def test_fields_are_those_of_the_present_state(simulate: MakeSimulation) -> None
     fields = simulation.fields()
     assert fields.eps_eq.shape == (32,)
     assert fields.eps_eq.max() > 0.01
-    assert fields.J.min() == pytest.approx(result.min_det)
+    assert fields.J.min() >= result.min_det > 0.8, "a corner gives more than the mean"
     assert fields.omega.max() == 1.0
     volume = 0.2 * 0.05 * 0.05 / 32
     assert fields.energy_density.sum() * volume == pytest.approx(result.energy, rel=1e-3)

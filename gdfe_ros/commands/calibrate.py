@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from gdfe_ros.benchmark.calibration import CalibrationPoint, calibrate
+from gdfe_ros.analysis.calibration import CalibrationPoint, calibrate
 
 NOT_CONVERGED = 3
 

@@ -196,8 +196,8 @@ class Ogden(Material):
 class Curve(Material):
     """A measured uniaxial curve extended by Eq. 5, W = Phi(eps_eq) + K/2 (J - 1)^2.
 
-    ``Phi`` is chosen so that uniaxial tension at J = 1 reproduces the curve exactly (DESIGN 4). ``eps_eq`` has no
-    sign, so compression and shear follow from the tension curve.
+    ``Phi`` is chosen so that uniaxial tension at J = 1 reproduces the curve exactly (docs/theory/energy.md). ``eps_eq``
+    has no sign, so compression and shear follow from the tension curve.
 
     Attributes:
         data: the measured curve.

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled energy densities W [J/m^3] and first Piola-Kirchhoff stresses P = dW/dF [Pa] of the laws (DESIGN 4).
+"""Compiled energy densities W [J/m^3] and first Piola-Kirchhoff stresses P = dW/dF [Pa] of the laws.
 
-A matrix is a tuple of nine floats, row by row; ``k`` is the material's row in the table. Each law is continued below a
-least volume or stretch so that an inverted element is pulled back by a finite force (Stomakhin et al. 2012).
+docs/theory/energy.md derives them. A matrix is a tuple of nine floats, row by row; ``k`` is the material's row in the
+table. Each law is continued below a least volume or stretch so that an inverted element is pulled back by a finite
+force (Stomakhin et al. 2012).
 """
 
 from __future__ import annotations

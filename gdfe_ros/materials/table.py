@@ -85,7 +85,7 @@ def _row(material: Material) -> NDArray[np.float64]:
 
 
 def _tabulate(material: Material) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Sample Phi'(eps_eq) so that uniaxial tension at J = 1 reproduces the material's curve (DESIGN 4)."""
+    """Sample Phi'(eps_eq) so that uniaxial tension at J = 1 reproduces the material's curve (docs/theory/energy.md)."""
     width = _equivalent_strain(np.array(LARGEST_STRETCH)) / INTERVALS
     stretch = _stretch(width * np.arange(INTERVALS + 1))
     stress, tangent = material.stress_at(stretch - 1.0), material.tangent_at(stretch - 1.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shape operators of hexahedra, computed once: mean gradient, hourglass vectors, edges (DESIGN 3)."""
+"""Shape operators of hexahedra, computed once: mean gradient, hourglass vectors, edges (docs/theory/energy.md)."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class CableModel(DriveModel):
     points: tuple[Point3, ...] = Field(
         description="points of the body, e.g. [[0, 0, 0.01], [0.1, 0, 0.01]]", min_length=2
     )
-    command: Literal["tension", "length", "shortening"] = "tension"
+    command: Literal["tension", "length", "shortening"] = Field("tension", description="what is commanded: N, or m")
     stiffness: Annotated[float, _STIFFNESS] | None = None
 
     @model_validator(mode="after")
@@ -56,9 +56,9 @@ class ChamberModel(DriveModel):
     """A closed surface inside the body filled with a fluid."""
 
     cavity: Annotated[int, _CAVITY] | None = None
-    near: Point3 | None = None
+    near: Point3 | None = Field(None, description="the cavity whose centre is nearest to this point [x, y, z]")
     where: WhereModel | None = Field(None, description="its faces: those of which all four vertices lie there")
-    command: Literal["pressure", "volume"] = "pressure"
+    command: Literal["pressure", "volume"] = Field("pressure", description="what is commanded: Pa, or m^3")
 
     @model_validator(mode="after")
     def _one_place(self) -> ChamberModel:
@@ -91,7 +91,7 @@ class ActuatorModel(Choice):
 class PointLoadModel(Entry):
     """A force at a point of the body."""
 
-    at: Point3
+    at: Point3 = Field(description="point of the body [x, y, z]")
     force: Annotated[tuple[float, float, float], _FORCE]
 
 

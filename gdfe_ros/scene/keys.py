@@ -25,8 +25,8 @@ def describe_key(location: KeyPath) -> str:
     model = _walk(location[:-1])
     field = model.model_fields.get(location[-1]) if _is_model(model) else None
     if field is None:
-        return "see the scene schema in README.md"
-    quantity = _quantity(field)
+        return "see the scene reference in docs/scene.md"
+    quantity = find_quantity(field)
     if quantity is not None:
         return f"needed is {quantity.allowed}"
     if field.description:
@@ -35,8 +35,16 @@ def describe_key(location: KeyPath) -> str:
     return f"allowed: {', '.join(map(str, choices))}" if choices else f"needed: {field.annotation.__name__}"
 
 
-def _quantity(field: FieldInfo) -> Quantity | None:
-    return next((item for item in field.metadata if isinstance(item, Quantity)), None)
+def find_quantity(place: FieldInfo | Any) -> Quantity | None:
+    """Return the number, or list of numbers, that stands in a field or is spoken of by an annotation; None for none."""
+    if isinstance(place, FieldInfo):
+        given = next((item for item in place.metadata if isinstance(item, Quantity)), None)
+        return given or find_quantity(place.annotation)
+    if get_origin(place) is Annotated:
+        return next((item for item in get_args(place)[1:] if isinstance(item, Quantity)), None)
+    if get_origin(place) in (Union, UnionType):
+        return next(filter(None, map(find_quantity, get_args(place))), None)
+    return None
 
 
 def _is_model(annotation: Any) -> bool:

@@ -57,7 +57,7 @@ class _Common(Entry):
 class LinearModel(_Common):
     """Linear between stress and strain, exact under large rotations."""
 
-    law: Literal["linear"]
+    law: Literal["linear"] = Field(description="which law")
     young: Annotated[float, _YOUNG]
 
     def build(self) -> Material:
@@ -68,7 +68,7 @@ class LinearModel(_Common):
 class NeoHookeanModel(_Common):
     """W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2."""
 
-    law: Literal["neo_hookean"]
+    law: Literal["neo_hookean"] = Field(description="which law")
     young: Annotated[float, _YOUNG]
 
     def build(self) -> Material:
@@ -79,7 +79,7 @@ class NeoHookeanModel(_Common):
 class OgdenModel(_Common):
     """Ogden's law in Abaqus' convention."""
 
-    law: Literal["ogden"]
+    law: Literal["ogden"] = Field(description="which law")
     mu: Annotated[tuple[float, ...], _MU]
     alpha: Annotated[tuple[float, ...], _ALPHA]
 
@@ -95,10 +95,12 @@ class OgdenModel(_Common):
 class CurveModel(_Common):
     """Uniaxial nominal stress against engineering strain: a polynomial, a csv file, or the two columns."""
 
-    law: Literal["curve"]
+    law: Literal["curve"] = Field(description="which law")
     coefficients: Annotated[tuple[float, ...], _COEFFICIENTS] | None = None
     strain_max: Annotated[float, _STRAIN_MAX] | None = None
-    csv: Annotated[StressTable, BeforeValidator(_read_table)] | None = None
+    csv: Annotated[StressTable, BeforeValidator(_read_table)] | None = Field(
+        None, description="a csv file with the columns strain and stress [Pa]"
+    )
     strain: Annotated[tuple[float, ...], _STRAIN] | None = None
     stress: Annotated[tuple[float, ...], _STRESS] | None = None
 
@@ -131,7 +133,7 @@ class CurveModel(_Common):
 class PresetModel(_Common):
     """A filament of the paper."""
 
-    preset: Literal[PRESETS]
+    preset: Literal[PRESETS] = Field(description="which filament")
     law: Literal["ogden", "curve"] = Field("ogden", description="ogden (Table 1) or curve (the polynomial)")
 
     def build(self) -> Material:

@@ -29,9 +29,11 @@ _ROTATION = Quantity("rotation vector [x, y, z]", "degrees", least=-36000, most=
 _VALUE = Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)
 _DURATION = Quantity("duration", "s", above=0.0, most=1e6)
 _TOLERANCE = Quantity("tolerance, as a share of the body's size", least=1e-12, most=1e-1)
-_STEPS = Quantity("steps", least=1, most=1_000_000, whole=True, remedy="leave it out: the solver chooses")
+_STEPS = Quantity(
+    "load steps of a program", least=1, most=1_000_000, whole=True, remedy="leave it out: the solver chooses"
+)
 _THREADS = Quantity("threads that share the elements", least=1, most=1024, whole=True)
-_ITERATIONS = Quantity("max_iterations of a step", least=1, most=1_000_000, whole=True)
+_ITERATIONS = Quantity("largest number of iterations of a step", least=1, most=1_000_000, whole=True)
 
 
 class RegionModel(Entry):
@@ -101,7 +103,9 @@ class ProgramModel(Entry):
 class SolverModel(Entry):
     """Choices about the solver."""
 
-    policy: Policy = SolverSettings.policy
+    policy: Policy = Field(
+        SolverSettings.policy, description="energy: forces in newtons; relative: the paper as published"
+    )
     tolerance: Annotated[float, _TOLERANCE] = SolverSettings.tolerance
     steps: Annotated[int, _STEPS] | None = SolverSettings.steps
     max_iterations: Annotated[int, _ITERATIONS] = SolverSettings.max_iterations

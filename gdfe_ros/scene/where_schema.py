@@ -43,7 +43,9 @@ class SphereModel(Entry):
 class WhereModel(Choice):
     """Exactly one way to select."""
 
-    face: Literal["x-", "x+", "y-", "y+", "z-", "z+"] | None = None
+    face: Literal["x-", "x+", "y-", "y+", "z-", "z+"] | None = Field(
+        None, description="vertices at the least (-) or largest (+) coordinate of the body"
+    )
     box: BoxModel | None = None
     sphere: SphereModel | None = None
     vertices: Annotated[tuple[int, ...], _IDS] | None = None

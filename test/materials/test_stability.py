@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros.benchmark.torture.bodies import BAR, make_scene
+from benchmarks.torture.bodies import BAR, make_scene
 from gdfe_ros.materials import Law, Linear, Ogden, preset
 from gdfe_ros.materials.stability import MODES, drucker_remarks
 from gdfe_ros.simulation import Simulation

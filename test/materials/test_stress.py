@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each law against its formula, written out again from the docstrings and DESIGN 4, on one cube."""
+"""Each law against its formula, written out again from the docstrings and docs/theory/energy.md, on one cube."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from std_srvs.srv import Trigger
 
-from gdfe_ros.testing.bench import flood, hostile
+from benchmarks.node import flood, hostile
 
 REASONS = {"plates": hostile.HANDLE_REASONS, "actuators": hostile.ACTUATOR_REASONS}
 

@@ -33,31 +33,84 @@ def requirements(wheel: Path) -> list[str]:
     return re.findall(r"^Requires-Dist: (.*)$", text, re.MULTILINE)
 
 
-def test_every_module_and_share_file_is_in_the_wheel(wheel: Path, root: Path) -> None:
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory, run: Callable[..., str]) -> Path:
+    """Give an empty environment with the wheel alone; its dependencies are looked up where the tests have theirs."""
+    place = tmp_path_factory.mktemp("venv")
+    run(sys.executable, "-m", "venv", "--without-pip", place)
+    packages = sysconfig.get_path("purelib", vars={"base": str(place), "platbase": str(place)})
+    # A path in a .pth file is searched, but its own .pth files, and with them an editable install, are not read.
+    Path(packages, "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    pip = sys.executable, "-m", "pip", "--python", place / "bin" / "python"
+    run(*pip, "install", "--quiet", "--no-deps", "--no-index", "--ignore-installed", wheel)
+    return place / "bin"
+
+
+def test_the_wheel_holds_the_package_and_its_share_files_only(wheel: Path, root: Path) -> None:
     """Compare wheel and tree: a directory without __init__.py, or a flat glob, would leave files out."""
     with zipfile.ZipFile(wheel) as archive:
-        names = set(archive.namelist())
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
     modules = {str(path.relative_to(root)) for path in (root / "gdfe_ros").rglob("*.py")}
-    assert modules <= names
+    pages = {
+        str(path.relative_to(root)) for path in (root / "gdfe_ros/analysis/report/page").iterdir() if path.is_file()
+    }
     share = f"{wheel.name.removesuffix('-py3-none-any.whl')}.data/data/share"
     files = [path for part in ("config", "launch") for path in (root / part).rglob("*") if path.is_file()]
     shared = {f"{share}/gdfe_ros/{path.relative_to(root)}" for path in files if path.suffix != ".pyc"}
-    assert shared <= names
+    index = {f"{share}/gdfe_ros/package.xml", f"{share}/ament_index/resource_index/packages/gdfe_ros"}
+    assert names == modules | pages | shared | index
     assert f"{share}/gdfe_ros/config/scenes/bend5.yaml" in shared
-    assert f"{share}/gdfe_ros/package.xml" in names
-    assert f"{share}/ament_index/resource_index/packages/gdfe_ros" in names
+    assert not [name for name in names if "bench" in name or "torture" in name]
 
 
-def test_an_installed_package_finds_its_scenes(wheel: Path, tmp_path: Path, run: Callable[..., str]) -> None:
-    """Install the wheel into a prefix and load a scene by its name from there."""
-    # Without --ignore-installed pip would take the package out of the environment that runs this test.
-    options = "--quiet", "--no-deps", "--ignore-installed", "--prefix", tmp_path
-    run(sys.executable, "-m", "pip", "install", *options, wheel)
-    packages = sysconfig.get_path("purelib", vars={"base": str(tmp_path), "platbase": str(tmp_path)})
-    code = "import gdfe_ros; print(gdfe_ros.__file__); print(gdfe_ros.load_scene('bend5').path)"
-    module, scene = run(sys.executable, "-c", code, PYTHONPATH=packages).splitlines()
-    assert Path(module) == Path(packages) / "gdfe_ros" / "__init__.py"
-    assert Path(scene) == tmp_path / "share" / "gdfe_ros" / "config" / "scenes" / "bend5.yaml"
+def test_an_installed_package_finds_its_files(installed: Path, run: Callable[..., str]) -> None:
+    """Import every module from there, and look up a scene by its name and the launch files."""
+    code = """
+import importlib, pkgutil
+import gdfe_ros
+from gdfe_ros.share import share_dir
+for module in pkgutil.walk_packages(gdfe_ros.__path__, "gdfe_ros."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+print(gdfe_ros.__file__)
+print(gdfe_ros.load_scene("bend5").path)
+print(*sorted(path.name for path in (share_dir() / "launch").iterdir()))
+"""
+    module, scene, launch = run(installed / "python", "-c", code).splitlines()
+    place = installed.parent
+    assert Path(module).is_relative_to(place)
+    assert Path(scene) == place / "share" / "gdfe_ros" / "config" / "scenes" / "bend5.yaml"
+    assert {"sim.launch.py", "robots.launch.py", "control_loop.launch.py"} <= set(launch.split())
+
+
+def test_installed_commands_run(installed: Path, tmp_path: Path, run: Callable[..., str]) -> None:
+    """Solve a scene, and play it through the node over topics into a bag, which is replayed."""
+    scene, quick = tmp_path / "small.yaml", {"NUMBA_DISABLE_JIT": "1"}  # to compile would take a minute
+    scene.write_text(
+        "name: small\n"
+        "mesh: {bar: {size: [0.2, 0.05, 0.05], cells: [3, 1, 1]}}\n"
+        "materials: {m: {law: linear, young: 1.0e5, poisson: 0.3}}\n"
+        "regions: [{material: m}]\n"
+        "handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}\n"
+        "program: {duration: 0.03, handles: {tip: [{time: 0.0}, {time: 0.03, translation: [0, 0, 0.01]}]}}\n"
+    )
+    assert "converged" in run(installed / "gdfe", "solve", scene, **quick)
+    run(installed / "gdfe", "demo", scene, "--out", tmp_path / "run", **quick)
+    (bag,) = (path.parent for path in (tmp_path / "run").rglob("metadata.yaml"))
+    run(installed / "gdfe", "replay", bag, **quick)
+    assert (installed / "sim_node").is_file()
+    assert (installed / "tip_tracking").is_file()
+
+
+@pytest.mark.slow
+def test_a_wheel_installs_with_its_dependencies(wheel: Path, tmp_path: Path, run: Callable[..., str]) -> None:
+    """Install the wheel with extras from the registry into an empty environment: the commands compile and run."""
+    run(sys.executable, "-m", "venv", tmp_path / "venv")
+    programs = tmp_path / "venv" / "bin"
+    run(programs / "python", "-m", "pip", "install", "--quiet", f"{wheel}[ros,mcap,fast,plot]")
+    assert "converged" in run(programs / "gdfe", "solve", "bend5")
+    run(programs / "gdfe", "demo", "bend5", "--out", tmp_path / "run")
+    assert list((tmp_path / "run").rglob("*.mcap"))
 
 
 def test_ros_is_asked_for_by_its_extra_only(requirements: list[str]) -> None:

@@ -183,6 +183,7 @@ def test_a_binary_file_is_not_a_scene(tmp_path: Path) -> None:
         load_scene(tmp_path / "run.mcap")
 
 
+@pytest.mark.bench
 def test_loading_is_quick() -> None:
     """Load the 1250 cells of bend5 within 50 ms of processor time once everything is imported (best of five)."""
     times = []

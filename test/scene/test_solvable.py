@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros.benchmark.torture.bodies import BAR, make_scene
+from benchmarks.torture.bodies import BAR, make_scene
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Linear
 from gdfe_ros.scene.solvable import LARGEST_CONTRAST

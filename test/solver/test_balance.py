@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.benchmark.torture.actuation import DRIVES, scene_text
-from gdfe_ros.benchmark.torture.bodies import Driver
-from gdfe_ros.benchmark.torture.snaps import JUMPED, LAWS, SHELLS
+from benchmarks.torture.actuation import DRIVES, scene_text
+from benchmarks.torture.bodies import Driver
+from benchmarks.torture.snaps import JUMPED, LAWS, SHELLS
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.materials import Linear
 from gdfe_ros.mesh import bar

@@ -8,9 +8,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.brush import Brush
 from gdfe_ros import Simulation
 from gdfe_ros.actuators import PointLoad, embed
-from gdfe_ros.benchmark.brush import Brush
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.materials import Linear
 from gdfe_ros.simulation import Command

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.benchmark.torture.bodies import BAR, distance, make_scene
+from benchmarks.torture.bodies import BAR, distance, make_scene
 from gdfe_ros.constraints import Axis, Handle, Pose
 from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar

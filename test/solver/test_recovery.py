@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gdfe_ros.benchmark.torture.actuation import DRIVES, scene_text
-from gdfe_ros.benchmark.torture.bodies import BAR, LAWS, Driver, distance, make_scene
-from gdfe_ros.benchmark.torture.contrasts import PATTERNS
-from gdfe_ros.benchmark.torture.laws import UNSTABLE
+from benchmarks.torture.actuation import DRIVES, scene_text
+from benchmarks.torture.bodies import BAR, LAWS, Driver, distance, make_scene
+from benchmarks.torture.contrasts import PATTERNS
+from benchmarks.torture.laws import UNSTABLE
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError
 from gdfe_ros.materials import Linear

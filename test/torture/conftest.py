@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gdfe_ros.benchmark.torture.score import Score, rich_table, write_scores
+from benchmarks.torture.score import Score, rich_table, write_scores
 
 OUTPUT = Path(os.environ.get("TORTURE_OUTPUT", "runs/torture"))
 """Where torture.json and torture.png go."""
@@ -23,7 +23,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         return
     from rich.console import Console
 
-    from gdfe_ros.benchmark.torture.picture import draw_scores  # matplotlib takes a second
+    from benchmarks.torture.picture import draw_scores  # matplotlib takes a second
 
     scores = [Score.from_json(json.loads(text)) for text in texts]
     scores.sort(key=lambda score: score.group.value)

@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import pytest
 
-from gdfe_ros.benchmark.torture.case import Case, Verdict, attempt
-from gdfe_ros.benchmark.torture.catalogue import all_cases
-from gdfe_ros.benchmark.torture.score import Score
-from gdfe_ros.benchmark.torture.walks import STEPS
+from benchmarks.torture.case import Case, Verdict, attempt
+from benchmarks.torture.catalogue import all_cases
+from benchmarks.torture.score import Score
+from benchmarks.torture.walks import STEPS
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Policy

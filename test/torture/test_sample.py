@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gdfe_ros.benchmark.torture import walks
-from gdfe_ros.benchmark.torture.bodies import BAR, LAWS, make_scene
-from gdfe_ros.benchmark.torture.case import Case, Finding, Group, Outcome, Verdict, attempt
-from gdfe_ros.benchmark.torture.catalogue import all_cases
-from gdfe_ros.benchmark.torture.picture import draw_scores
-from gdfe_ros.benchmark.torture.score import HEADINGS, WALK_HEADINGS, Score, summary, torture_tables
+from benchmarks.torture import walks
+from benchmarks.torture.bodies import BAR, LAWS, make_scene
+from benchmarks.torture.case import Case, Finding, Group, Outcome, Verdict, attempt
+from benchmarks.torture.catalogue import all_cases
+from benchmarks.torture.picture import draw_scores
+from benchmarks.torture.score import HEADINGS, WALK_HEADINGS, Score, summary, torture_tables
 from gdfe_ros.errors import CommandError
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.settings import Policy
 
 CASES = all_cases(walk_steps=100)
 SAMPLE = [case for case in CASES if case.group is not Group.WALKS and case.law != "its own"][::6]
-STEPS = 1000
+STEPS = 500
 
 
 @pytest.mark.parametrize("case", SAMPLE, ids=[case.id for case in SAMPLE])
@@ -34,7 +34,7 @@ def test_sample(case: Case) -> None:
 
 @pytest.mark.parametrize("name", walks.TRACKS)
 def test_short_walk(name: str) -> None:
-    """Walk 1000 steps and home: at rest within 1e-6 of the size, every step converged, memory as before."""
+    """Walk 500 steps and home: at rest within 1e-6 of the size, every step converged, memory as before."""
     found = walks.walk(walks.TRACKS[name], STEPS)
     assert found.unconverged == 0
     assert found.drift <= walks.BOUND

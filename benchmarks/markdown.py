@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of the benchmarks as Markdown, and the marks between which they stand in a document."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+
+MARK = "<!-- {name}: printed by make docs -->"
+"""Line before a printed text; ``<!-- end NAME -->`` follows it."""
+
+
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table; every row has as many cells as there are ``heads``."""
+    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
+
+
+def replace_tables(document: str, tables: Mapping[str, str]) -> str:
+    """Return a document with every marked text replaced by that of its name.
+
+    Raises:
+        ValueError: a mark without an end, or nothing is printed under its name.
+    """
+    pieces, rest = [], document
+    while found := re.search(MARK.format(name="([^:>]+)"), rest):
+        name = found[1]
+        _, end, after = rest[found.end() :].partition(f"<!-- end {name} -->")
+        if name not in tables or not end:
+            raise ValueError(f"nothing is printed between the marks of {name!r}; there is: {', '.join(tables)}")
+        pieces.append(f"{rest[: found.end()]}\n{tables[name]}\n{end}")
+        rest = after
+    return "".join([*pieces, rest])

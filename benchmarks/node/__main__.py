@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``make bench-node``: measure, print the tables, write bench_node.json."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.node import cost, flood, idle, latency, lockstep
+from benchmarks.node.client import CELLS
+from benchmarks.node.tables import all_rows
+
+LARGEST_SHARE = 0.15
+"""Of a step of 1250 elements: the node's own cost with mesh, strain and bag."""
+LARGEST_BARE = 0.3
+"""The node's own cost [ms] with no subscriber and no bag."""
+MISSED = 1
+
+
+def main() -> int:
+    """Measure all or some; return 1 where a target is missed."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.node", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("runs/bench/bench_node.json"), help="file of the report")
+    parser.add_argument("--steps", type=int, default=300, help="steps of each latency")
+    parser.add_argument("--repeats", type=int, default=3, help="runs of each cost, of which the median is taken")
+    parser.add_argument("--seconds", type=float, default=20.0, help="of each idle node")
+    parser.add_argument("--commands", type=int, default=100_000, help="bad ones, in two scenes")
+    given = parser.parse_args()
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    console = Console()
+    with console.status("measuring ..."):
+        costs = [_cost(given.repeats, **case) for case in cost.CASES]
+        latencies = [latency.measure(elements, steps=given.steps) for elements in CELLS]
+        idles = [idle.measure(case, seconds=given.seconds) for case in idle.CASES]
+        steps = lockstep.measure(5000)
+        floods = [flood.measure(scene, count=given.commands // len(flood.SCENES)) for scene in flood.SCENES]
+    report = {
+        "latency": [asdict(item) for item in latencies],
+        "cost": [asdict(item) for item in costs],
+        "idle": [asdict(item) for item in idles],
+        "lockstep": asdict(steps),
+        "floods": [asdict(item) for item in floods],
+    }
+    for name, (heads, rows) in all_rows(report).items():
+        table = Table(*heads, title=name)
+        for row in rows:
+            table.add_row(*row)
+        console.print(table)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    given.out.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    missed = missed_targets(costs, idles, steps, floods)
+    console.print(*[f"MISSED: {text}" for text in missed] or ["every target is met"], sep="\n")
+    console.print(f"written: {given.out}")
+    return MISSED if missed else 0
+
+
+def _cost(repeats: int, **case: object) -> cost.Cost:
+    """Give the run with the median own cost."""
+    runs = [cost.measure(**case) for _ in range(repeats)]
+    middle = statistics.median_low(run.delay for run in runs)
+    return next(run for run in runs if run.delay == middle)
+
+
+def missed_targets(
+    costs: list[cost.Cost], idles: list[idle.Idleness], steps: lockstep.Lockstep, floods: list[flood.Flood]
+) -> list[str]:
+    """Name the targets that are missed."""
+    texts = []
+    for item in costs:
+        if not item.subscribed and item.delay > LARGEST_BARE:
+            texts.append(f"{item.elements} elements, nobody listens: {item.delay:.3f} ms, at most {LARGEST_BARE}")
+        if item.recorded and item.delay > LARGEST_SHARE * item.period:
+            texts.append(f"{item.elements} elements, recorded: {item.delay / item.period:.1%} of the step")
+    texts += [f"idle, {item.case}: {item.share:.2%} of a core" for item in idles if item.share > idle.LARGEST_SHARE]
+    if steps.consumed != steps.sent:
+        texts.append(f"lockstep: {steps.sent - steps.consumed} commands lost")
+    for item in floods:
+        if item.refused != item.sent or not item.finite or item.moved or item.status or item.memory > flood.MOST_GROWTH:
+            texts.append(f"bad commands: {item}")
+    return texts
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The other process of a measurement: commands the tip of a bar and takes what the node publishes, as bytes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
+from rclpy.time import Time
+from std_msgs.msg import Header
+from std_srvs.srv import SetBool
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.node.interface import DIAGNOSTICS, NODE_NAME, TARGET
+from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.node.process import make_executor
+from gdfe_ros.node.qos import interface_class
+from gdfe_ros.node.specification import TopicSpec
+from gdfe_ros.testing.client import PATIENCE
+
+CELLS = {500: (20, 5, 5), 1250: (50, 5, 5), 10_000: (100, 10, 10)}
+"""Number of elements of the bar of ``bend5`` -> cells along x, y, z."""
+RISE = 1e-3
+"""Lift of the tip with each command [m]: a path of 0.2 m in 200 steps, as the streams in docs/benchmark.md."""
+HIGHEST = 200
+"""Commands from the lowest to the highest place of the tip."""
+
+
+class Client:
+    """Subscribes to what is asked for; a context manager.
+
+    Attributes:
+        counts: messages received by topic, without the node's name.
+        kept: bytes of the topics that are to be kept.
+        values: values of the last diagnostics.
+        stamp: of the last diagnostics [ns]; their values were read after it.
+        solved: (steps, time spent solving [s]) since the node's start, by its diagnostics.
+    """
+
+    def __init__(self, *topics: TopicSpec, keep: tuple[TopicSpec, ...] = ()) -> None:
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node("bench", context=self._context)
+        self._executor = make_executor(self._context)
+        self._executor.add_node(self._node)
+        self.counts = dict.fromkeys((spec.name for spec in topics), 0)
+        self.kept: dict[str, list[bytes]] = {spec.name: [] for spec in keep}
+        self.values: dict[str, str] = {}
+        self.stamp = 0
+        self.solved = (0, 0.0)
+        state = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        for spec in topics:
+            topic = spec.name.replace("~", f"/{NODE_NAME}")
+            callback = self._counter(spec.name)
+            self._node.create_subscription(interface_class(spec.type), topic, callback, state, raw=True)
+        self._node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, self._diagnose, 10)
+
+    def wait(self, done: Callable[[], Any], *, seconds: float = PATIENCE) -> None:
+        """Spin until ``done``.
+
+        Raises:
+            TimeoutError: it took too long.
+        """
+        end = time.monotonic() + seconds
+        while not done():
+            if time.monotonic() > end:
+                raise TimeoutError(f"waited {seconds:g} s in vain; last diagnostics {self.values}")
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def poll(self, seconds: float) -> None:
+        """Take what comes for a time [s]."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
+    @cached_property
+    def _target(self) -> Any:
+        topic = TARGET.name.removeprefix("~/").format(handle="tip")
+        return self.publisher(topic, interface_class(TARGET.type))
+
+    def publisher(self, topic: str, kind: type) -> Any:
+        """Make a publisher of a command topic, named without the node."""
+        return self._node.create_publisher(kind, f"/{NODE_NAME}/{topic}", 1000)
+
+    def wait_for_node(self) -> None:
+        """Wait until the node is active and listens to the tip's target."""
+        self.wait(lambda: self.values.get("state") == "active" and self._target.get_subscription_count())
+
+    def pause(self) -> None:
+        """Hold the node's stepping, and wait until its diagnostics say so."""
+        service = self._node.create_client(SetBool, f"/{NODE_NAME}/pause")
+        self.wait(service.service_is_ready)
+        while self.values.get("clock") != "paused":  # asked again: an answer may be lost before both know each other
+            service.call_async(SetBool.Request(data=True))
+            self.next_diagnostics()
+        self._node.destroy_client(service)
+
+    def command(self, number: int) -> None:
+        """Send the command of a step."""
+        self._target.publish(target(number))
+
+    def next_diagnostics(self) -> dict[str, str]:
+        """Wait for diagnostics of a moment after the call, and return their values.
+
+        The next ones to arrive may be older: they waited in a queue, or had to be sent again.
+        """
+        called = time.time_ns()
+        self.wait(lambda: self.stamp > called)
+        return self.values
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def _counter(self, name: str) -> Callable[[bytes], None]:
+        keep = self.kept.get(name)
+
+        def count(data: bytes) -> None:
+            self.counts[name] += 1
+            if keep is not None:
+                keep.append(data)
+
+        return count
+
+    def _diagnose(self, message: DiagnosticArray) -> None:
+        self.values = {value.key: value.value for value in message.status[0].values}
+        self.stamp = Time.from_msg(message.header.stamp).nanoseconds
+        steps, spent = self.solved
+        if "solve time per step [ms]" in self.values:
+            now = int(self.values["steps"])
+            self.solved = (now, spent + 1e-3 * (now - steps) * float(self.values["solve time per step [ms]"]))
+
+
+def height(number: int) -> float:
+    """Give the place of the tip [m] in a step: up and down again and again."""
+    return RISE * (HIGHEST - abs(number % (2 * HIGHEST) - HIGHEST))
+
+
+def target(number: int) -> bytes:
+    """Serialise the command of a step."""
+    return serialize_message(pose_stamped(Header(), Pose((0.0, 0.0, height(number)))))

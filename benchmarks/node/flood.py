@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node under a flood of bad commands: what it refuses, what it publishes, what memory it takes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
+
+from benchmarks.node.client import Client
+from benchmarks.node.hostile import ACTUATOR_TOPICS, HANDLE_TOPICS, actuator_commands, handle_commands
+from benchmarks.node.meter import read_memory
+from gdfe_ros.node.interface import MESH
+from gdfe_ros.testing.process import NodeProcess
+
+_BATCH = 250
+_PAUSE = 0.06
+"""Between two batches [s]: some 3000 commands a second, in bursts of up to ``_AHEAD``."""
+_AHEAD = 1000
+"""Commands that may be under way: what a topic keeps. Beyond, those that a slow node has not read are lost."""
+MOST_GROWTH = 4_000_000
+"""Of the resident memory [B] that counts as flat."""
+_COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
+_Maker = Callable[[int], Iterator[tuple[str, bytes]]]
+SCENES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, type], _Maker]] = {
+    "plates": (_COARSE, HANDLE_TOPICS, handle_commands),
+    "actuators": ({"scene": "tendon_finger"}, ACTUATOR_TOPICS, actuator_commands),
+}
+"""Name -> parameters of the node, topics, maker of commands."""
+
+
+@dataclass(frozen=True)
+class Flood:
+    """What became of the commands.
+
+    Attributes:
+        scene: plates or actuators.
+        sent: bad commands.
+        refused: counted by the node.
+        reasons: the same by reason.
+        seconds: of sending.
+        finite: whether every mesh held finite numbers only.
+        moved: farthest that a vertex was from where it was before [m].
+        memory: growth of the node's resident memory from the first ``_AHEAD`` refusals to the last [B].
+        status: exit status of the node after SIGINT.
+    """
+
+    scene: str
+    sent: int
+    refused: int
+    reasons: Mapping[str, int]
+    seconds: float
+    finite: bool
+    moved: float
+    memory: int
+    status: int
+
+
+def measure(scene: str, *, count: int) -> Flood:
+    """Send ``count`` bad commands to a node under the wall clock."""
+    parameters, topics, make = SCENES[scene]
+    with Client(MESH, keep=(MESH,)) as client, NodeProcess({**parameters, "command_max_age": 1.0}) as node:
+        client.wait(lambda: client.values.get("state") == "active")
+        client.wait(lambda: client.kept[MESH.name])
+        publishers = {topic: client.publisher(topic, kind) for topic, kind in topics.items()}
+        client.wait(lambda: all(publisher.get_subscription_count() for publisher in publishers.values()))
+        meshes = _Meshes(client)
+        commands, started = make(1), time.monotonic()
+        before = read_memory(node.pid)
+        for sent in range(0, count, _BATCH):
+            client.wait(lambda sent=sent: sent + _BATCH - _refused(client) <= _AHEAD)
+            if sent == _AHEAD:
+                before = read_memory(node.pid)
+            for _ in range(min(_BATCH, count - sent)):
+                topic, data = next(commands)
+                publishers[topic].publish(data)
+            client.poll(_PAUSE)
+            meshes.look()
+        seconds = time.monotonic() - started
+        client.wait(lambda: _refused(client) >= count)
+        values, after = client.next_diagnostics(), read_memory(node.pid)
+        meshes.look()
+        status = node.stop()
+    reasons = {key.removeprefix("refused: "): int(text) for key, text in values.items() if key.startswith("refused: ")}
+    refused = int(values["commands refused"])
+    return Flood(scene, count, refused, reasons, seconds, meshes.finite, meshes.moved, after - before, status)
+
+
+def _refused(client: Client) -> int:
+    return int(client.values.get("commands refused", 0))
+
+
+class _Meshes:
+    """Looks at every mesh that a client keeps, and forgets it.
+
+    Attributes:
+        finite: whether all numbers were finite so far.
+        moved: farthest that a vertex was from its place in the first mesh [m].
+    """
+
+    def __init__(self, client: Client) -> None:
+        self._kept = client.kept[MESH.name]
+        self._first = _points(self._kept[-1])
+        self.finite, self.moved = True, 0.0
+
+    def look(self) -> None:
+        """Look at what has arrived."""
+        for data in self._kept:
+            points = _points(data)
+            self.finite = self.finite and bool(np.isfinite(points).all())
+            self.moved = max(self.moved, float(abs(points - self._first).max()))
+        self._kept.clear()
+
+
+def _points(data: bytes) -> np.ndarray:
+    return np.frombuffer(deserialize_message(data, PointCloud2).data, "<f4").reshape(-1, 6)

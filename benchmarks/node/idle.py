@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a node takes of a core while there is nothing to do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.node.client import Client
+from benchmarks.node.meter import read_processor
+from gdfe_ros.node.interface import MESH, STRAIN
+from gdfe_ros.testing.process import NodeProcess
+
+_SETTLE = 3.0
+LARGEST_SHARE = 0.01
+"""Of a core that an idle node may take."""
+CASES: Mapping[str, tuple[Mapping[str, Any], bool]] = {
+    "lockstep, waiting for a command": ({"clock": "lockstep"}, False),
+    "wall, settled, heartbeat 1 s": ({"clock": "wall"}, False),
+    "wall, paused": ({"clock": "wall"}, True),
+    "fast, settled, heartbeat 1 s": ({"clock": "fast"}, False),
+    "unconfigured": ({"autostart": False}, False),
+}
+"""Name -> parameters, and whether the node is paused."""
+
+
+@dataclass(frozen=True)
+class Idleness:
+    """A node without commands, with subscribers of ``~/mesh``, ``~/strain`` and ``/diagnostics``.
+
+    Attributes:
+        case: name.
+        seconds: measured.
+        share: processor time of all its threads over wall time [1].
+        meshes: published in this time: one a step.
+        elapsed: from before the first count of meshes to after the last one [s]; ``seconds`` or more.
+    """
+
+    case: str
+    seconds: float
+    share: float
+    meshes: int
+    elapsed: float
+
+
+def measure(case: str, *, seconds: float, now: Callable[[], float] = time.monotonic) -> Idleness:
+    """Start a node, have it make ten steps, leave it alone.
+
+    Meshes are counted by the node and not as they arrive: one of before may arrive late.
+    """
+    parameters, paused = CASES[case]
+    with Client(MESH, STRAIN) as client, NodeProcess(parameters) as node:
+        client.wait(lambda: client.values.get("state"))
+        if parameters.get("autostart", True):
+            client.wait_for_node()
+            for number in range(1, 11):
+                client.command(number)
+            client.wait(lambda: client.counts[MESH.name] and client.values.get("commands taken") == "10")
+        if paused:
+            client.pause()
+        _settle(client)
+        started, count = now(), _steps(client)
+        first = read_processor(node.pid)
+        client.poll(seconds)
+        spent = read_processor(node.pid).since(first).total
+        meshes = _steps(client) - count
+        elapsed = now() - started
+        return Idleness(case, seconds, spent / elapsed, meshes, elapsed)
+
+
+def _settle(client: Client) -> None:
+    """Wait until no more than a heartbeat a second was to be seen for a while."""
+    count, since = _steps(client), time.monotonic()
+    while time.monotonic() < since + _SETTLE:
+        last, count = count, _steps(client)
+        if count > last + 2:  # two heartbeats may fall between two diagnostics
+            since = time.monotonic()
+
+
+def _steps(client: Client) -> int:
+    return int(client.next_diagnostics().get("steps", 0))

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Thousands of commands in lockstep, sent ahead of their steps: each makes one step, in order, none is lost."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
+
+from benchmarks.node.client import Client, height
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.node.interface import STEP_RECORD
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.testing.process import NodeProcess
+
+_AHEAD = 500
+"""Commands that may be under way: half of what the publisher keeps."""
+
+
+@dataclass(frozen=True)
+class Lockstep:
+    """What became of the commands.
+
+    Attributes:
+        sent: commands.
+        consumed: steps that consumed the command of their number.
+        seconds: from the first command to the last step.
+    """
+
+    sent: int
+    consumed: int
+    seconds: float
+
+
+def measure(count: int) -> Lockstep:
+    """Send ``count`` commands to a coarse bar and look up which steps consumed which.
+
+    What the steps consumed is read from a bag: on a topic, the records of a burst of steps overtake a slow subscriber,
+    for whom the last ten are kept.
+    """
+    with TemporaryDirectory(prefix="gdfe_lockstep_") as folder:
+        bag = Path(folder) / "bag"
+        parameters = {
+            "scene_overrides": ["mesh.bar.cells=[10, 2, 2]"],
+            "clock": "lockstep",
+            "record": True,
+            "bag_path": str(bag),
+        }
+        with Client(STEP_RECORD, keep=(STEP_RECORD,)) as client, NodeProcess(parameters) as node:
+            seconds = _send(client, count)
+            node.stop()
+        records = BagRun(bag).records
+    right = [
+        record.step
+        for record in records
+        if record.handles and record.handles["tip"].translation[2] == height(record.step)
+    ]
+    return Lockstep(count, len(set(right)), seconds)
+
+
+def _send(client: Client, count: int) -> float:
+    """Send the commands, never too far ahead of the steps, and return the time [s] that they took."""
+    kept = client.kept[STEP_RECORD.name]
+
+    def made() -> int:
+        """Give the number of the last step: by its record, or by the diagnostics, which tell it in the end."""
+        last = StepRecord.from_json(deserialize_message(kept[-1], String).data).step if kept else 0
+        del kept[:-1]
+        return max(last, int(client.values.get("steps", 1)) - 1)
+
+    client.wait_for_node()
+    client.wait(lambda: kept)
+    started = time.monotonic()
+    for number in range(1, count + 1):
+        client.wait(lambda number=number: number - made() < _AHEAD)
+        client.command(number)
+    client.wait(lambda: made() >= count)
+    return time.monotonic() - started

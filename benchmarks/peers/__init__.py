@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Solvers that the benchmark stands beside, each behind the same few functions."""
+
+from benchmarks.peers.peer import (
+    PeerError,
+    PeerResult,
+    PeerSolution,
+    Solver,
+    Variant,
+    load_peer,
+    run_peer,
+)
+
+__all__ = ["PeerError", "PeerResult", "PeerSolution", "Solver", "Variant", "load_peer", "run_peer"]

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CalculiX (``ccx``, GPL-2, a program of its own) as a peer.
+
+Its time to solve is the wall time of the program: it reads the deck, factors and writes in one go
+and reports no phases. The start of the process is part of it, a few milliseconds.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+from benchmarks.cases import Case, CaseName, LogNeoHooke
+from benchmarks.grids import Grid
+from benchmarks.peers.ccx_deck import MILLIMETRES, CcxElement, Incrementation, write_deck
+from benchmarks.peers.ccx_output import (
+    count_iterations,
+    read_displacements,
+    read_reactions,
+    to_lattice,
+)
+from benchmarks.peers.peer import Array, PeerError, PeerSolution, Variant, plate_reaction
+
+_JOB = "bar"
+_COARSE = {
+    CaseName.BEND5: ((10, 1, 1), (15, 1, 1), (25, 2, 2)),
+    CaseName.TWIST90: ((8, 2, 2), (12, 3, 3)),
+    CaseName.TENSILE: ((8, 2, 2), (12, 3, 3)),
+    CaseName.TWIST90_UNIFORM: ((8, 2, 2), (12, 3, 3)),
+}
+_QUADRATIC = {CaseName.BEND5: (20, 2, 2)}
+# First increment of the load and whether to iterate patiently, the best found on each scene.
+_INCREMENT = {
+    CaseName.BEND5: (0.25, True),
+    CaseName.TWIST90: (0.1, True),
+    CaseName.TENSILE: (0.1, True),
+    CaseName.TWIST90_UNIFORM: (0.1, True),
+}
+_INCREMENT_QUADRATIC = {
+    CaseName.BEND5: (0.25, True),
+    CaseName.TWIST90: (1.0, False),
+    CaseName.TENSILE: (0.25, True),
+    CaseName.TWIST90_UNIFORM: (1.0, False),
+}
+
+
+def available() -> str | None:
+    """Return None if ``ccx`` is on the path, else how to install it."""
+    return None if shutil.which("ccx") else "no program ccx; install it with: apt-get install calculix-ccx"
+
+
+def variants(case: Case) -> tuple[Variant, ...]:
+    """Return the elements on the paper's mesh and on coarser ones, with tuned increments."""
+    linear, quadratic = _INCREMENT[case.name], _INCREMENT_QUADRATIC[case.name]
+    steps = 2 if case.name is CaseName.TWIST90 else 1
+    runs = [_variant(CcxElement.C3D8I, cells, *linear) for cells in _COARSE[case.name]]
+    runs.append(_variant(CcxElement.C3D20R, _QUADRATIC.get(case.name, (8, 2, 2)), *quadratic))
+    runs.append(_variant(CcxElement.C3D8, case.cells, *linear))
+    runs.append(_variant(CcxElement.C3D8I, case.cells, *linear, steps=steps))
+    runs.append(_variant(CcxElement.C3D20R, case.cells, *quadratic, slow=True))
+    return tuple(runs)
+
+
+def _variant(
+    element: CcxElement,
+    cells: tuple[int, int, int],
+    increment: float,
+    patient: bool,
+    *,
+    steps: int = 1,
+    slow: bool = False,
+) -> Variant:
+    return Variant(
+        label=f"{element.value} {'x'.join(map(str, cells))}",
+        element=element.value,
+        cells=cells,
+        steps=steps,
+        options={"increment": increment, "patient": patient},
+        slow=slow,
+    )
+
+
+def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
+    """Write a deck, run ``ccx`` on it and read what it wrote; see `Peer.solve`.
+
+    Raises:
+        PeerError: if ``ccx`` fails, with the end of its log.
+    """
+    element = CcxElement(variant.element)
+    incrementation = Incrementation(
+        first=float(variant.options.get("increment", 1.0)), patient=bool(variant.options.get("patient", False))
+    )
+    start = perf_counter()
+    grid = case.grid(variant.cells, order=element.order)
+    deck = write_deck(case, grid, element, steps=variant.steps, incrementation=incrementation)
+    with tempfile.TemporaryDirectory(prefix="gdfe_ccx_") as folder:
+        Path(folder, f"{_JOB}.inp").write_text(deck)
+        built = perf_counter()
+        log = _run(Path(folder), f"calculix {case.name.value} {variant.label}")
+        solved = perf_counter()
+        displacement, reaction = _read(Path(folder), case, grid, element)
+    return PeerSolution(
+        displacement=grid.evaluate(displacement, points),
+        reaction=reaction,
+        time_setup=built - start,
+        time_solve=solved - built,
+        settings={
+            "version": _version(),
+            "law": "Ciarlet" if isinstance(case.laws[0], LogNeoHooke) else "Ogden N=3",
+            "linear_solver": "SPOOLES",
+            "first_increment": incrementation.first,
+            "patient": incrementation.patient,
+            "iterations": count_iterations(log),
+        },
+    )
+
+
+def _run(folder: Path, where: str) -> str:
+    process = subprocess.run(["ccx", _JOB], cwd=folder, env=os.environ, capture_output=True, text=True, check=False)
+    if process.returncode != 0 or "*ERROR" in process.stdout:
+        tail = "\n".join(process.stdout.strip().splitlines()[-6:])
+        raise PeerError(f"{where}: ccx ended with status {process.returncode}:\n{tail}")
+    return process.stdout
+
+
+def _read(folder: Path, case: Case, grid: Grid, element: CcxElement) -> tuple[Array, Array]:
+    """Return the displacement of the lattice [m] and the reaction (force [N], moment [N m])."""
+    rest = grid.points()
+    text = folder.joinpath(f"{_JOB}.frd").read_text()
+    displacement = to_lattice(read_displacements(text), size=len(rest)) / MILLIMETRES
+    if element is CcxElement.C3D20R:
+        displacement = grid.complete_serendipity(displacement)
+    forces = to_lattice(read_reactions(folder.joinpath(f"{_JOB}.dat").read_text()), size=len(rest))
+    return displacement, plate_reaction(grid, displacement, forces)
+
+
+def _version() -> str:
+    text = subprocess.run(["ccx", "-v"], capture_output=True, text=True, check=False).stdout
+    found = re.search(r"Version (\S+)", text)
+    return found.group(1) if found else "unknown"

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""MJCF models of the benchmark bars: interpolated flexes on a lattice of sliding bodies.
+
+Every lattice node but the clamped ones is a body; one flex for each segment interpolates the solid
+between the nodes and shares those on the borders of the segments. Such flexes have one elastic law:
+corotated linear elasticity in Young's modulus and Poisson's ratio (a cell stretched uniaxially by
+1 to 60 % answers with exactly the linear stress). It differs from the scenes' neo-Hookean law at
+finite strain, in forces more than in shapes.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from itertools import permutations
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.cases import Case, LogNeoHooke
+from benchmarks.grids import Grid
+
+Array = npt.NDArray[np.float64]
+
+DENSITY = 10.0
+"""Density of the bar [kg/m^3]: light, so that inertia does not delay the static solution."""
+PLATE_MASS = 1e5
+"""Mass of a node of a driven plate [kg]: so heavy that the bar cannot slow it within a step."""
+
+
+class Drive(Enum):
+    """How the right face follows its prescribed motion."""
+
+    HEAVY = "heavy"
+    """Sliding bodies of great mass, given the velocity that reaches the target in one step. An
+    equality between two of them, met at all times, makes MuJoCo factor the whole system."""
+    MOCAP = "mocap"
+    """Bodies without degrees of freedom, and conjugate gradients: fast for stocky bars, but a
+    slender bar does not settle."""
+
+
+def body_name(node: int) -> str:
+    """Return the name of the body at a lattice node."""
+    return f"node{node}"
+
+
+def write_model(case: Case, grid: Grid, drive: Drive, *, timestep: float) -> str:
+    """Return the MJCF text of a bar.
+
+    Args:
+        case: the scene; its laws must be neo-Hookean, of which E and nu are taken.
+        grid: lattice of order 1 (``dof="trilinear"``) or 2 (``dof="quadratic"``).
+        drive: how the right face is moved.
+        timestep: of the integrator [s].
+
+    Raises:
+        ValueError: if a law has no Young's modulus.
+    """
+    flexes = [_flex(case, grid, index) for index in range(len(case.laws))]
+    face = grid.face(right=True)
+    tie = ""
+    if drive is Drive.HEAVY:
+        first, last = (f"{body_name(int(node))}_x" for node in (face[0], face[-1]))
+        tie = f'<equality><joint joint1="{first}" joint2="{last}" polycoef="0 1 0 0 0"/></equality>'
+    option = (
+        f'<option timestep="{timestep:g}" integrator="discrete" solver="Newton" iterations="50" tolerance="1e-15" '
+        'gravity="0 0 0"><flag contact="disable"/></option>'
+    )
+    bodies, solids = "".join(_bodies(grid, drive)), "".join(flexes)
+    return f"<mujoco>{option}<worldbody>{bodies}</worldbody><deformable>{solids}</deformable>{tie}</mujoco>"
+
+
+def node_masses(grid: Grid) -> Array:
+    """Return lumped nodal masses at `DENSITY`, shape (n,), float64 [kg] (Simpson's rule, order 2)."""
+    axes = []
+    for steps in grid.steps:
+        weight = np.ones(steps + 1)
+        if grid.order == 2:
+            weight[1::2], weight[2:-1:2] = 4.0, 2.0
+        else:
+            weight[1:-1] = 2.0
+        axes.append(weight / weight.sum())
+    x, y, z = axes
+    return DENSITY * float(np.prod(grid.size)) * np.einsum("k,j,i->kji", z, y, x).ravel()
+
+
+def _bodies(grid: Grid, drive: Drive) -> list[str]:
+    points, masses = grid.points(), node_masses(grid)
+    left, right = set(grid.face(right=False).tolist()), set(grid.face(right=True).tolist())
+    lines = []
+    # MuJoCo factors in the order of the bodies: slices across the bar keep the bandwidth small.
+    for node in _segment_nodes(grid, 0, grid.cells[0]):
+        x, y, z = points[node]
+        head = f'<body name="{body_name(node)}" pos="{x:.9g} {y:.9g} {z:.9g}"'
+        if node in left:
+            continue
+        if node in right and drive is Drive.MOCAP:
+            lines.append(f'{head} mocap="true"/>')
+            continue
+        mass = PLATE_MASS if node in right else masses[node]
+        joints = "".join(
+            f'<joint name="{body_name(node)}_{axis}" type="slide" axis="{direction}"/>'
+            for axis, direction in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1"))
+        )
+        inertia = f'<inertial pos="0 0 0" mass="{mass:.9g}" diaginertia="1e-9 1e-9 1e-9"/>'
+        lines.append(f"{head}>{inertia}{joints}</body>")
+    return lines
+
+
+def _flex(case: Case, grid: Grid, index: int) -> str:
+    """Return the flex of one segment; its embedded mesh is one vertex per cell corner."""
+    law = case.laws[index]
+    if not isinstance(law, LogNeoHooke):
+        raise ValueError(f"{case.name.value}: MuJoCo has no law for {type(law).__name__}")
+    count, (nx, ny, nz) = len(case.laws), grid.cells
+    along = nx // count
+    nodes = _segment_nodes(grid, index * along, (index + 1) * along)
+    left = set(grid.face(right=False).tolist())
+    points = grid.points()
+    names = " ".join("world" if node in left else body_name(node) for node in nodes)
+    coordinates = " ".join(_vector(points[node]) if node in left else "0 0 0" for node in nodes)
+    length = case.size[0] / count
+    part = Grid(size=(length, *case.size[1:]), cells=(along, ny, nz))
+    corners = part.points() + np.array([index * length, 0.0, 0.0])
+    return (
+        f'<flex name="segment{index}" dim="3" radius="0.001" dof="{"quadratic" if grid.order == 2 else "trilinear"}" '
+        f'cellcount="{along} {ny} {nz}" body="{" ".join(["world"] * len(corners))}" '
+        f'vertex="{" ".join(map(_vector, corners))}" element="{" ".join(map(str, tetrahedra(part).ravel()))}" '
+        f'node="{names}" nodecoord="{coordinates}"><contact contype="0" conaffinity="0" selfcollide="none"/>'
+        f'<elasticity young="{law.young:g}" poisson="{law.poisson:g}" damping="0"/></flex>'
+    )
+
+
+def _vector(point: Array) -> str:
+    return f"{point[0]:.9g} {point[1]:.9g} {point[2]:.9g}"
+
+
+def _segment_nodes(grid: Grid, first: int, last: int) -> list[int]:
+    """Return lattice nodes of the cells first..last along x in MuJoCo's order: z runs fastest."""
+    nx, ny, nz = grid.steps
+    lattice = np.arange((nx + 1) * (ny + 1) * (nz + 1)).reshape(nz + 1, ny + 1, nx + 1)
+    part = lattice[:, :, first * grid.order : last * grid.order + 1]
+    return [int(node) for node in part.transpose(2, 1, 0).ravel()]
+
+
+def tetrahedra(grid: Grid) -> npt.NDArray[np.int32]:
+    """Return six positively oriented tetrahedra for each cell (Kuhn), shape (6 m, 4), int32."""
+    corners = []
+    for order in permutations(range(3)):
+        vertex, path = np.full(3, -1.0), [np.full(3, -1.0)]
+        for axis in order:
+            vertex = vertex.copy()
+            vertex[axis] = 1.0
+            path.append(vertex)
+        edges = np.array(path[1:]) - path[0]
+        corners.append(path if np.linalg.det(edges) > 0 else [path[0], path[2], path[1], path[3]])
+    return np.concatenate([grid.connectivity(np.array(path)) for path in corners])

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The process that runs one peer: ``python -m benchmarks.peers.worker REQUEST RESULT``."""
+
+from __future__ import annotations
+
+import json
+import statistics
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+from benchmarks.cases import Case, get_case
+from benchmarks.peers.peer import Peer, PeerResult, PeerSolution, Solver, Variant, load_peer
+from benchmarks.references import Reference, load_reference, measure_error
+
+WARM = 1.0
+"""A first run shorter than this [s] only warms caches and allocators, and is not counted."""
+LONG = 10.0
+"""A run of this length [s] or more is not repeated."""
+
+
+def measure(peer: Peer, case: Case, variant: Variant, reference: Reference, *, repeats: int) -> list[PeerSolution]:
+    """Run a peer ``repeats`` times and return the runs that count; see `WARM` and `LONG`."""
+    runs = [peer.solve(case, variant, reference.vertices)]
+    if runs[0].time_solve < WARM:
+        runs = [peer.solve(case, variant, reference.vertices)]
+    while len(runs) < repeats and runs[0].time_solve < LONG:
+        runs.append(peer.solve(case, variant, reference.vertices))
+    return runs
+
+
+def run(request: dict[str, Any]) -> PeerResult:
+    """Carry out a request of `benchmarks.peers.peer.run_peer`."""
+    solver, case = Solver(request["solver"]), get_case(request["scene"])
+    fields = request["variant"]
+    variant = Variant(**{**fields, "cells": tuple(fields["cells"])})
+    directory = request["reference_directory"]
+    reference = load_reference(case.name, directory=Path(directory) if directory else None)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        runs = measure(load_peer(solver), case, variant, reference, repeats=int(request["repeats"]))
+    last = runs[-1]
+    error = measure_error(last.displacement, reference.displacement)
+    texts = sorted({str(item.message) for item in caught}) + list(last.settings.pop("warnings", []))
+    return PeerResult(
+        solver=solver,
+        label=variant.label,
+        scene=case.name.value,
+        mesh=f"{'x'.join(map(str, variant.cells))} {variant.element}",
+        time_setup=statistics.median(item.time_setup for item in runs),
+        time_solve=statistics.median(item.time_solve for item in runs),
+        mean_error=error.mean,
+        max_error=error.maximum,
+        reaction=tuple(float(value) for value in last.reaction),
+        settings={
+            **last.settings,
+            "steps": variant.steps,
+            "threads": int(request["threads"]),
+            "runs": len(runs),
+            "warnings": texts,
+        },
+    )
+
+
+def main() -> None:
+    """Read the request, run it, write the result."""
+    request_path, result_path = sys.argv[1:3]
+    result = run(json.loads(Path(request_path).read_text()))
+    Path(result_path).write_text(json.dumps(result.to_json()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reference solutions of the benchmark scenes and the error of a solution against them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.cases import CaseName
+
+Array = npt.NDArray[np.float64]
+
+DEFAULT_DIRECTORY = Path(__file__).resolve().parents[1] / "test" / "data" / "reference"
+"""Where a source checkout keeps the reference solutions."""
+
+
+class ReferenceKind(Enum):
+    """Which solution of a scene."""
+
+    FINE = "fine"
+    """Mesh-converged, quadratic elements: what errors are measured against."""
+    SAME_MESH = "same_mesh"
+    """Linear hexahedra with mean dilatation on the paper's mesh: what a good standard FEM gives."""
+    REFINED = "refined"
+    """Our own check of FINE, made by ``python -m benchmarks.fine_reference``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """A reference solution sampled at the vertices of the paper's mesh.
+
+    Attributes:
+        vertices: rest positions, shape (n, 3), float64 [m].
+        displacement: displacements, shape (n, 3), float64 [m].
+        reaction: what the right face exerts on the body, shape (6,): force [N], then moment
+            about the face's deformed centre [N m].
+        energy: strain energy [J].
+        meta: how it was made.
+    """
+
+    vertices: Array
+    displacement: Array
+    reaction: Array
+    energy: float
+    meta: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Error:
+    """Error of a solution, both as fractions (0.01 is one per cent).
+
+    Attributes:
+        mean: mean over vertices of ``|x - x_ref|`` over the mean of ``|u_ref|``.
+        maximum: the maximum of ``|x - x_ref|`` over the maximum of ``|u_ref|``.
+    """
+
+    mean: float
+    maximum: float
+
+
+def reference_path(name: CaseName, kind: ReferenceKind = ReferenceKind.FINE, *, directory: Path | None = None) -> Path:
+    """Return where the reference of a scene is kept; the file need not exist."""
+    return (directory or DEFAULT_DIRECTORY) / f"{name.value}_{kind.value}.npz"
+
+
+def load_reference(
+    name: CaseName, kind: ReferenceKind = ReferenceKind.FINE, *, directory: Path | None = None
+) -> Reference:
+    """Read a reference solution.
+
+    Raises:
+        FileNotFoundError: if the file is missing, naming the file and the remedy.
+        ValueError: if an array has a wrong shape or is not finite.
+    """
+    path = reference_path(name, kind, directory=directory)
+    if not path.is_file():
+        raise FileNotFoundError(
+            f"no reference solution {path}: run from a source checkout, give the directory that holds it, "
+            f"or make it with: python -m benchmarks.fine_reference {name.value}"
+        )
+    with np.load(path, allow_pickle=False) as data:
+        reference = Reference(
+            vertices=data["X"],
+            displacement=data["u"],
+            reaction=np.concatenate([data["reaction_force"], data["reaction_moment"]]),
+            energy=float(data["energy"]),
+            meta=json.loads(str(data["meta"])),
+        )
+    shape = reference.vertices.shape
+    if len(shape) != 2 or shape[1] != 3 or reference.displacement.shape != shape:
+        raise ValueError(f"{path}: X {shape} and u {reference.displacement.shape} must both be (n, 3)")
+    if not (np.isfinite(reference.vertices).all() and np.isfinite(reference.displacement).all()):
+        raise ValueError(f"{path}: X or u is not finite")
+    return reference
+
+
+def save_reference(path: Path, reference: Reference) -> None:
+    """Write a reference solution in the form that `load_reference` reads."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(
+        path,
+        X=reference.vertices,
+        u=reference.displacement,
+        reaction_force=reference.reaction[:3],
+        reaction_moment=reference.reaction[3:],
+        energy=np.float64(reference.energy),
+        meta=np.array(json.dumps(reference.meta)),
+    )
+
+
+def measure_error(displacement: Array, reference: Array) -> Error:
+    """Return the error of a displacement field at the same vertices as the reference.
+
+    Args:
+        displacement: displacements, shape (n, 3), float64 [m].
+        reference: reference displacements, shape (n, 3), float64 [m].
+
+    Raises:
+        ValueError: if the shapes differ, a value is not finite or the reference does not move.
+    """
+    if displacement.shape != reference.shape:
+        raise ValueError(f"displacement {displacement.shape} and reference {reference.shape} differ in shape")
+    if not np.isfinite(displacement).all():
+        bad = np.nonzero(~np.isfinite(displacement).all(axis=1))[0]
+        raise ValueError(f"displacement of vertices {bad[:10].tolist()} is not finite")
+    distance = np.linalg.norm(displacement - reference, axis=1)
+    moved = np.linalg.norm(reference, axis=1)
+    if moved.max() == 0.0:
+        raise ValueError("the reference does not move: the error has no scale")
+    return Error(mean=float(distance.mean() / moved.mean()), maximum=float(distance.max() / moved.max()))

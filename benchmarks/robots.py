@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shipped robots: how fast each streams, how far it deforms, and a picture of all.
+
+``python -m benchmarks.robots [DIRECTORY]`` plays every program at 100 steps a second of simulation time on one
+core, writes ``robots.json`` and ``robots.png`` into the directory (default: runs/robots) and prints README's table.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from benchmarks.markdown import markdown_table
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+
+RATE = 100
+"""Steps a second of simulation time."""
+
+
+class Robot(NamedTuple):
+    """A scene, what it does in a few words, and its most telling moment [s] for the picture."""
+
+    scene: str
+    line: str
+    moment: float
+
+
+ROBOTS = (
+    Robot("tendon_finger", "a flexor curls it, an extensor stretches it", 1.5),
+    Robot("pneunet", "eight air cells over a stiff sheet curl by 109 degrees at 44 kPa", 3.0),
+    Robot("bending_tube", "air in a ringed tube curls it by 93 degrees at 11 kPa", 3.0),
+    Robot("three_chamber_arm", "leans wherever three pressures say", 6.0),
+    Robot("gripper", "three tendons close three fingers, the wrist lifts and turns", 4.0),
+    Robot("shape_memory_strip", "a layer that shortens by 8 % coils it up", 3.0),
+    Robot("two_material_bar", "the joint shows that both halves are hyperelastic (Fig. 10)", 2.0),
+)
+
+
+def measure(robot: Robot) -> dict[str, Any]:
+    """Play a robot's program in small steps; return rates [1/s], least det F and whether all steps converged."""
+    simulation = Simulation(load_scene(robot.scene))
+    simulation.warm_up()
+    duration = simulation.scene.program.duration
+    started = time.process_time()
+    results = list(simulation.play(round(RATE * duration)))
+    seconds = time.process_time() - started
+    times = sorted(result.wall_time for result in results)
+    return {
+        "scene": robot.scene,
+        "line": robot.line,
+        "cells": simulation.mesh.n_cells,
+        "rate": len(results) / seconds,
+        "p99": times[int(0.99 * len(times))],
+        "min_det": min(result.min_det for result in results),
+        "converged": all(result.converged for result in results),
+    }
+
+
+def robot_table(report: list[dict[str, Any]]) -> str:
+    """Return the robots as a Markdown table."""
+    heads = ("robot", "what it does", "cells", "steps/s", "p99 of a step [ms]", "min det F")
+    rows = [
+        (f"`{item['scene']}`", item["line"], str(item["cells"]), f"{item['rate']:.0f}", f"{1e3 * item['p99']:.1f}",
+         f"{item['min_det']:.2f}")
+        for item in report
+    ]  # fmt: skip
+    return markdown_table(heads, rows)
+
+
+def main(out: Path) -> None:
+    """Measure, draw, print."""
+    from benchmarks.robot_picture import draw_robots
+
+    report = [measure(robot) for robot in ROBOTS]
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "robots.json").write_text(json.dumps(report, indent=1))
+    draw_robots(out / "robots.png", ROBOTS)
+    print(robot_table(report))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/robots"))

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What skipped work saves: ``python -m benchmarks.savings [--out FILE]`` (``make bench-skip``).
+
+Each row is one scene driven twice in the same small steps, with a skip and without it. Times are those of the
+processor, medians over the steps; the error is the mean distance of the two final states over the largest displacement.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+
+from benchmarks.brush import RUBBER, Brush
+from benchmarks.markdown import markdown_table
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.materials import Law, Linear, Material, NeoHookean, preset
+from gdfe_ros.mesh import bar
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.settings import Skip
+
+BRUSH = Brush()
+STEPS, SETTLING = 60, 10
+"""Steps of a motion, and those at its start that do not count: factors are made there."""
+LINEAR = Linear(young=1e5, poisson=0.45)
+HYPERELASTIC: dict[str, Material] = {
+    "neo-Hookean": RUBBER,
+    "Ogden": preset("ninjaflex", law=Law.OGDEN, poisson=0.45),
+    "curve": preset("ninjaflex", law=Law.CURVE, poisson=0.45),
+}
+Motion = Callable[[float], Command]
+"""The command at a fraction 0 to 1 of a motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A motion: positions (n, 3) [m] at rest and at its end, times [s] and idle elements of the steps that count."""
+
+    rest: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    times: NDArray[np.float64]
+    left: NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Saving:
+    """What one skip saves in one scene.
+
+    Attributes:
+        scene, skip: what was measured.
+        elements: of the body.
+        left: of these, what the skip left out of the median step.
+        time_without, time_with: median processor time of a step [s].
+        mean_without, mean_with: mean times [s], steps that wake included.
+        error: mean distance of the two final states over the largest displacement; None between two materials.
+    """
+
+    scene: str
+    skip: str
+    elements: int
+    left: int
+    time_without: float
+    time_with: float
+    mean_without: float
+    mean_with: float
+    error: float | None
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The saving as words of a table."""
+        error = "" if self.error is None else f"{100 * self.error:.4f} %"
+        times = [f"{1e3 * value:.3g}" for value in (self.time_without, self.time_with)]
+        ratio = [f"{100 * value:.3g} %" for value in self.ratios]
+        return (self.scene, self.skip, f"{self.elements}", f"{self.left}", *times, *ratio, error)
+
+    @property
+    def ratios(self) -> tuple[float, float]:
+        """Time with the skip over that without: of the median step, and of the mean one."""
+        return self.time_with / self.time_without, self.mean_with / self.mean_without
+
+
+HEAD = ("scene", "skip", "elements", "left out", "without [ms]", "with [ms]", "median", "mean", "error")
+
+
+def play(scene: Scene, motion: Motion, counted: Skip) -> Run:
+    """Drive a scene in small steps.
+
+    Raises:
+        RuntimeError: a step did not converge.
+    """
+    simulation = Simulation(scene)
+    simulation.warm_up()
+    times, left = [], []
+    for step in range(1, STEPS + 1):
+        begun = time.process_time()
+        result = simulation.step(motion(step / STEPS), dt=0.01)
+        times.append(time.process_time() - begun)
+        left.append(result.skipped.get(counted.value, 0))
+        if not result.converged:
+            raise RuntimeError(f"{scene.name}, step {step}: {result.message}")
+    return Run(scene.mesh.vertices, simulation.positions, np.array(times[SETTLING:]), np.array(left[SETTLING:]))
+
+
+def saving(name: str, skip: Skip, scene: Scene, motion: Motion) -> Saving:
+    """Measure a scene without and with a skip."""
+    busy = replace(scene.solver, skip=tuple(set(Skip) - {skip}))
+    without = play(replace(scene, solver=busy), motion, skip)
+    found = play(scene, motion, skip)
+    distance = np.linalg.norm(found.positions - without.positions, axis=1)
+    error = float(distance.mean() / np.linalg.norm(without.positions - without.rest, axis=1).max())
+    return _compared(name, skip.value, scene, without, found, error)
+
+
+def savings() -> list[Saving]:
+    """Measure everything."""
+    return [*dormant_savings(), *small_savings(), *linear_savings()]
+
+
+def dormant_savings() -> list[Saving]:
+    """Move 100, 50, 10 and 1 of a hundred bristles; then repeat one command."""
+    found = []
+    for moved in (BRUSH.bristles, BRUSH.bristles // 2, BRUSH.bristles // 10, 1):
+        name = f"brush, {moved} of {BRUSH.bristles} bristles move"
+        found.append(
+            saving(
+                name, Skip.DORMANT, BRUSH.scene(BRUSH.bristles), lambda amount, n=moved: BRUSH.bent(range(n), amount)
+            )
+        )
+    found.append(
+        saving("brush, no new command", Skip.SOLVE, BRUSH.scene(BRUSH.bristles), lambda _: BRUSH.bent([0], 0.1))
+    )
+    return found
+
+
+def small_savings() -> list[Saving]:
+    """Hold half of a bar in a plate; give it laws without pressures and without shape factors that change."""
+    return [
+        saving("bar, half of it in a plate", Skip.PLATES, _bar(RUBBER, plate=0.5), _lift),
+        saving("bar, nu 0.3", Skip.PRESSURES, _bar(NeoHookean(young=1e5, poisson=0.3)), _lift),
+        saving("bar, linear", Skip.SHAPE_FACTORS, _bar(LINEAR), _lift),
+    ]
+
+
+def linear_savings() -> list[Saving]:
+    """Bend a bar of one linear material, and of each hyperelastic one in its place."""
+    scene = _bar(LINEAR)
+    linear, found = play(scene, _lift, Skip.SHAPE_FACTORS), []
+    for name, material in HYPERELASTIC.items():
+        other = play(_bar(material), _lift, Skip.SHAPE_FACTORS)
+        found.append(_compared(f"bar, linear instead of {name}", "hyperelasticity", scene, other, linear, None))
+    return found
+
+
+def _compared(name: str, skip: str, scene: Scene, without: Run, found: Run, error: float | None) -> Saving:
+    return Saving(
+        scene=name,
+        skip=skip,
+        elements=scene.mesh.n_cells,
+        left=int(np.median(found.left)),
+        time_without=float(np.median(without.times)),
+        time_with=float(np.median(found.times)),
+        mean_without=float(without.times.mean()),
+        mean_with=float(found.times.mean()),
+        error=error,
+    )
+
+
+def _bar(material: Material, *, plate: float = 0.0) -> Scene:
+    """Return bend5's bar, 1250 elements, of one material; the last part of it may lie inside of the tip's plate."""
+    mesh = bar([0.4, 0.04, 0.04], [50, 5, 5])
+    x = mesh.vertices[:, 0]
+    base = Handle("base", np.flatnonzero(x < 1e-9).astype(np.int32), fixed=True)
+    tip = Handle("tip", np.flatnonzero(x > 0.4 * (1.0 - plate) - 1e-9).astype(np.int32))
+    return Scene(
+        name="bar",
+        mesh=mesh,
+        materials={"one": material},
+        cell_material=np.zeros(mesh.n_cells, np.int32),
+        handles=(base, tip),
+    )
+
+
+def _lift(amount: float) -> Command:
+    return Command(handles={"tip": Pose(translation=(-0.01 * amount**2, 0.0, 0.08 * amount))})
+
+
+def saving_table(rows: Iterable[Saving]) -> str:
+    """Return the savings as Markdown."""
+    return markdown_table(HEAD, (row.row for row in rows))
+
+
+def main() -> None:
+    """Measure, print the table and write it down."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("runs/bench/skip.json"), help="where to write the figures")
+    path = parser.parse_args().out
+    rows = savings()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"savings": [asdict(row) for row in rows]}, indent=1))
+    console = Console()
+    console.print(saving_table(rows), soft_wrap=True, markup=False)
+    console.print(f"\nwritten: {path}")
+
+
+if __name__ == "__main__":
+    main()

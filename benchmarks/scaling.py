@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Third part of the benchmark: twist90_uniform from 500 to 100 000 elements, and over Poisson's ratio.
+
+``python -m benchmarks.scaling CELLS POISSON THREADS`` measures one size in this process and prints JSON.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import resource
+import subprocess
+import sys
+from time import perf_counter
+from typing import Any
+
+from benchmarks.peers.peer import PeerError, worker_environment
+
+SIZES = ((20, 5, 5), (40, 10, 10), (80, 20, 20), (116, 30, 30))
+"""500, 4000, 32 000 and 104 400 elements."""
+RATIOS = (0.3, 0.45, 0.49, 0.499, 0.4999)
+TOLERANCE = 1e-4
+_SCENE = "twist90_uniform"
+_TIMEOUT = 900.0
+
+
+def measure_scaling() -> list[dict[str, Any]]:
+    """Measure every size at nu = 0.45, one thread, one fresh process each."""
+    return [measure_size(cells) for cells in SIZES]
+
+
+def measure_ratios() -> list[dict[str, Any]]:
+    """Measure 4000 elements over Poisson's ratio."""
+    return [measure_size((40, 10, 10), poisson=ratio) for ratio in RATIOS]
+
+
+def measure_size(cells: tuple[int, int, int], *, poisson: float = 0.45, threads: int = 1) -> dict[str, Any]:
+    """Measure a size in a fresh process: times [s], iterations, memory [B], and a digest of the positions.
+
+    Raises:
+        PeerError: the process failed.
+    """
+    options = [",".join(map(str, cells)), str(poisson), str(threads)]
+    command = [sys.executable, "-m", "benchmarks.scaling", *options]
+    process = subprocess.run(
+        command, env=worker_environment(threads), capture_output=True, text=True, timeout=_TIMEOUT, check=False
+    )
+    if process.returncode != 0:
+        raise PeerError(f"scaling, {cells} cells, nu {poisson}: {process.stderr.strip().splitlines()[-1:]}")
+    return json.loads(process.stdout)
+
+
+def _measure(cells: list[int], poisson: float, threads: int) -> dict[str, Any]:
+    from gdfe_ros.scene import load_scene
+    from gdfe_ros.simulation import Simulation
+
+    def scene(size: list[int]) -> Any:
+        material = next(iter(load_scene(_SCENE).materials))
+        overrides = {
+            "mesh.bar.cells": size,
+            f"materials.{material}.poisson": poisson,
+            "solver.tolerance": TOLERANCE,
+            "solver.threads": threads,
+        }
+        return load_scene(_SCENE, overrides=overrides)
+
+    list(Simulation(scene([20, 5, 5])).play())
+    start = perf_counter()
+    big = scene(cells)
+    loaded = perf_counter()
+    simulation = Simulation(big)
+    built = perf_counter()
+    result = list(simulation.play())[-1]
+    solved = perf_counter()
+    return {
+        "elements": big.mesh.n_cells,
+        "vertices": big.mesh.n_vertices,
+        "poisson": poisson,
+        "time_load": loaded - start,
+        "time_setup": built - loaded,
+        "time_solve": solved - built,
+        "iterations": result.iterations,
+        "time_iteration": (solved - built) / max(result.iterations, 1),
+        "converged": result.converged,
+        "factorisation": result.factorisation,
+        "digest": hashlib.sha256(result.positions.tobytes()).hexdigest(),
+        "peak_memory": 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss,
+    }
+
+
+if __name__ == "__main__":
+    size, ratio, number = sys.argv[1:]
+    print(json.dumps(_measure([int(count) for count in size.split(",")], float(ratio), int(number))))

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What threads save: twist90_uniform from 500 to 32 000 elements with one thread and with all.
+
+``python -m benchmarks.threads [DIRECTORY]`` writes ``threads.json`` into the directory (default: runs/threads)
+and prints the table of docs/benchmark.md. Every number is the median of three fresh processes.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from benchmarks.markdown import markdown_table
+from benchmarks.scaling import SIZES, measure_size
+
+REPEATS = 3
+
+
+def measure(cells: tuple[int, int, int], threads: int) -> dict[str, Any]:
+    """Solve in one thread and in several, in turns; return times of an iteration [s] and whether the bits are equal."""
+    runs = [(measure_size(cells), measure_size(cells, threads=threads)) for _ in range(REPEATS)]
+    one, several = zip(*runs, strict=True)
+    return {
+        "elements": one[0]["elements"],
+        "threads": threads,
+        "time_one": median(run["time_iteration"] for run in one),
+        "time_several": median(run["time_iteration"] for run in several),
+        "equal": len({run["digest"] for run in (*one, *several)}) == 1,
+    }
+
+
+def thread_table(report: Sequence[dict[str, Any]]) -> str:
+    """Return the comparison as a Markdown table."""
+    heads = ("elements", "one iteration, 1 thread [ms]", f"{report[0]['threads']} threads [ms]", "ratio", "same bits")
+    rows = [
+        (str(item["elements"]), f"{1e3 * item['time_one']:.2f}", f"{1e3 * item['time_several']:.2f}",
+         f"{item['time_several'] / item['time_one']:.2f}", "yes" if item["equal"] else "no")
+        for item in report
+    ]  # fmt: skip
+    return markdown_table(heads, rows)
+
+
+def main(out: Path) -> None:
+    """Measure and print."""
+    report = [measure(cells, os.cpu_count() or 1) for cells in SIZES[:3]]
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "threads.json").write_text(json.dumps(report, indent=1))
+    print(thread_table(report))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/threads"))

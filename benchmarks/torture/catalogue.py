@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All cases of the torture test."""
+
+from __future__ import annotations
+
+from benchmarks.torture import (
+    actuation,
+    commands,
+    contrasts,
+    laws,
+    meshes,
+    scales,
+    scenes,
+    snaps,
+    starts,
+    walks,
+)
+from benchmarks.torture.case import Case
+
+
+def all_cases(*, walk_steps: int = walks.STEPS) -> list[Case]:
+    """Return every case, group by group; random walks take ``walk_steps`` steps."""
+    groups = (starts, commands, contrasts, scales, meshes, laws)
+    found = [case for group in groups for case in group.cases()]
+    found += [*walks.cases(walk_steps), *actuation.cases(), *snaps.cases(), *scenes.cases()]
+    names = [case.id for case in found]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise AssertionError(f"cases of the same name: {twice}")
+    return found

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Group 2: commands that no controller should send, in one step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from benchmarks.torture.bodies import BAR, COMPRESSIBLE, CUBE, LAWS, Driver, distance, laws_for, make_scene
+from benchmarks.torture.case import Case, Finding, Group
+from gdfe_ros.constraints import Pose
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.solver.settings import Policy
+
+TOLERANCE = 1e-6
+STEPS = 40
+"""Of the slow path that a single step is compared with."""
+MOST_ITERATIONS = 10000
+
+
+@dataclass(frozen=True)
+class Blow:
+    """A command in one step.
+
+    Attributes:
+        mesh: of the body that takes it.
+        poses: one after the other, each in one step.
+        unique: laws for which ``energy`` must end where its slow path ends; with the others the body buckles, writhes
+            or necks, has several equilibria, and nothing but soundness is asked for.
+        mirrored: of these, laws with which the body has several equilibria of one energy, mirror images of each other:
+            the energies are compared. Wound up by a turn the bar bows to one of its sides; drawn out to several
+            lengths its few cells across let it wind to the left or to the right.
+        spread: largest distance from the slow path over the body's size for ``relative``, whose captured shapes
+            (Eq. 9) make it depend on the path; infinite where only soundness is asked for, or a report: its iteration
+            lowers no energy, and far beyond the paper's deformations nothing says that it must end.
+        report: for ``relative``, a law and words of the report that is the right answer.
+    """
+
+    mesh: HexMesh
+    poses: tuple[Pose, ...]
+    unique: tuple[str, ...] = tuple(LAWS)
+    mirrored: tuple[str, ...] = ()
+    spread: float = 0.05
+    report: tuple[str, str] = ("", "")
+
+
+def _jumps() -> tuple[Pose, ...]:
+    """Return random jumps of up to a body length and back."""
+    random = np.random.default_rng(11)
+    places = random.uniform(-1.0, 1.0, (6, 3)) * (0.1, 0.3, 0.3) + (0.1, 0.0, 0.0)
+    turns = random.uniform(-1.5, 1.5, (6, 3))
+    jumps = [Pose(tuple(place), tuple(turn)) for place, turn in zip(places, turns, strict=True)]
+    return (*jumps, Pose())
+
+
+def _twist(degrees: float) -> tuple[Pose, ...]:
+    return (Pose(rotation=(np.deg2rad(degrees), 0.0, 0.0)),)
+
+
+BLOWS: dict[str, Blow] = {
+    "twist by 90 degrees": Blow(BAR, _twist(90.0)),
+    "twist by 180 degrees": Blow(BAR, _twist(180.0)),
+    "twist by 360 degrees": Blow(BAR, _twist(360.0), unique=COMPRESSIBLE, mirrored=("ogden",)),
+    "twist by 720 degrees": Blow(BAR, _twist(720.0), unique=(), spread=np.inf),
+    "bend by 180 degrees": Blow(BAR, (Pose((-0.27, 0.0, 0.25), (0.0, -np.pi, 0.0)),), spread=0.1),
+    "stretch to 400 %": Blow(
+        BAR, (Pose((1.2, 0.0, 0.0)),), unique=("neo-hookean", "ogden"), mirrored=("neo-hookean", "ogden"), spread=0.2
+    ),
+    "compress to 20 %": Blow(
+        CUBE, (Pose((-0.08, 0.0, 0.0)),), unique=(), spread=np.inf, report=("linear", "inside out")
+    ),
+    "random jumps of a body length": Blow(BAR, _jumps(), spread=np.inf),
+}
+
+
+def _run(blow: Blow, law: str, policy: Policy, bound: float) -> Finding:
+    scene = make_scene(blow.mesh, LAWS[law], policy=policy, tolerance=TOLERANCE, max_iterations=MOST_ITERATIONS)
+    driver = Driver(scene)
+    for pose in blow.poses:
+        driver.step(pose)
+    error = np.nan
+    if np.isfinite(bound):
+        expected, found = Driver(scene).follow(blow.poses[-1], STEPS), driver.results[-1]
+        error = distance(found.positions, expected.positions, blow.mesh.size)
+        if policy is Policy.ENERGY and law in blow.mirrored:
+            error = abs(found.energy / expected.energy - 1.0)
+    return Finding(tuple(driver.results), error, driver.rise)
+
+
+def _case(name: str, blow: Blow, law: str, policy: Policy) -> Case:
+    closeness = 1e-4 if law in blow.unique else np.inf
+    bound = blow.spread if policy is Policy.RELATIVE else closeness
+    refusal = blow.report[1] if policy is Policy.RELATIVE and law == blow.report[0] else ""
+    return Case(
+        group=Group.COMMANDS,
+        name=name,
+        policy=policy,
+        law=law,
+        run=partial(_run, blow, law, policy, bound),
+        bound=bound,
+        refusal=refusal,
+        may_report=law not in blow.unique if policy is Policy.ENERGY else bool(np.isinf(blow.spread)),
+    )
+
+
+def cases() -> list[Case]:
+    """Return the cases of the group."""
+    return [
+        _case(name, blow, law, policy) for policy in Policy for name, blow in BLOWS.items() for law in laws_for(policy)
+    ]

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Group 5: meshes and handles that a generator should not have made: solved, or refused by name at configure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from benchmarks.torture.bodies import BAR, Driver, face, make_scene
+from benchmarks.torture.case import Case, Finding, Group
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.materials import Linear
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.generators import grid
+from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.settings import Policy
+
+POSE = Pose(translation=(0.02, 0.0, 0.05))
+PULL = Pose(translation=(0.02, 0.0, 0.0))
+MATERIAL = Linear(young=1e5, poisson=0.3)
+ALONG, ACROSS = np.linspace(0.0, 0.4, 9), np.linspace(-0.05, 0.05, 3)
+
+
+def _load(mesh: HexMesh, policy: Policy, handles: dict[str, dict]) -> Driver:
+    """Send a mesh through the scene reader, as a file would come."""
+    data = {
+        "name": "torture",
+        "mesh": {"embedded": pack_mesh(mesh)},
+        "materials": {"soft": {"law": "linear", "young": 1e5, "poisson": 0.3}},
+        "regions": [{"material": "soft"}],
+        "handles": handles,
+        "solver": {"policy": policy.value, "tolerance": 1e-6},
+    }
+    return Driver(scene_from_text(yaml.safe_dump(data)))
+
+
+def _ends(mesh: HexMesh) -> dict[str, dict]:
+    return {
+        "base": {"where": {"vertices": face(mesh, "x-").tolist()}, "fixed": True},
+        "tip": {"where": {"vertices": face(mesh, "x+").tolist()}},
+    }
+
+
+def _refused(mesh: HexMesh, policy: Policy, handles: dict[str, dict] | None = None) -> Finding:
+    driver = _load(mesh, policy, _ends(mesh) if handles is None else handles)
+    driver.step(POSE)
+    return Finding(tuple(driver.results), np.nan, driver.rise)
+
+
+def _solve(mesh: HexMesh, policy: Policy, pose: Pose) -> tuple[Driver, StepResult]:
+    driver = Driver(make_scene(mesh, MATERIAL, policy=policy))
+    return driver, driver.step(pose)
+
+
+def _compare(made: Callable[[], HexMesh], usual: HexMesh, pose: Pose, policy: Policy) -> Finding:
+    """Compare with a sound mesh of the same body where the two share vertices, ``energy`` also by its energy.
+
+    ``relative`` weighs an element by its volume, whatever its shape, and has no energy of its own.
+    """
+    mesh = made()
+    driver, result = _solve(mesh, policy, pose)
+    expected = _load(usual, policy, _ends(usual)).step(pose)
+    usual_vertices = usual.vertices * (mesh.bounds[1] - mesh.bounds[0]) / (usual.bounds[1] - usual.bounds[0])
+    apart = np.linalg.norm(mesh.vertices[:, None] - usual_vertices, axis=2)
+    mine, theirs = np.nonzero(apart < 1e-9)
+    moved = result.positions[mine] - mesh.vertices[mine] - expected.positions[theirs] + usual.vertices[theirs]
+    error = float(np.abs(moved[:, :2]).max() if mesh.size != usual.size else np.abs(moved).max()) / mesh.size
+    if policy is Policy.ENERGY:
+        thinner = (usual.bounds[1] - usual.bounds[0])[2] / (mesh.bounds[1] - mesh.bounds[0])[2]
+        error = max(error, abs(result.energy * thinner / expected.energy - 1.0))
+    return Finding(tuple(driver.results), error, driver.rise)
+
+
+def _inner(mesh: HexMesh) -> NDArray[np.bool_]:
+    inside = np.ones(mesh.n_vertices, dtype=bool)
+    inside[mesh.surface()] = False
+    return inside
+
+
+def _distorted() -> HexMesh:
+    vertices, inside = BAR.vertices.copy(), _inner(BAR)
+    vertices[inside] += np.random.default_rng(6).uniform(-0.015, 0.015, (inside.sum(), 3))
+    return HexMesh(vertices, BAR.cells)
+
+
+def _skewed() -> HexMesh:
+    """Lean the planes across the bar by 45 degrees in the middle."""
+    vertices = BAR.vertices.copy()
+    vertices[:, 0] += vertices[:, 2] * np.sin(np.pi * BAR.vertices[:, 0] / 0.4)
+    return HexMesh(vertices, BAR.cells)
+
+
+def _graded(axis: int) -> HexMesh:
+    """Put a sliver layer of a thousandth of an edge between two planes."""
+    planes = [ALONG, ACROSS, ACROSS]
+    middle = planes[axis][len(planes[axis]) // 2]
+    planes[axis] = np.insert(planes[axis], len(planes[axis]) // 2 + 1, middle + 5e-5)
+    return grid(*planes)
+
+
+def _flat() -> HexMesh:
+    return bar([0.4, 0.1, 5e-5], [8, 2, 1])
+
+
+def _with_cell(corner_moves: dict[int, int] | None = None, vertices: NDArray[np.float64] | None = None) -> HexMesh:
+    cells = BAR.cells.copy()
+    for corner, other in (corner_moves or {}).items():
+        cells[5, corner] = cells[5, other]
+    return HexMesh(BAR.vertices if vertices is None else vertices, cells)
+
+
+def _shifted(vertex: int, to: object) -> NDArray[np.float64]:
+    vertices = BAR.vertices.copy()
+    vertices[vertex] = to
+    return vertices
+
+
+def _inverted() -> HexMesh:
+    cells = BAR.cells.copy()
+    cells[5] = cells[5][[4, 5, 6, 7, 0, 1, 2, 3]]
+    return HexMesh(BAR.vertices, cells)
+
+
+def _two_bars() -> HexMesh:
+    shifted = BAR.vertices + np.array([0.0, 0.3, 0.0])
+    return HexMesh(np.concatenate([BAR.vertices, shifted]), np.concatenate([BAR.cells, BAR.cells + BAR.n_vertices]))
+
+
+def _torn() -> HexMesh:
+    """Give the right half vertices of its own: two bodies that touch."""
+    right = BAR.centroids[:, 0] > 0.2
+    cells = BAR.cells.copy()
+    cells[right] += BAR.n_vertices
+    used = np.unique(cells)
+    vertices = np.concatenate([BAR.vertices, BAR.vertices])[used]
+    return HexMesh(vertices, np.searchsorted(used, cells).astype(np.int32))
+
+
+def _defects() -> dict[str, tuple[HexMesh, str]]:
+    """Return meshes that must be refused, with words of the refusal."""
+    cells, moved = BAR.cells, BAR.vertices[BAR.cells[5]]
+    flat = BAR.vertices.copy()
+    low = flat[cells[5][:4]]
+    flat[cells[5][4:]] = 0.5 * (low + low.mean(axis=0))
+    outside = cells.copy()
+    outside[5, 3] = 10_000
+    return {
+        "a degenerate element": (_with_cell({1: 0}), "name a vertex twice"),
+        "an element of no volume": (HexMesh(flat, cells), "flat"),
+        "an inverted element": (_inverted(), "inside out"),
+        "a folded element": (HexMesh(_shifted(cells[5, 6], moved[0] - 0.02), cells), "folded"),
+        "duplicate vertices": (_torn(), "same place"),
+        "unused vertices": (HexMesh(np.concatenate([BAR.vertices, [[9.0, 9.0, 9.0]]]), cells), "no cell uses"),
+        "an element twice": (HexMesh(BAR.vertices, np.concatenate([cells, cells[5:6]])), "repeat another cell"),
+        "a vertex that is not a number": (HexMesh(_shifted(20, np.nan), cells), "not finite"),
+        "an unknown vertex": (HexMesh(BAR.vertices, outside), "outside"),
+        "no element": (HexMesh(BAR.vertices, cells[:0]), "at least one cell"),
+    }
+
+
+def _parts(policy: Policy) -> Finding:
+    """Hold both of two bars: each bends as it does alone."""
+    mesh = _two_bars()
+    driver = Driver(make_scene(mesh, MATERIAL, policy=policy))
+    result = driver.step(PULL)
+    expected = _load(BAR, policy, _ends(BAR)).step(PULL)
+    return Finding(tuple(driver.results), abs(result.energy / expected.energy / 2.0 - 1.0), driver.rise)
+
+
+def _all_held(policy: Policy) -> Finding:
+    """Leave no vertex free: two rigid halves and a sheared column between them."""
+    left = np.flatnonzero(BAR.vertices[:, 0] < 0.19).astype(np.int32)
+    right = np.setdiff1d(np.arange(BAR.n_vertices), left).astype(np.int32)
+    handles = [Handle("base", left, fixed=True), Handle("tip", right)]
+    driver = Driver(make_scene(BAR, MATERIAL, policy=policy, handles=handles))
+    result = driver.step(POSE)
+    gap = np.abs(result.positions[right] - BAR.vertices[right] - POSE.translation).max()
+    return Finding(tuple(driver.results), float(gap), driver.rise)
+
+
+def cases() -> list[Case]:
+    """Return the cases of the group."""
+    found = []
+    thick = bar([0.4, 0.1, 5e-4], [8, 2, 1])
+    for policy in Policy:
+        case = partial(Case, group=Group.MESHES, policy=policy, law="linear")
+        shapes = {
+            "distorted by a third of an edge": (_distorted, BAR, POSE, 0.05),
+            "skewed by 45 degrees": (_skewed, BAR, POSE, 0.1),
+            "a sliver of 1 to 1000 across": (partial(_graded, 0), BAR, POSE, 0.1),
+            "a sliver of 1 to 1000 along": (partial(_graded, 2), BAR, POSE, 0.05),
+            "all elements 1 to 1000": (_flat, thick, PULL, 0.01),
+        }
+        for name, (made, usual, pose, bound) in shapes.items():
+            found.append(case(name=name, run=partial(_compare, made, usual, pose, policy), bound=bound))
+        for name, (mesh, words) in _defects().items():
+            found.append(case(name=name, run=partial(_refused, mesh, policy, _ends(BAR)), bound=0.0, refusal=words))
+        loose = {"base": _ends(BAR)["base"], "tip": _ends(BAR)["tip"]}
+        run = partial(_refused, _two_bars(), policy, loose)
+        found.append(case(name="a part that nothing holds", run=run, bound=0.0, refusal="no handle holds the piece"))
+        run = partial(_refused, BAR, policy, {})
+        found.append(case(name="no handle", run=run, bound=0.0, refusal="no handle holds the body"))
+        found.append(case(name="parts that touch nowhere", run=partial(_parts, policy), bound=1e-4))
+        found.append(case(name="everything a handle", run=partial(_all_held, policy), bound=1e-12))
+    return found

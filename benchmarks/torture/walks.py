@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Group 7: long random walks of plates and actuators: no drift, no growth of memory, no growth of the step time."""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.torture.bodies import BAR, LAWS, distance, make_scene
+from benchmarks.torture.case import Case, Finding, Group
+from gdfe_ros.constraints import Pose
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.settings import Policy
+
+STEPS = 100_000
+"""Of the full walk."""
+BOUND = 1e-6
+"""Largest distance from rest over the length when every command is back at zero."""
+RETURN = 200
+"""Steps of each way back."""
+PACE, PULL = 0.01, 0.001
+"""Step of the walk, and by how much it is pulled home, both over the range."""
+MOST_GROWTH = 5e6
+"""Of the resident memory [bytes]."""
+MOST_SLOWING = 1.1
+"""Of median step time and of iterations of the last thousand steps over those of the first."""
+WINDOW = 1000
+SETTLING = 100
+"""Steps of either that are left out: caches fill and histories are learned."""
+FINGER = """
+name: finger
+mesh: {bar: {size: [0.10, 0.02, 0.02], cells: [10, 2, 2]}}
+materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
+regions: [{material: m}]
+handles: {base: {where: {face: x-}, fixed: true}}
+actuators:
+  upper: {cable: {points: [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.10, 0.0, 0.008]], command: tension}}
+  lower: {cable: {points: [[0.0, 0.0, -0.008], [0.05, 0.0, -0.008], [0.10, 0.0, -0.008]], command: shortening}}
+solver: {tolerance: 3.0e-7}
+"""
+BALL = """
+name: ball
+mesh: {sphere: {inner: 0.010, outer: 0.015, cells: [3, 2]}}
+materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
+regions: [{material: m}]
+handles: {base: {where: {box: {x: [0.0125, 0.02]}}, fixed: true}}
+actuators: {air: {chamber: {command: pressure}}}
+solver: {tolerance: 3.0e-7}
+"""
+Drive = Callable[[NDArray[np.float64]], Command]
+
+
+@dataclass(frozen=True)
+class Track:
+    """A scene and how a point of the cube [-1, 1]^k commands it; zero is rest.
+
+    Attributes:
+        scene: makes the scene.
+        width: k.
+        command: from the point.
+    """
+
+    scene: Callable[[], Scene]
+    width: int
+    command: Drive
+
+
+def _plate(point: NDArray[np.float64]) -> Command:
+    x, y, z, a, b, c = point.tolist()
+    return Command({"tip": Pose((0.08 * x, 0.15 * y, 0.15 * z), (1.5 * a, 0.8 * b, 0.8 * c))})
+
+
+TRACKS: dict[str, Track] = {
+    "a bar's plate": Track(
+        lambda: make_scene(BAR, LAWS["neo-hookean"], policy=Policy.ENERGY, tolerance=3e-7), 6, _plate
+    ),
+    "two cables": Track(
+        lambda: scene_from_text(FINGER),
+        2,
+        lambda point: Command(actuators={"upper": 10.0 * abs(point[0]), "lower": 0.01 * point[1]}),
+    ),
+    "a pressed ball": Track(
+        lambda: scene_from_text(BALL), 1, lambda point: Command(actuators={"air": 8e4 * abs(point[0])})
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What a walk came to.
+
+    Attributes:
+        last: result of the last step, with every command at zero.
+        unconverged: steps that did not converge.
+        drift: largest distance from rest over the body's size.
+        growth: of the resident memory between the first thousand steps and the end [bytes].
+        first, final: median processor time of a step in the first and the last thousand [s].
+        iterations: of the same steps of the first and of the last thousand.
+    """
+
+    last: StepResult
+    unconverged: int
+    drift: float
+    growth: float
+    first: float
+    final: float
+    iterations: tuple[int, int]
+
+    def flaws(self) -> list[str]:
+        """Say what is wrong with it, but for the drift."""
+        found = []
+        if self.unconverged:
+            found.append(f"{self.unconverged} steps did not converge")
+        if self.growth > MOST_GROWTH:
+            found.append(f"memory grew by {self.growth / 1e6:.1f} MB")
+        if self.final > MOST_SLOWING * self.first:
+            found.append(f"a step took {1e3 * self.first:.3f} ms at first and {1e3 * self.final:.3f} ms in the end")
+        if self.iterations[1] > MOST_SLOWING * self.iterations[0]:
+            found.append(f"a window took {self.iterations[0]} iterations at first and {self.iterations[1]} in the end")
+        return found
+
+
+class Walker:
+    """A simulation that is walked through points of the cube.
+
+    Attributes:
+        simulation: that is walked.
+        unconverged: steps so far that did not converge.
+        result: of the last step.
+    """
+
+    def __init__(self, track: Track) -> None:
+        self.simulation, self._track = Simulation(track.scene()), track
+        self.unconverged = 0
+
+    def step(self, point: NDArray[np.float64]) -> float:
+        """Go to a point; return the processor time [s]."""
+        command = self._track.command(point)
+        started = time.thread_time()
+        self.result = self.simulation.step(command)
+        elapsed = time.thread_time() - started
+        self.unconverged += not self.result.converged
+        return elapsed
+
+
+def resident() -> float:
+    """Return the resident memory of this process [bytes]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * 4096.0
+
+
+def walk(track: Track, steps: int, *, seed: int = 1) -> Walk:
+    """Walk at random and home, make the first steps of the walk again, and go home again; ``steps`` in all.
+
+    The first and the last steps get the same commands from rest. So that they are timed on the same machine, which
+    others may use as well, a new simulation makes the first ones in turn with the last ones of the old.
+    """
+    walker, random = Walker(track), np.random.default_rng(seed)
+    window, back = min(WINDOW, steps // 4), np.linspace(1.0, 0.0, min(RETURN, steps // 8) + 1)[1:]
+    opening, point = [], np.zeros(track.width)
+    for i in range(steps - window - 2 * len(back)):
+        point = np.clip(point + random.normal(0.0, PACE, track.width) - PULL * point, -1.0, 1.0)
+        walker.step(point)
+        if i < window:
+            opening.append(point)
+        if i == window:
+            gc.collect()
+            begun = resident()
+    for share in back:
+        walker.step(share * point)
+    gc.collect()
+    growth = resident() - begun
+    first, last, iterations = _compare(Walker(track), walker, opening)
+    for share in back:
+        walker.step(share * opening[-1])
+    mesh = walker.simulation.mesh
+    drift = distance(walker.result.positions, mesh.vertices, mesh.size)
+    return Walk(walker.result, walker.unconverged, drift, growth, first, last, iterations)
+
+
+def _compare(new: Walker, old: Walker, points: list[NDArray[np.float64]]) -> tuple[float, float, tuple[int, int]]:
+    """Walk both through the same points in turn; return the median times and the iterations of each."""
+    times, iterations = np.zeros((len(points), 2)), np.zeros((len(points), 2), dtype=np.int64)
+    for i, point in enumerate(points):
+        for column, walker in enumerate((new, old)):
+            times[i, column] = walker.step(point)
+            iterations[i, column] = walker.result.iterations
+    skipped = min(SETTLING, len(points) // 10)
+    first, last = np.median(times[skipped:], axis=0).tolist()
+    return first, last, tuple(iterations[skipped:].sum(axis=0).tolist())
+
+
+def _run(track: Track, steps: int) -> Finding:
+    found = walk(track, steps)
+    figures = {
+        "steps": steps,
+        "drift": found.drift,
+        "memory_mb": found.growth / 1e6,
+        "first_ms": 1e3 * found.first,
+        "last_ms": 1e3 * found.final,
+        "first_iterations": found.iterations[0],
+        "last_iterations": found.iterations[1],
+    }
+    return Finding((found.last,), found.drift, flaws=tuple(found.flaws()), figures=figures)
+
+
+def cases(steps: int = STEPS) -> list[Case]:
+    """Return the cases of the group, with walks of so many steps."""
+    return [
+        Case(
+            group=Group.WALKS,
+            name=name,
+            policy=Policy.ENERGY,
+            law="neo-hookean",
+            run=partial(_run, track, steps),
+            bound=BOUND,
+        )
+        for name, track in TRACKS.items()
+    ]

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The constants that decide about results, with their reasons, read from the code and its docstrings."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.markdown import markdown_table
+
+ROOT = Path(__file__).resolve().parents[2]
+ROOMS = ("solver", "actuators", "constraints", "materials", "mesh")
+LAYOUTS = ("blocks", "lanes")
+"""Modules whose constants number rows and columns."""
+REASONS = {
+    "ARMIJO": "Share of the slope's promise that a step has to keep: the customary value.",
+    "MAX_CUTS": "Times that a step is shortened before the descent counts as stalled: 2^-30 is below any rounding.",
+    "ROUNDING": "Of the sum of the energy's terms: changes below it say nothing in double precision.",
+    "CURVATURE": "Least cosine between a step and the change of the gradient for the pair to enter the history.",
+    "MEMORY": "Pairs that the acceleration keeps.",
+    "GROWTH": "Growth of the residual after which Anderson's history is dropped and a plain step follows.",
+    "CHUNK": "Iterations in one compiled call between two looks at the deadline.",
+    "FIRST_TOLERANCE": "Of the first descent, while pressures and shares are far off: more would be thrown away.",
+    "TIGHTEN": "Factor of the tolerance from one descent to the next, down to the one asked for.",
+    "MAX_UPDATES": "Updates of pressures and shares before a step is given back as not settled.",
+    "NEWTON_STEPS": "Bound of a Newton iteration for a scalar or a point, which takes three to five.",
+    "LARGEST_RATIO": "Largest share of the last motion that a start repeats.",
+    "SMOOTH": "Part of a motion that may be new for it to count as the last one repeated.",
+    "LARGEST_TURN": "Turn of a plate in one increment: below 180 degrees the nearest turn is the one meant.",
+    "MOST_SWINGS": "Swings in a row after which the bulk modulus beside the pressures is raised.",
+    "FIRST": "First change of a command that is tried for a difference, over its range or size.",
+    "SMALLEST": "Least change of a command that is tried for a difference.",
+    "SIZINGS": "Times that the change of a command is chosen anew.",
+    "ROUNDS": "Corrections of turns after which a step is given back with the moments left.",
+    "MOST_REPEATED": "Largest share of the last turn that a start repeats.",
+    "NEIGHBOURS": "Cells with the nearest centres among which the one around a point is looked for.",
+    "GAUSS": "Place of the two integration points of each direction.",
+    "DEGENERATE": "Of the size: where two signed stretches cancel to that, a rotation is not unique.",
+}
+"""Of constants that have no docstring in the code."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Constants of one assignment: in what room and module, names and values as written, and why they are that."""
+
+    room: str
+    module: str
+    names: tuple[str, ...]
+    values: tuple[str, ...]
+    reason: str
+
+
+def constants() -> list[Constant]:
+    """Find the named numbers at the top of the modules, in the order of the modules."""
+    paths = ((room, path) for room in ROOMS for path in sorted((ROOT / "gdfe_ros" / room).rglob("*.py")))
+    return [found for room, path in paths if path.stem not in LAYOUTS for found in _of_module(room, path)]
+
+
+def constant_table() -> str:
+    """Return a table for each room."""
+    parts = []
+    for room in ROOMS:
+        rows = [
+            ("<br>".join(f"`{name}`" for name in item.names), "<br>".join(item.values), item.reason, f"`{item.module}`")
+            for item in constants()
+            if item.room == room
+        ]
+        if rows:
+            parts.append(f"### {room}\n\n{markdown_table(('constant', 'value', 'reason', 'module'), rows)}")
+    return "\n\n".join(parts)
+
+
+def _of_module(room: str, path: Path) -> Iterator[Constant]:
+    text = path.read_text(encoding="utf-8")
+    lines, body = text.splitlines(), ast.parse(text).body
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if not isinstance(node, ast.Assign) or len(node.targets) != 1:
+            continue
+        target, several = node.targets[0], isinstance(node.value, ast.Tuple) and isinstance(node.targets[0], ast.Tuple)
+        values = node.value.elts if several else [node.value]
+        names = tuple(ast.unparse(item) for item in (target.elts if several else [target]))
+        if not all(name.isupper() and name[0] != "_" for name in names) or not all(map(_is_number, values)):
+            continue
+        if several and _numbers(values):
+            continue
+        given = after.value.value if _is_text(after) else _comment(lines, node.lineno) or REASONS.get(names[0], "")
+        reason = " ".join(str(given).split()).replace("|", "\\|").replace("``", "`")
+        yield Constant(room, path.stem, names, tuple(ast.unparse(value) for value in values), reason)
+
+
+def _comment(lines: list[str], number: int) -> str:
+    """Return the comment ``#: ...`` above a line."""
+    first = last = number - 1
+    while first and lines[first - 1].startswith("#:"):
+        first -= 1
+    return " ".join(line.removeprefix("#:").strip() for line in lines[first:last])
+
+
+def _is_number(node: ast.expr) -> bool:
+    """Tell whether an expression is a number: literals, sums and products, turns in degrees, tuples of them."""
+    if isinstance(node, ast.Constant):
+        return type(node.value) in (int, float)
+    if isinstance(node, ast.Tuple):
+        return all(map(_is_number, node.elts))
+    if isinstance(node, ast.BinOp):
+        return _is_number(node.left) and _is_number(node.right)
+    if isinstance(node, ast.UnaryOp):
+        return _is_number(node.operand)
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "np.deg2rad"
+
+
+def _numbers(values: list[ast.expr]) -> bool:
+    """Tell whether values only number something: 0, 1, 2 ..."""
+    return [ast.unparse(value) for value in values] == [str(k) for k in range(len(values))]
+
+
+def _is_text(node: ast.stmt | None) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What README and the pages of docs/ have from the code and from the kept reports, put between its marks.
+
+``python -m docs.scripts.generate`` writes it; ``make docs`` does that before it builds the pages.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from benchmarks.markdown import replace_tables
+from benchmarks.node import tables as node_tables
+from benchmarks.tables import all_tables, tables_beside
+from docs.scripts.constants import constant_table
+from gdfe_ros.node import reference as node_reference
+from gdfe_ros.scene import reference as scene_reference
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT / "test" / "data"
+"""Reports that ``make bench``, ``bench-node``, ``bench-skip`` and ``torture`` left, copied there from runs/."""
+
+
+def pages() -> list[Path]:
+    """Return README and every page of docs/."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def texts() -> dict[str, str]:
+    """Return everything that is printed into pages, by the name in its marks."""
+    found = {
+        "scene": scene_reference.markdown(),
+        "node": node_reference.markdown(),
+        "constants": constant_table(),
+        **tables_beside(DATA / "bench.json"),
+        **node_tables.all_tables(json.loads((DATA / "bench_node.json").read_text())),
+    }
+    for name in ("bench", "skip", "torture"):
+        found |= all_tables(json.loads((DATA / f"{name}.json").read_text()))
+    return {name: text.strip() for name, text in found.items()}
+
+
+def main() -> None:
+    """Write every page anew that is not up to date, and name it."""
+    printed = texts()
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        filled = replace_tables(text, printed)
+        if filled != text:
+            page.write_text(filled, encoding="utf-8")
+            print(f"written: {page.relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An example of every entry of a scene file, as text: together they use every key."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel
+
+from gdfe_ros.scene import actuator_schema, generator_schema, material_schema, mesh_schema, schema, where_schema
+
+SCENE = """\
+name: soft_arm
+description: A bar with a stiff tip, pulled by a tendon.
+mesh: {bar: {size: [0.20, 0.05, 0.05], cells: [8, 2, 2]}}
+materials:
+  soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1100}
+  stiff: {law: linear, young: 1.0e6, poisson: 0.40, density: 1200}
+regions:
+  - {material: soft}
+  - {material: stiff, where: {box: {x: [0.15, 0.20]}}}
+handles:
+  base: {where: {face: x-}, fixed: true}
+actuators:
+  tendon: {cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: tension, range: [0.0, 20.0]}}
+loads:
+  weight: {gravity: [0, 0, -9.81]}
+probes:
+  tip: [0.2, 0.0, 0.0]
+program:
+  duration: 1.0
+  actuators:
+    tendon: [{time: 0.0, value: 0.0}, {time: 1.0, value: 5.0}]
+solver: {policy: energy, tolerance: 1.0e-4}
+"""
+
+EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
+    schema.SceneModel: (SCENE,),
+    mesh_schema.MeshModel: (
+        "bar: {size: [0.20, 0.05, 0.05], cells: [20, 5, 5]}",
+        "grid: {x: [0.0, 0.01, 0.03], y: [0.0, 0.01], z: [0.0, 0.01]}",
+        "tube: {inner: 0.008, outer: 0.010, length: 0.10, cells: [2, 16, 30]}",
+        "ring: {radius: 0.05, section: [0.01, 0.01], cells: [2, 48, 2]}",
+        "sphere: {inner: 0.04, outer: 0.05, cells: [6, 2]}",
+        "finger: {size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003}",
+        "{file: body.msh, scale: 0.001, merge: true, first_order: true}",
+        "voxels: {surface: hand.stl, cell: 0.002, scale: 0.001}",
+        "embedded: QUJD   # as bags carry a mesh that came from a file",
+    ),
+    generator_schema.BarModel: ("{size: [0.20, 0.05, 0.05], cells: [20, 5, 5], cut: [{box: {x: [0.05, 0.10]}}]}",),
+    generator_schema.GridModel: (
+        "{x: [0.0, 0.002, 0.018, 0.02], y: [0.0, 0.01], z: [0.0, 0.01], cut: [{sphere: {center: [0, 0, 0], "
+        "radius: 0.001}}]}",
+    ),
+    generator_schema.TubeModel: (
+        "{inner: 0.008, outer: 0.010, length: 0.10, cells: [2, 16, 30], cap: 0.002, cap_cells: 1}",
+    ),
+    generator_schema.RingModel: ("{radius: 0.05, section: [0.01, 0.01], cells: [2, 24, 2], angle: 180}",),
+    generator_schema.SphereShellModel: ("{inner: 0.04, outer: 0.05, cells: [6, 2]}",),
+    generator_schema.FingerModel: (
+        "{size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003, taper: 0.8}",
+    ),
+    mesh_schema.VoxelsModel: ("{surface: hand.stl, cell: 0.002, scale: 0.001}",),
+    where_schema.WhereModel: (
+        "face: x-                                   # the smallest x of the body",
+        "box: {x: [0.0, 0.1], z: [0.0, .inf]}",
+        "sphere: {center: [0.0, 0.0, 0.0], radius: 0.01}",
+        "vertices: [0, 1, 2]",
+        "cells: [0, 1]",
+        "set: fixed_nodes                           # a set of the mesh file",
+    ),
+    where_schema.BoxModel: ("{x: [0.0, 0.1], y: [-0.01, 0.01], z: [0.0, .inf]}",),
+    where_schema.SphereModel: ("{center: [0.0, 0.0, 0.0], radius: 0.01}",),
+    material_schema.LinearModel: ("{law: linear, young: 1.0e5, poisson: 0.45, density: 1100, omega: 0.5}",),
+    material_schema.NeoHookeanModel: ("{law: neo_hookean, young: 1.0e5, poisson: 0.49, density: 1100, omega: 0.5}",),
+    material_schema.OgdenModel: (
+        "{law: ogden, mu: [0.187e6, 0.092e6, 3.397e6], alpha: [1.94, 4.01, -1.51], poisson: 0.495, density: 1200, "
+        "omega: 0.5}",
+    ),
+    material_schema.CurveModel: (
+        "{law: curve, coefficients: [8.67e6, -15.7e6, 15.02e6], strain_max: 0.5, poisson: 0.495, density: 1200, "
+        "omega: 0.5}",
+        "{law: curve, csv: measured.csv, poisson: 0.49}   # columns strain, stress [Pa]",
+        "{law: curve, strain: [0.1, 0.5, 1.0], stress: [1.0e4, 4.0e4, 7.0e4], poisson: 0.4}",
+    ),
+    material_schema.PresetModel: ("{preset: ninjaflex, law: ogden, poisson: 0.495, density: 1200, omega: 0.5}",),
+    schema.RegionModel: ("{material: stiff, where: {box: {x: [0.15, 0.20]}}}",),
+    schema.HandleModel: (
+        "{where: {face: x-}, fixed: true}",
+        "{where: {face: x+}, free: [x, ry]}   # slides along x, turns about y",
+    ),
+    actuator_schema.ActuatorModel: (
+        "cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]]}",
+        "chamber: {near: [0.1, 0.0, 0.0]}",
+        "growth: {stretch: [0.92, 1.0, 1.0]}",
+    ),
+    actuator_schema.CableModel: (
+        "{points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: shortening, stiffness: 2.0e3, range: [0.0, 0.05], "
+        "rate: 0.1}",
+    ),
+    actuator_schema.ChamberModel: (
+        "{near: [0.1, 0.0, 0.0], command: pressure, range: [-10.0e3, 40.0e3], rate: 20.0e3}",
+        "{cavity: 0, command: volume}",
+        "{where: {set: inner_wall}}",
+    ),
+    actuator_schema.GrowthModel: (
+        "{stretch: [0.92, 1.0, 1.0], where: {box: {z: [0.0, 0.01]}}, range: [0.0, 1.0], rate: 0.5}",
+    ),
+    actuator_schema.LoadModel: (
+        "gravity: [0, 0, -9.81]",
+        "point: {at: [0.2, 0.0, 0.0], force: [0, 0, -1]}",
+        "surface: {where: {face: z+}, force: [0, 0, -1]}",
+    ),
+    actuator_schema.PointLoadModel: ("{at: [0.2, 0.0, 0.0], force: [0, 0, -1]}",),
+    actuator_schema.SurfaceLoadModel: (
+        "{where: {face: z+}, traction: [0, 0, -1.0e3]}",
+        "{where: {face: z+}, force: [0, 0, -1]}",
+    ),
+    schema.ProgramModel: (
+        "{duration: 1.0, handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0, 0, 0.1]}]}, actuators: {tendon: "
+        "[{time: 1.0, value: 5.0}]}, loads: {weight: [{time: 0.0, value: 0.0}, {time: 0.5, value: 1.0}]}}",
+    ),
+    schema.KeyframeModel: ("{time: 1.0, translation: [0, 0, 0.1], rotation_deg: [0, 90, 0]}",),
+    schema.PointModel: ("{time: 1.0, value: 5.0}",),
+    schema.SolverModel: (
+        "{policy: energy, tolerance: 1.0e-5, steps: 20, max_iterations: 500, threads: 2, "
+        "skip: [solve, dormant elements]}",
+    ),
+}
+"""Texts of each kind of entry; those of one kind that exclude each other stand in texts of their own."""

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The keys of a scene file as Markdown: the reference in docs/scene.md, generated so that it cannot drift.
+
+``python -m gdfe_ros.scene.reference`` prints it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from enum import Enum
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import yaml
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from gdfe_ros.scene.entry import Choice
+from gdfe_ros.scene.examples import EXAMPLES
+from gdfe_ros.scene.keys import find_quantity
+from gdfe_ros.scene.quantity import ANY, Quantity
+from gdfe_ros.scene.schema import SceneModel
+
+_WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text"}
+
+
+def markdown() -> str:
+    """Return a section for each kind of entry: what it is, its keys, and examples."""
+    return "\n".join(_section(model) for model in models())
+
+
+def models() -> list[type[BaseModel]]:
+    """Return the kinds of entries, the whole file first, each before what stands inside of it."""
+    found: list[type[BaseModel]] = [SceneModel]
+    for model in found:
+        for field in model.model_fields.values():
+            found += [inner for inner in _inside(field.annotation) if inner not in found]
+    return found
+
+
+def meaning_of(field: FieldInfo) -> str:
+    """Say what a key means: its description, that of its number, or that of the entry that stands there."""
+    quantity = find_quantity(field)
+    inner = next(iter(_inside(field.annotation)), None)
+    if field.description:
+        return field.description
+    return quantity.meaning if quantity else _summary(inner) if inner else ""
+
+
+def _section(model: type[BaseModel]) -> str:
+    head = ("key", "what it is", "form", "unit", "range", "default")
+    only = issubclass(model, Choice)
+    rows = (_row(name, field, optional=only) for name, field in model.model_fields.items())
+    lines = [f"### {_title(model)}", "", _summary(model)]
+    if only and model.options:
+        lines[-1] += f" Beside it may stand: {', '.join(f'`{name}`' for name in model.options)}."
+    lines += ["", *(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)), ""]
+    return "\n".join([*lines, "```yaml", "\n# or\n".join(example.strip() for example in EXAMPLES[model]), "```", ""])
+
+
+def _row(name: str, field: FieldInfo, *, optional: bool) -> tuple[str, ...]:
+    quantity = find_quantity(field)
+    unit, bounds = (quantity.unit, _range(quantity)) if quantity else ("", "")
+    default = "required" if field.is_required() else "" if optional and field.default is None else _value(field.default)
+    return f"`{name}`", meaning_of(field), _form(field.annotation, quantity), unit, bounds, default
+
+
+def _form(annotation: Any, quantity: Quantity | None) -> str:
+    """Say what is written there: a number, one of some words, an entry (with a link), a list or mapping of them."""
+    if quantity is not None:
+        noun = "whole number" if quantity.whole else "number"
+        return noun if quantity.count is None else f"{'' if quantity.count == ANY else quantity.count} {noun}s".strip()
+    annotation, arguments = _bare(annotation), get_args(_bare(annotation))
+    origin = get_origin(annotation)
+    if origin is Literal:
+        return " or ".join(f"`{word}`" for word in arguments)
+    if isinstance(annotation, type) and issubclass(annotation, Enum):
+        return " or ".join(f"`{item.value}`" for item in annotation)
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return f"[{_title(annotation)}](#{_anchor(annotation)})"
+    if origin in (Union, UnionType):
+        return " or ".join(_form(choice, None) for choice in arguments)
+    if origin is dict:
+        return f"name: {_form(arguments[1], find_quantity(arguments[1]))}"
+    if origin is tuple:
+        return f"list of {_form(arguments[0], find_quantity(arguments[0]))}"
+    return _WORDS.get(annotation, "path")
+
+
+def _range(quantity: Quantity) -> str:
+    low = quantity.above if quantity.above is not None else quantity.least
+    high = quantity.below if quantity.below is not None else quantity.most
+    parts = []
+    if low is not None:
+        parts.append(f"{'>' if quantity.above is not None else '≥'} {low:g}")
+    if high is not None:
+        parts.append(f"{'<' if quantity.below is not None else '≤'} {high:g}")
+    return ", ".join([*parts, "ascending"] if quantity.ascending else parts)
+
+
+def _value(value: Any) -> str:
+    """Write a default as YAML."""
+    if value is None or value == "" or value == () or value == {}:
+        return "none"
+    if isinstance(value, BaseModel):
+        return "as below"
+    if isinstance(value, tuple) and all(isinstance(item, Enum) for item in value):
+        return "all of them"
+    plain = value.value if isinstance(value, Enum) else list(value) if isinstance(value, tuple) else value
+    return f"`{yaml.safe_dump(plain, default_flow_style=True).splitlines()[0]}`"
+
+
+def _inside(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Find the entries that an annotation speaks of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+        return
+    arguments: Iterable[Any] = get_args(annotation)
+    for argument in arguments:
+        yield from _inside(argument)
+
+
+def _bare(annotation: Any) -> Any:
+    """Strip Annotated and Optional."""
+    if get_origin(annotation) is Annotated:
+        return _bare(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        choices = [choice for choice in get_args(annotation) if choice is not type(None)]
+        return _bare(choices[0]) if len(choices) == 1 else annotation
+    return annotation
+
+
+def _summary(model: type[BaseModel]) -> str:
+    return " ".join((model.__doc__ or "").split("\n\n")[0].split())
+
+
+def _title(model: type[BaseModel]) -> str:
+    words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", model.__name__.removesuffix("Model"))
+    return words.capitalize()
+
+
+def _anchor(model: type[BaseModel]) -> str:
+    return _title(model).lower().replace(" ", "-")
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The calibration of Sec. 4.2.1: our bars follow Eq. 7."""
+
+from __future__ import annotations
+
+import pytest
+
+from gdfe_ros.analysis import calibration
+from gdfe_ros.solver.relative.shape_factor import geometric_ratio
+
+
+def test_published_ratio_inverts_eq_7() -> None:
+    """Map to R_G and back."""
+    for ratio in (1.5, 7.0, 59.4):
+        assert calibration.published_ratio(float(geometric_ratio(ratio))) == pytest.approx(ratio)
+    assert calibration.published_ratio(1.0) == 1.0
+
+
+def test_bars_follow_the_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stretch bars of R_G 1, 5 and 30: mean strains within 20 % of Eq. 7, equal halves alike."""
+    monkeypatch.setattr(calibration, "RATIOS", (1.0, 5.0, 30.0))
+    points = calibration.calibrate(10)
+    assert all(point.converged for point in points)
+    assert points[0].strain == pytest.approx(1.0, abs=1e-3)
+    for point in points[1:]:
+        assert point.strain == pytest.approx(point.published, rel=0.2)

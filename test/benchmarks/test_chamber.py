@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bending tube against FElupe with quadratic hexahedra on the same mesh."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.chamber import PRESSURES, SCENE, chamber_table, deviation, follow
+from benchmarks.chamber_reference import solve_chamber
+from gdfe_ros import load_scene
+
+DATA = Path(__file__).parents[1] / "data"
+
+
+def test_tube_agrees_with_quadratic_elements_over_its_whole_program() -> None:
+    """Stay within 2 % of the tip's displacement at every pressure, up to more than 90 degrees."""
+    reference, scene = np.load(DATA / "reference" / f"{SCENE}_felupe.npz"), load_scene(SCENE)
+    np.testing.assert_array_equal(reference["pressure"], PRESSURES)
+    assert max(point.value for point in scene.program.actuators["air"]) == PRESSURES[-1]
+    found = follow(scene, PRESSURES)
+    assert deviation(scene, found.tip, reference["tip"]).max() < 0.02
+    assert found.angle[-1] > 90.0
+    assert np.diff(found.angle).min() > 0.0
+
+
+def test_kept_report_is_of_the_kept_reference() -> None:
+    """Find the same figures in the report that README shows, and errors that follow from them."""
+    report = json.loads((DATA / "chamber.json").read_text())
+    reference = np.load(DATA / "reference" / f"{SCENE}_felupe.npz")
+    np.testing.assert_array_equal(report["felupe"], reference["tip"])
+    errors = deviation(load_scene(SCENE), np.array(report["tip"]), reference["tip"])
+    np.testing.assert_allclose(report["error"], errors, rtol=1e-12)
+    assert f"{100 * errors[-1]:.2f} |" in chamber_table(report)
+
+
+@pytest.mark.slow
+def test_felupe_finds_the_kept_reference() -> None:
+    """Run FElupe to the first pressures: the tips that are kept."""
+    from pypardiso import spsolve
+
+    reference, scene = np.load(DATA / "reference" / f"{SCENE}_felupe.npz"), load_scene(SCENE)
+    tip = solve_chamber(scene, scene.actuators[0], "tip", PRESSURES[:2], solver=spsolve)
+    np.testing.assert_allclose(tip, reference["tip"][:2], atol=1e-7)

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Peers are measured fairly, named when missing, and their results survive the trip between processes."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+from benchmarks.cases import CASES, Case, CaseName
+from benchmarks.fine_model import condensed_solve, invert_blocks
+from benchmarks.grids import Grid
+from benchmarks.peers import PeerError, PeerResult, PeerSolution, Solver, Variant, load_peer, run_peer
+from benchmarks.peers.mujoco_model import Drive, node_masses, tetrahedra, write_model
+from benchmarks.peers.peer import plate_reaction, worker_environment
+from benchmarks.peers.worker import measure
+from benchmarks.references import load_reference
+
+
+class Stopwatch:
+    """A peer whose runs take the given times."""
+
+    def __init__(self, *times: float) -> None:
+        self.left = list(times)
+
+    def available(self) -> str | None:
+        """Be there."""
+        return None
+
+    def variants(self, case: Case) -> tuple[Variant, ...]:
+        """Have nothing to show."""
+        return ()
+
+    def solve(self, case: Case, variant: Variant, points: np.ndarray) -> PeerSolution:
+        """Claim to have taken the next time."""
+        return PeerSolution(
+            displacement=points,
+            reaction=np.zeros(6),
+            time_setup=0.0,
+            time_solve=self.left.pop(0),
+            settings={},
+        )
+
+
+@pytest.mark.parametrize(
+    ("times", "counted"),
+    [
+        ((0.9, 0.1, 0.2, 0.3, 9.9), [0.1, 0.2, 0.3]),
+        ((2.0, 2.1, 2.2, 9.9), [2.0, 2.1, 2.2]),
+        ((12.0, 9.9), [12.0]),
+    ],
+)
+def test_short_runs_are_warmed_up_and_long_ones_are_not_repeated(times, counted) -> None:
+    """Drop the first of short runs, count all of medium ones and make a long one once."""
+    case, variant = CASES[CaseName.TENSILE], Variant(label="", element="", cells=(2, 1, 1))
+    runs = measure(Stopwatch(*times), case, variant, load_reference(case.name), repeats=3)
+    assert [run.time_solve for run in runs] == counted
+
+
+def test_results_survive_json() -> None:
+    """Rebuild an equal result from its text."""
+    result = PeerResult(
+        solver=Solver.MUJOCO,
+        label="quadratic 10x1x1",
+        scene="bend5",
+        mesh="10x1x1 quadratic",
+        time_setup=0.1,
+        time_solve=0.2,
+        mean_error=0.003,
+        max_error=0.004,
+        reaction=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+        settings={"steps": 3, "warnings": ["none to speak of"]},
+    )
+    assert PeerResult.from_json(json.loads(json.dumps(result.to_json()))) == result
+
+
+def test_a_missing_peer_is_named_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Say that ccx is missing and how to install it, instead of skipping it."""
+    monkeypatch.setenv("PATH", "/nowhere")
+    variant = load_peer(Solver.CALCULIX).variants(CASES[CaseName.TENSILE])[0]
+    with pytest.raises(PeerError, match="apt-get install calculix-ccx"):
+        run_peer(Solver.CALCULIX, CaseName.TENSILE, variant)
+
+
+def test_a_failing_worker_is_reported_with_the_end_of_its_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Turn an error inside the worker into one that names the run and the cause."""
+    module = load_peer(Solver.CALCULIX)
+    monkeypatch.setattr(module, "available", lambda: None)
+    variant = Variant(label="C3D99 2x1x1", element="C3D99", cells=(2, 1, 1))
+    with pytest.raises(PeerError, match=r"calculix, tensile, C3D99 2x1x1.*\n(.*\n)*.*C3D99"):
+        run_peer(Solver.CALCULIX, CaseName.TENSILE, variant)
+
+
+def test_workers_have_their_threads_pinned() -> None:
+    """Set every library's thread count, that of CalculiX included."""
+    environment = worker_environment(1)
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "CCX_NPROC_EQUATION_SOLVER"):
+        assert environment[name] == "1"
+
+
+@pytest.mark.parametrize("solver", list(Solver))
+@pytest.mark.parametrize("name", list(CaseName))
+def test_every_variant_fits_its_scene(solver: Solver, name: CaseName) -> None:
+    """Offer variants with distinct names whose cells follow the segments."""
+    case = CASES[name]
+    variants = load_peer(solver).variants(case)
+    labels = [variant.label for variant in variants]
+    assert len(set(labels)) == len(labels)
+    for variant in variants:
+        case.grid(variant.cells)
+    assert bool(variants) == (solver is not Solver.MUJOCO or name in (CaseName.BEND5, CaseName.TWIST90_UNIFORM))
+
+
+def test_the_papers_mesh_is_always_among_the_meshes() -> None:
+    """Show FElupe and CalculiX on the paper's own mesh in every scene."""
+    for solver in (Solver.FELUPE, Solver.CALCULIX):
+        for case in CASES.values():
+            assert case.cells in {variant.cells for variant in load_peer(solver).variants(case)}
+
+
+def test_the_reaction_is_the_wrench_about_the_deformed_plate() -> None:
+    """Sum the plate's forces and their moments about where the plate is now."""
+    grid = Grid(size=(1.0, 1.0, 1.0), cells=(1, 1, 1))
+    forces, displacement = np.zeros((8, 3)), np.tile([0.0, 0.0, 0.5], (8, 1))
+    forces[grid.face(right=True)] = [[0, 1, 0], [0, 1, 0], [0, -1, 0], [2, -1, 0]]
+    np.testing.assert_allclose(plate_reaction(grid, displacement, forces), [2, 0, 0, 2, 1, -1])
+
+
+def test_the_mujoco_model_has_a_body_for_every_moving_node() -> None:
+    """Make bodies of all nodes but the clamped ones and one flex of each segment, shared at the borders."""
+    case = CASES[CaseName.BEND5]
+    grid = case.grid((10, 1, 1), order=2)
+    root = ElementTree.fromstring(write_model(case, grid, Drive.HEAVY, timestep=0.2))
+    bodies, flexes = root.findall("worldbody/body"), root.findall("deformable/flex")
+    assert len(bodies) == len(grid.points()) - 9
+    along = [float(body.get("pos").split()[0]) for body in bodies]
+    assert along == sorted(along), "bodies in slices across the bar keep MuJoCo's factor narrow"
+    assert [flex.find("elasticity").get("young") for flex in flexes] == ["100000", "80000", "60000", "40000", "20000"]
+    nodes = [flex.get("node").split() for flex in flexes]
+    assert set(nodes[0][-9:]) == set(nodes[1][:9])
+    assert nodes[0][:9] == ["world"] * 9
+
+
+def test_mujoco_nodes_run_fastest_along_z() -> None:
+    """List the nodes of a flex as MuJoCo counts them."""
+    case = CASES[CaseName.TWIST90_UNIFORM]
+    grid = case.grid((2, 1, 1))
+    root = ElementTree.fromstring(write_model(case, grid, Drive.MOCAP, timestep=0.2))
+    nodes = [int(name.removeprefix("node")) for name in root.find("deformable/flex").get("node").split()[4:]]
+    points = grid.points()[nodes]
+    order = np.lexsort((points[:, 2], points[:, 1], points[:, 0]))
+    np.testing.assert_array_equal(order, np.arange(len(nodes)))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_nodal_masses_sum_to_the_mass_of_the_bar(order: int) -> None:
+    """Lump the whole mass to the nodes, symmetrically and positive."""
+    masses = node_masses(Grid(size=(0.5, 0.05, 0.05), cells=(5, 2, 3), order=order))
+    assert masses.sum() == pytest.approx(10.0 * 0.5 * 0.05 * 0.05)
+    assert masses.min() > 0
+    np.testing.assert_allclose(masses, masses[::-1], rtol=1e-12)
+
+
+def test_embedded_tetrahedra_fill_the_bar() -> None:
+    """Cut the bar into positive tetrahedra without gaps."""
+    grid = Grid(size=(0.5, 0.05, 0.05), cells=(3, 2, 1))
+    corners = grid.points()[tetrahedra(grid)]
+    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
+    assert volumes.min() > 0
+    assert volumes.sum() == pytest.approx(0.5 * 0.05 * 0.05)
+
+
+def test_mujoco_has_no_ogden_law() -> None:
+    """Refuse a scene whose material MuJoCo does not have."""
+    case = CASES[CaseName.TWIST90]
+    with pytest.raises(ValueError, match="OgdenSeries"):
+        write_model(case, case.grid(), Drive.HEAVY, timestep=0.2)
+
+
+class Values:
+    """A field with nothing but values."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        self.values = values
+
+
+def test_condensed_cell_fields_give_the_solution_of_the_full_system() -> None:
+    """Eliminate pressure and volume ratio without changing the step of any field."""
+    grid, rng = Grid(size=(1.0, 1.0, 1.0), cells=(2, 1, 1)), np.random.default_rng(2)
+    n_u, n_p = 3 * len(grid.points()), 4 * grid.n_cells
+    stiffness = rng.normal(size=(n_u, n_u))
+    blocks = [scipy.sparse.block_diag([b @ b.T + 4 * np.eye(4) for b in rng.normal(size=(2, 4, 4))]) for _ in "MH"]
+    coupling, pivot, bulk = rng.normal(size=(n_u, n_p)), -blocks[0].toarray(), blocks[1].toarray()
+    zero, cross = np.zeros((n_p, n_p)), np.zeros((n_u, n_p))
+    full = np.block([[stiffness @ stiffness.T, coupling, cross], [coupling.T, zero, pivot], [cross.T, pivot.T, bulk]])
+    start, right = rng.normal(size=n_u + 2 * n_p), rng.normal(size=n_u + 2 * n_p)
+    fixed = np.array([0, 1, 2, 7])
+    free = np.setdiff1d(np.arange(n_u + 2 * n_p), fixed)
+    target = rng.normal(size=4)
+    state = type("State", (), {"fields": [Values(part) for part in np.split(start, [n_u, n_u + n_p])]})()
+    solve = condensed_solve(grid, lambda a, b: np.linalg.solve(a.toarray(), b))
+    step = solve(scipy.sparse.csr_matrix(full), right, state, free, fixed, target)
+    expected = np.zeros_like(step)
+    expected[fixed] = target - start[fixed]
+    expected[free] = np.linalg.solve(full[np.ix_(free, free)], (right - full @ expected)[free])
+    np.testing.assert_allclose(step, expected, rtol=1e-8, atol=1e-8)
+
+
+def test_blocks_are_inverted_one_by_one() -> None:
+    """Invert a matrix of 4x4 blocks."""
+    matrix = scipy.sparse.block_diag(np.random.default_rng(4).normal(size=(3, 4, 4)), format="csr")
+    np.testing.assert_allclose((invert_blocks(matrix) @ matrix).toarray(), np.eye(12), atol=1e-12)

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reference solutions are read back as written, and the error metric is the one that is published."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.cases import CASES, CaseName
+from benchmarks.references import (
+    Error,
+    Reference,
+    ReferenceKind,
+    load_reference,
+    measure_error,
+    reference_path,
+    save_reference,
+)
+
+
+def test_the_metric_is_the_ratio_of_means_and_of_maxima() -> None:
+    """Divide the mean distance by the mean motion and the largest distance by the largest motion."""
+    reference = np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 1.0]])
+    moved = reference + np.array([[0.0, 0.0, 0.3], [0.1, 0.0, 0.0]])
+    error = measure_error(moved, reference)
+    assert error.mean == pytest.approx((0.3 + 0.1) / (5.0 + 1.0))
+    assert error.maximum == pytest.approx(0.3 / 5.0)
+
+
+def test_a_perfect_solution_has_no_error() -> None:
+    """Return zero for the reference itself."""
+    reference = load_reference(CaseName.BEND5).displacement
+    assert measure_error(reference.copy(), reference) == Error(0.0, 0.0)
+
+
+def test_the_error_does_not_depend_on_units_or_frame() -> None:
+    """Keep the error when everything is scaled and turned."""
+    rng = np.random.default_rng(5)
+    reference, other = rng.normal(size=(2, 40, 3))
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    before, after = measure_error(other, reference), measure_error(7 * other @ turn, 7 * reference @ turn)
+    assert (after.mean, after.maximum) == pytest.approx((before.mean, before.maximum), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("displacement", "reference", "text"),
+    [
+        (np.zeros((2, 3)), np.ones((3, 3)), "shape"),
+        (np.array([[0, 0, 0], [0, np.nan, 0]]), np.ones((2, 3)), r"vertices \[1\]"),
+        (np.zeros((2, 3)), np.zeros((2, 3)), "does not move"),
+    ],
+)
+def test_meaningless_comparisons_are_refused(displacement, reference, text: str) -> None:
+    """Refuse other shapes, values that are not finite and a reference at rest."""
+    with pytest.raises(ValueError, match=text):
+        measure_error(displacement, reference)
+
+
+@pytest.mark.parametrize("name", list(CaseName))
+def test_references_are_sampled_on_the_papers_mesh(name: CaseName) -> None:
+    """Hold the scene's own vertices in the scene's own order, with the plate where the scene puts it."""
+    reference, grid = load_reference(name), CASES[name].grid()
+    np.testing.assert_allclose(reference.vertices, grid.points(), atol=1e-12)
+    np.testing.assert_array_equal(reference.displacement[grid.face(right=False)], 0.0)
+    face = grid.face(right=True)
+    target = CASES[name].plate_displacement(reference.vertices[face])
+    columns = slice(1, 3) if CASES[name].slides else slice(0, 3)
+    np.testing.assert_allclose(reference.displacement[face][:, columns], target[:, columns], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "mean", "maximum"),
+    [(CaseName.BEND5, 0.127, 0.189), (CaseName.TWIST90, 0.278, 0.382), (CaseName.TENSILE, 1.21, 2.10)],
+)
+def test_a_standard_fem_has_the_published_error(name: CaseName, mean: float, maximum: float) -> None:
+    """Measure on the same-mesh solutions the percentages that their makers state."""
+    same = load_reference(name, ReferenceKind.SAME_MESH)
+    error = measure_error(same.displacement, load_reference(name).displacement)
+    assert (100 * error.mean, 100 * error.maximum) == pytest.approx((mean, maximum), rel=0.01)
+
+
+def test_a_reference_survives_being_saved(tmp_path: Path) -> None:
+    """Read back every array and the meta data that were written."""
+    made = Reference(
+        vertices=np.arange(6.0).reshape(2, 3),
+        displacement=np.ones((2, 3)),
+        reaction=np.arange(6.0),
+        energy=2.5,
+        meta={"command": "made by hand", "mesh": [1, 1, 1]},
+    )
+    save_reference(reference_path(CaseName.BEND5, directory=tmp_path), made)
+    read = load_reference(CaseName.BEND5, directory=tmp_path)
+    np.testing.assert_array_equal(read.vertices, made.vertices)
+    np.testing.assert_array_equal(read.reaction, made.reaction)
+    assert (read.energy, read.meta) == (made.energy, made.meta)
+
+
+def test_a_missing_reference_names_the_file_and_the_remedy(tmp_path: Path) -> None:
+    """Say which file is missing and which command makes it."""
+    with pytest.raises(FileNotFoundError, match=r"tensile_fine\.npz.*fine_reference tensile"):
+        load_reference(CaseName.TENSILE, directory=tmp_path)
+
+
+def test_a_damaged_reference_is_refused(tmp_path: Path) -> None:
+    """Refuse displacements that do not fit the vertices."""
+    broken = Reference(
+        vertices=np.zeros((3, 3)), displacement=np.zeros((2, 3)), reaction=np.zeros(6), energy=0.0, meta={}
+    )
+    save_reference(reference_path(CaseName.BEND5, directory=tmp_path), broken)
+    with pytest.raises(ValueError, match="must both be"):
+        load_reference(CaseName.BEND5, directory=tmp_path)

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The list of robots, their table and their picture."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from benchmarks.robot_picture import draw_robots
+from benchmarks.robots import ROBOTS, Robot, measure, robot_table
+from gdfe_ros import load_scene
+
+KEPT = Path(__file__).parents[1] / "data" / "robots.json"
+
+
+def test_every_robot_has_a_program_that_reaches_its_moment() -> None:
+    """Load each scene: the picture's moment lies within the program."""
+    for robot in ROBOTS:
+        assert 0.0 < robot.moment <= load_scene(robot.scene).program.duration
+
+
+def test_kept_rates_are_of_these_robots() -> None:
+    """Find each robot at the mesh that its scene has now: rates of others would be shown for it."""
+    report = json.loads(KEPT.read_text())
+    assert [item["scene"] for item in report] == [robot.scene for robot in ROBOTS]
+    for item in report:
+        assert item["cells"] == load_scene(item["scene"]).mesh.n_cells
+
+
+def test_a_robot_is_measured_and_drawn(tmp_path: Path) -> None:
+    """Play the bar of two materials: a row of the table, and a picture that is one."""
+    found = measure(Robot("two_material_bar", "stretches", 0.2))
+    assert found["converged"]
+    assert "| `two_material_bar` | stretches | 384 |" in robot_table([found])
+    draw_robots(tmp_path / "robots.png", [Robot("two_material_bar", "stretches", 0.2)])
+    assert (tmp_path / "robots.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmark of skipped work: what it counts, and that the two states it compares are the same."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.brush import Brush
+from benchmarks.savings import saving_table, small_savings
+from gdfe_ros.mesh.quality import check_mesh
+
+
+@pytest.mark.parametrize(("rows", "length"), [((4, 2), 20), ((20, 5), 40)])
+def test_a_brush_is_a_sound_body(rows: tuple[int, int], length: int) -> None:
+    """Make it small and large: cubes in one piece, every tip a plate of nine vertices."""
+    brush = Brush(rows=rows, length=length)
+    scene = brush.scene(brush.bristles)
+    assert not check_mesh(scene.mesh).defects
+    assert scene.mesh.n_cells == 4 * brush.bristles * length + brush.palm * (3 * rows[0] - 1) * (3 * rows[1] - 1)
+    assert {len(handle.vertices) for handle in scene.handles[1:]} == {9}
+
+
+def test_small_savings_change_nothing() -> None:
+    """Drive the bar with and without each small skip: all are counted, and no state leaves the tolerance."""
+    rows = small_savings()
+    assert [row.left for row in rows] == [625, 1250, 1250]
+    assert all(row.error < 1e-3 for row in rows)
+    assert saving_table(rows).count("\n") == 4

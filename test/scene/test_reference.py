@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The generated reference of the scene file: every key has a meaning, and examples that are valid use it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel, TypeAdapter
+
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene.document import parse_value
+from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.examples import EXAMPLES, SCENE
+from gdfe_ros.scene.reference import markdown, meaning_of, models
+
+
+@pytest.mark.parametrize("model", models(), ids=lambda model: model.__name__)
+def test_every_key_has_a_meaning_and_an_example(model: type[BaseModel], tmp_path: Path) -> None:
+    """Validate the examples of an entry: they are accepted and use each of its keys."""
+    (tmp_path / "measured.csv").write_text("strain,stress\n0.1,1.0e4\n0.5,4.0e4\n")
+    assert [name for name, field in model.model_fields.items() if not meaning_of(field)] == []
+    used = set()
+    for text in EXAMPLES[model]:
+        data = parse_value(text)
+        TypeAdapter(model).validate_python(data, context={"folder": tmp_path})
+        used |= set(data)
+    assert used == set(model.model_fields)
+
+
+def test_the_whole_example_can_be_simulated() -> None:
+    """Read the scene that uses every top-level key."""
+    assert scene_from_text(SCENE).mesh.n_cells == 32
+
+
+def test_a_table_row_says_unit_range_and_default() -> None:
+    """Look at one row of each kind."""
+    text = markdown()
+    assert "| `young` | Young's modulus | number | Pa | > 0, < 1e+13 | required |" in text
+    assert "| `tolerance` | tolerance, as a share of the body's size | number |  | ≥ 1e-12, ≤ 0.1 | `0.0001` |" in text
+    assert "[Handle](#handle)" in text
+
+
+def test_no_entry_of_the_schema_is_left_out() -> None:
+    """Find every entry that the schema declares among those that are printed."""
+
+    def descendants(kind: type) -> set[type]:
+        return {kind}.union(*(descendants(child) for child in kind.__subclasses__()))
+
+    abstract = {"Entry", "Choice", "Generated", "DriveModel", "_Common"}
+    declared = {kind for kind in descendants(Entry) if kind.__module__.startswith("gdfe_ros.scene")}
+    assert {kind for kind in declared if kind.__name__ not in abstract} == set(models())

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the error falls with the size of the elements, against closed forms: order two of displacements.
+
+A hollow sphere of incompressible neo-Hookean rubber under inner pressure. With A, B the radii at rest and a, b those
+under pressure, r^3 = R^3 + a^3 - A^3 everywhere, and a follows from the balance of forces (Green and Zerna 1954):
+p = mu [f(b/B) - f(a/A)] with f(q) = 2/q + 1/(2 q^4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from gdfe_ros import Command, Simulation
+from gdfe_ros.scene import scene_from_text
+
+INNER, OUTER, YOUNG, PRESSURE = 0.010, 0.015, 1.0e6, 1.0e5
+SCENE = """
+name: ball
+mesh: {{sphere: {{inner: {inner}, outer: {outer}, cells: {cells}}}}}
+materials: {{m: {{law: neo_hookean, young: {young}, poisson: 0.5}}}}
+regions: [{{material: m}}]
+handles: {{base: {{where: {{vertices: [0]}}, fixed: true}}}}
+actuators: {{air: {{chamber: {{command: pressure}}}}}}
+solver: {{tolerance: 1.0e-6}}
+"""
+
+
+def _exact(rest: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the displacements (n, 3) [m] of vertices about the centre."""
+
+    def surplus(inner: float) -> float:
+        outer = np.cbrt(OUTER**3 + inner**3 - INNER**3)
+        near, far = inner / INNER, outer / OUTER
+        return YOUNG / 3.0 * (2.0 / far + 0.5 / far**4 - 2.0 / near - 0.5 / near**4) - PRESSURE
+
+    inner = brentq(surplus, INNER, 1.3 * INNER, xtol=1e-15)
+    radius = np.linalg.norm(rest, axis=1, keepdims=True)
+    return rest * (np.cbrt(radius**3 + inner**3 - INNER**3) / radius - 1.0)
+
+
+def _error(cells: list[int]) -> float:
+    """Return the root mean square error of the displacements over that of the displacements."""
+    text = SCENE.format(inner=INNER, outer=OUTER, young=YOUNG, cells=cells)
+    simulation = Simulation(scene_from_text(text))
+    result = simulation.step(Command(actuators={"air": PRESSURE}))
+    assert result.converged, result.message
+    exact = _exact(simulation.mesh.vertices)
+    found = result.positions - result.positions.mean(axis=0) - simulation.mesh.vertices
+    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+
+
+def test_displacements_converge_with_order_two() -> None:
+    """Halve the elements of a pressed sphere twice: each time the error falls to a quarter."""
+    errors = [_error(cells) for cells in ([3, 2], [6, 4], [12, 8])]
+    rates = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(rates, 2.0, atol=0.1)
+    assert errors[-1] < 4e-3
