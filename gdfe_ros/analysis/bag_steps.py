@@ -68,6 +68,7 @@ class BagSteps:
     Attributes:
         topics: that are read.
         strays: messages met so far, by topic, whose step has no record in the bag (it was dropped or lost).
+        tail: the same behind the last record: the end of the recording may have cut their step off.
     """
 
     def __init__(self, run: BagRun, *, topics: Collection[str] | None = None) -> None:
@@ -82,6 +83,7 @@ class BagSteps:
                 )
             self.topics = {short: name for short, name in self.topics.items() if short in {*topics, RECORD}}
         self.strays: Counter[str] = Counter()
+        self.tail: Counter[str] = Counter()
 
     @property
     def prefix(self) -> str:
@@ -93,6 +95,7 @@ class BagSteps:
         keys = iter(step_keys(self.run.records))
         current, moment, early = None, 0, []
         self.strays.clear()
+        self.tail.clear()
         for message in self.run.reader.messages(list(self.topics.values())):
             short = self._short(message.topic)
             content = decode(message.type, message.data)
@@ -108,7 +111,7 @@ class BagSteps:
                 current.samples[short] = message_values(content)
         if current is not None:
             yield current
-        self.strays.update(short for short, _, _ in early)
+        self.tail.update(short for short, _, _ in early)
 
     def _of(self, moment: int, early: list[tuple[str, int, Any]]) -> dict[str, Values]:
         """Take what came before the record of its step; what is of another time is a stray."""
