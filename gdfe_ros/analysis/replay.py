@@ -109,7 +109,7 @@ class Replay:
         started = time.perf_counter()
         differences = Differences(self._run.scene)
         steps = BagSteps(self._run)
-        publication, unknown, failed = Publication(self.simulation), set(), 0
+        publication, unknown, failed = Publication(self.simulation), set(steps.foreign), 0
         for step, result in self.steps(steps):
             made = publication.values(result, step.record, step.samples)
             unknown |= step.samples.keys() - made.keys()

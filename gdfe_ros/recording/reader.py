@@ -16,7 +16,7 @@ from mcap.reader import McapReader, make_reader
 from mcap.records import Channel, Schema
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_file import RECORDING_RECORD, RUN_RECORD
+from gdfe_ros.recording.bag_file import RECORDING_RECORD, ROLE_KEY, RUN_RECORD
 from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY
 from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
 from gdfe_ros.recording.frames import require_sound_summary
@@ -135,6 +135,7 @@ def topic_of(channel: Channel, schema: Schema) -> TopicInfo:
         qos=Qos.from_rosbag2(profiles[0]) if profiles else Qos(),
         definition=schema.data.decode(),
         type_hash=channel.metadata.get("topic_type_hash", ""),
+        role=channel.metadata.get(ROLE_KEY, ""),
     )
 
 

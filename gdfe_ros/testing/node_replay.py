@@ -131,8 +131,8 @@ class NodeReplay:
             link.trigger("step")
 
     def _compare(self, again: BagRun, started: float) -> ReplayReport:
-        differences, unknown = Differences(self._run.scene), set()
-        recorded = BagSteps(self._run)
+        differences, recorded = Differences(self._run.scene), BagSteps(self._run)
+        unknown = set(recorded.foreign)
         for first, second in zip(recorded, BagSteps(again), strict=True):
             unknown |= first.samples.keys() - second.samples.keys()
             known = {topic: values for topic, values in first.samples.items() if topic in second.samples}
