@@ -146,7 +146,10 @@ class Session:
     def _switch_bag(self) -> str:
         self.flush()
         if self.bags.active:
-            return self.bags.finish()
+            text = self.bags.finish()
+            if self.bags.failed:
+                raise GdfeError(text)
+            return text
         text = self._begin_bag()
         self.stepper.repeat(self.stepper.begin)
         return text
