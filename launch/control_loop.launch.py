@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import List  # noqa: UP035 -- launch compares with this one
+
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -50,7 +52,8 @@ def generate_launch_description() -> LaunchDescription:
                 "record": ParameterValue(LaunchConfiguration("record"), value_type=bool),
                 "publish_clock": ParameterValue(LaunchConfiguration("publish_clock"), value_type=bool),
                 "scene_overrides": ParameterValue(
-                    ["['solver.tolerance=", LaunchConfiguration("tolerance"), "']"], value_type=list[str]
+                    ["['solver.tolerance=", LaunchConfiguration("tolerance"), "']"],
+                    value_type=List[str],  # noqa: UP006
                 ),
             }
         ],
