@@ -48,15 +48,23 @@ def write_csv(rows: Iterable[Row], path: Path, known: Columns) -> None:
         writer.writerows(rows)
 
 
-def write_parquet(rows: Iterable[Row], path: Path, known: Columns) -> None:
-    """Write rows; a column's unit is the entry ``unit`` of its metadata. What a row does not have becomes null."""
+def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None) -> None:
+    """Write rows; what a row does not have becomes null.
+
+    Args:
+        rows: of any columns.
+        path: of the file.
+        known: tells units, which become the entry ``unit`` of the columns' metadata; None: no units.
+    """
     import pyarrow
     import pyarrow.parquet
 
     rows = list(rows)
     table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns(rows)})
-    fields = [field.with_metadata({"unit": known.unit(field.name)}) for field in table.schema]
-    pyarrow.parquet.write_table(table.cast(pyarrow.schema(fields)), path)
+    if known is not None:
+        fields = [field.with_metadata({"unit": known.unit(field.name)}) for field in table.schema]
+        table = table.cast(pyarrow.schema(fields))
+    pyarrow.parquet.write_table(table, path)
 
 
 def columns(rows: Iterable[Mapping[str, Any]]) -> list[str]:
