@@ -64,6 +64,7 @@ class TipTracking(Node):
         self._parts: dict[int, dict[str, Any]] = {}
         self._sent: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=100)
         self._applied: NDArray[np.float64] | None = None
+        self._text = ""
         self._delays: deque[float] = deque(maxlen=9)
         self._last = self._ahead = 0.0
         self._commands = self.create_publisher(Float64MultiArray, f"{name}/commands", 10)
@@ -100,7 +101,9 @@ class TipTracking(Node):
             self.get_logger().warning(f"no Jacobian: {response.message}")
 
     def _take_scene(self, message: String) -> None:
-        self._scene = scene_from_text(message.data)
+        if message.data == self._text:  # published again, e.g. for a bag
+            return
+        self._text, self._scene = message.data, scene_from_text(message.data)
         self._tracker = self._start = self._waiting_since = self._applied = None
 
     def _take_jacobian(self, message: Float64MultiArray) -> None:

@@ -171,9 +171,8 @@ def _record(data: mmap, place: int, end: int) -> McapRecord:
     record = kind.read(stream)
     if stream.count != len(content):
         raise McapError(f"a record of {len(content)} B has content for {stream.count} B")
-    if kind is Attachment and int.from_bytes(content[-_CHECKSUM:], "little") not in (
-        0,
-        zlib.crc32(content[:-_CHECKSUM]),
-    ):
-        raise McapError("an attachment does not match its checksum")
+    if kind is Attachment:
+        checksum = int.from_bytes(content[-_CHECKSUM:], "little")
+        if checksum and checksum != zlib.crc32(content[:-_CHECKSUM]):
+            raise McapError("an attachment does not match its checksum")
     return record
