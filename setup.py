@@ -46,6 +46,8 @@ EXTRAS = {
         "hypothesis>=6.100",
         "ruff==0.17.5",
         "mcap-ros2-support>=0.6",
+        "catkin-pkg>=1.0",
+        "docutils>=0.20",
         "selenium>=4.20",
         "av>=14.0",
     ],

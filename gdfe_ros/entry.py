@@ -11,8 +11,12 @@ from contextlib import contextmanager
 from importlib import import_module
 from types import FrameType
 
+from gdfe_ros.errors import DependencyError
+
 INTERRUPTED = 130
 """Exit status of an interrupted command, as shells have it; that of a node is 0."""
+BAD_MACHINE = 2
+"""Exit status where something is missing that everything needs."""
 
 
 def gdfe() -> int:
@@ -38,7 +42,8 @@ def tip_tracking() -> int:
 def quiet_imports(name: str, status: int) -> Iterator[None]:
     """End the process at once where SIGINT arrives inside: nothing is open yet that would have to be finished.
 
-    KeyboardInterrupt will not do: libraries catch it while they probe what is installed, and go on.
+    KeyboardInterrupt will not do: libraries catch it while they probe what is installed, and go on. A dependency that
+    is too old ends it, too, in one line.
     """
 
     def end(number: int, frame: FrameType | None) -> None:
@@ -48,5 +53,8 @@ def quiet_imports(name: str, status: int) -> Iterator[None]:
     before = signal.signal(signal.SIGINT, end)
     try:
         yield
+    except DependencyError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        raise SystemExit(BAD_MACHINE) from error
     finally:
         signal.signal(signal.SIGINT, before)

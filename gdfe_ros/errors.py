@@ -37,5 +37,9 @@ class CommandError(GdfeError):
     """A command that cannot be carried out; the state is unchanged."""
 
 
+class DependencyError(ImportError):
+    """A package that this one needs is too old."""
+
+
 class RecordingError(GdfeError):
     """A bag that cannot be written, read or recovered."""

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import List  # noqa: UP035 -- launch compares with this one
+
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -27,6 +29,10 @@ def generate_launch_description() -> LaunchDescription:
             "scene", default_value="three_chamber_arm", description="a scene with actuators and probes"
         ),
         DeclareLaunchArgument("clock", default_value="lockstep", description="lockstep, or wall for real time"),
+        DeclareLaunchArgument(
+            "publish_clock", default_value="true", description="publish /clock: the circle is timed by the simulation"
+        ),
+        DeclareLaunchArgument("tolerance", default_value="1.0e-4", description="of the solver; smaller is slower"),
         DeclareLaunchArgument("record", default_value="false", description="write a bag"),
         *(
             DeclareLaunchArgument(name, default_value=default, description=meaning)
@@ -44,7 +50,11 @@ def generate_launch_description() -> LaunchDescription:
                 "scene": LaunchConfiguration("scene"),
                 "clock": LaunchConfiguration("clock"),
                 "record": ParameterValue(LaunchConfiguration("record"), value_type=bool),
-                "scene_overrides": ["solver.tolerance=1.0e-6"],
+                "publish_clock": ParameterValue(LaunchConfiguration("publish_clock"), value_type=bool),
+                "scene_overrides": ParameterValue(
+                    ["['solver.tolerance=", LaunchConfiguration("tolerance"), "']"],
+                    value_type=List[str],  # noqa: UP006
+                ),
             }
         ],
         output="screen",

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,10 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.scene import Scene, scene_from_text
+
+RECORD = "step_record"
 
 
 class BagRun:
@@ -28,12 +31,18 @@ class BagRun:
 
     Raises:
         RecordingError: no bag there, or not of this package's node.
+
+    Attributes:
+        reader: of the bag.
+        roles: names of the topics by what they are to the node, e.g. ``handles/tip/pose``, whatever they were remapped
+            to. Where the bag does not say so, by name: topics below the node's have the rest of it, others all.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.reader = BagReader(path)
         self._decode = array_decoder(self.reader.topics.values())
-        if self.reader.run is None or not self.topics("/step_record"):
+        self.roles = _roles(self.reader.topics.values())
+        if self.reader.run is None or not self.topics(f"/{RECORD}"):
             raise RecordingError(f"bag {path} was not recorded by sim_node; it has {sorted(self.reader.topics)}")
 
     @property
@@ -54,11 +63,11 @@ class BagRun:
     @cached_property
     def records(self) -> list[StepRecord]:
         """The record of each step, in order."""
-        return [StepRecord.from_json(message.data) for _, message in self.messages("/step_record")]
+        return [StepRecord.from_json(message.data) for _, message in self.messages(f"/{RECORD}")]
 
     def topics(self, ending: str) -> list[str]:
-        """Return the names of the topics that end so, sorted."""
-        return sorted(name for name in self.reader.topics if name.endswith(ending))
+        """Return the names of the topics whose role, after a ``/``, ends so, sorted."""
+        return sorted(name for role, name in self.roles.items() if f"/{role}".endswith(ending))
 
     def messages(self, ending: str) -> Iterator[tuple[int, Any]]:
         """Iterate over log time [ns] and decoded message of the topics that end so."""
@@ -84,11 +93,19 @@ class BagRun:
     def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
         """Return by handle the last force [N] and moment [N m] that it exerts on the body."""
         wrenches = {}
-        for topic in self.topics("/wrench"):
-            _, message = _last(self.messages(topic))
+        for role in sorted(role for role in self.roles if role.endswith("/wrench")):
+            _, message = _last(self.messages(f"/{role}"))
             force, torque = message.wrench.force, message.wrench.torque
-            wrenches[topic.split("/")[-2]] = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
+            wrenches[role.split("/")[-2]] = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
         return wrenches
+
+
+def _roles(topics: Iterable[TopicInfo]) -> dict[str, str]:
+    """Name the topics by their roles."""
+    known = {topic.name: topic.role for topic in topics}
+    record = next((name for name in known if name.endswith(f"/{RECORD}")), "")
+    prefix = record.removesuffix(RECORD) or "//"
+    return {role or name.removeprefix(prefix): name for name, role in known.items()}
 
 
 def _last(items: Iterator[Any]) -> Any:

@@ -8,16 +8,15 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.bag_run import RECORD, BagRun
 from gdfe_ros.analysis.message_values import Values, message_values, record_values
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.step_record import StepRecord
 
-RECORD = "step_record"
 _INPUTS = frozenset({"target", "velocity", "actuation", "commands", "trajectory"})
 """Last parts of topics that the node listens to; what it made of them stands in the step record."""
-_OTHERS = frozenset({"topology", "scene", "markers", "jacobian"})
+_OTHERS = frozenset({"topology", "scene", "markers", "jacobian", "/clock"})
 """Topics of the node that are not published once a step."""
 
 StepKey = tuple[int, int]
@@ -31,7 +30,7 @@ class BagStep:
     Attributes:
         record: what it consumed and how it went.
         key: names it across runs.
-        samples: arrays by topic (without the node's name) and field; ``step_record`` among them.
+        samples: arrays by topic (its role) and field; ``step_record`` among them.
     """
 
     record: StepRecord
@@ -66,14 +65,18 @@ class BagSteps:
         topics: names without the node's, e.g. ``mesh``; None: all that are published once a step.
 
     Attributes:
-        topics: that are read.
+        topics: that are read, name by role.
+        foreign: topics with messages of which nothing tells what they are: they cannot be compared.
         strays: messages met so far, by topic, whose step has no record in the bag (it was dropped or lost).
+        tail: the same behind the last record: the end of the recording may have cut their step off.
     """
 
     def __init__(self, run: BagRun, *, topics: Collection[str] | None = None) -> None:
         self.run = run
-        names = {self._short(name): name for name in run.reader.topics}
-        self.topics = {short: name for short, name in names.items() if _is_step_topic(short)}
+        self._roles = {name: role for role, name in run.roles.items()}
+        self.topics = {role: name for role, name in run.roles.items() if _is_step_topic(role)}
+        known = {*self.topics.values(), *(name for role, name in run.roles.items() if _is_known(role))}
+        self.foreign = sorted(name for name, count in run.reader.counts.items() if count and name not in known)
         if topics is not None:
             missing = sorted(set(topics) - set(self.topics))
             if missing:
@@ -82,19 +85,16 @@ class BagSteps:
                 )
             self.topics = {short: name for short, name in self.topics.items() if short in {*topics, RECORD}}
         self.strays: Counter[str] = Counter()
-
-    @property
-    def prefix(self) -> str:
-        """Full name of the node that recorded."""
-        return self.run.topics(f"/{RECORD}")[0].removesuffix(f"/{RECORD}")
+        self.tail: Counter[str] = Counter()
 
     def __iter__(self) -> Iterator[BagStep]:
         decode = array_decoder(self.run.reader.topics.values())
         keys = iter(step_keys(self.run.records))
         current, moment, early = None, 0, []
         self.strays.clear()
+        self.tail.clear()
         for message in self.run.reader.messages(list(self.topics.values())):
-            short = self._short(message.topic)
+            short = self._roles[message.topic]
             content = decode(message.type, message.data)
             if short == RECORD:
                 if current is not None:
@@ -108,16 +108,18 @@ class BagSteps:
                 current.samples[short] = message_values(content)
         if current is not None:
             yield current
-        self.strays.update(short for short, _, _ in early)
+        self.tail.update(short for short, _, _ in early)
 
     def _of(self, moment: int, early: list[tuple[str, int, Any]]) -> dict[str, Values]:
         """Take what came before the record of its step; what is of another time is a stray."""
         self.strays.update(short for short, time, _ in early if time != moment)
         return {short: message_values(content) for short, time, content in early if time == moment}
 
-    def _short(self, topic: str) -> str:
-        return topic.removeprefix(f"{self.prefix}/")
+
+def _is_step_topic(role: str) -> bool:
+    return not role.startswith("/") and not _is_known(role)
 
 
-def _is_step_topic(name: str) -> bool:
-    return not name.startswith("/") and name not in _OTHERS and name.rpartition("/")[2] not in _INPUTS
+def _is_known(role: str) -> bool:
+    """Tell whether a topic of the node needs no comparison."""
+    return role in _OTHERS or (not role.startswith("/") and role.rpartition("/")[2] in _INPUTS)

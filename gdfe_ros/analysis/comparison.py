@@ -10,7 +10,7 @@ from typing import Any
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagStep, BagSteps, StepKey, step_keys
-from gdfe_ros.analysis.difference import Differences
+from gdfe_ros.analysis.difference import Differences, Verdict
 from gdfe_ros.scene.document import parse_document
 
 
@@ -21,12 +21,21 @@ class Comparison:
     Attributes:
         differences: of the steps that both bags have.
         only: number of steps that only the first and only the second bag has.
+        foreign: topics of the first and of the second bag of which nothing tells what they are; not compared.
         scene_changes: by dotted key what the scenes of the first and the second bag say, where that differs.
     """
 
     differences: Differences
     only: tuple[int, int]
+    foreign: tuple[list[str], list[str]]
     scene_changes: dict[str, tuple[Any, Any]]
+
+    def verdict(self, factor: float = 0.0) -> Verdict:
+        """Judge as ``Differences.verdict``; runs of different steps differ, and what is not compared is no success."""
+        if any(self.only) or not self.differences.steps:
+            return Verdict.DIFFERENT
+        verdict = self.differences.verdict(factor)
+        return Verdict.INCOMPLETE if any(self.foreign) and verdict is not Verdict.DIFFERENT else verdict
 
 
 def compare_bags(first: str | Path, second: str | Path) -> Comparison:
@@ -43,7 +52,8 @@ def compare_bags(first: str | Path, second: str | Path) -> Comparison:
     keys = [step_keys(run.records) for run in runs]
     common = set(keys[0]) & set(keys[1])
     differences = Differences(runs[0].scene)
-    pairs = zip(*(_chosen(run, common) for run in runs), strict=True)
+    steps = [BagSteps(run) for run in runs]
+    pairs = zip(*(_chosen(source, common) for source in steps), strict=True)
     waiting: tuple[dict[StepKey, BagStep], dict[StepKey, BagStep]] = {}, {}
     # A reset puts stamps back, so that equal keys may come in another order.
     for pair in pairs:
@@ -52,11 +62,11 @@ def compare_bags(first: str | Path, second: str | Path) -> Comparison:
         for key in waiting[0].keys() & waiting[1].keys():
             differences.add(key, waiting[0].pop(key).samples, waiting[1].pop(key).samples)
     only = len(keys[0]) - len(common), len(keys[1]) - len(common)
-    return Comparison(differences, only, _scene_changes(*runs))
+    return Comparison(differences, only, (steps[0].foreign, steps[1].foreign), _scene_changes(*runs))
 
 
-def _chosen(run: BagRun, keys: set[StepKey]) -> Iterator[BagStep]:
-    return (step for step in BagSteps(run) if step.key in keys)
+def _chosen(steps: BagSteps, keys: set[StepKey]) -> Iterator[BagStep]:
+    return (step for step in steps if step.key in keys)
 
 
 def _scene_changes(first: BagRun, second: BagRun) -> dict[str, tuple[Any, Any]]:

@@ -27,6 +27,7 @@ class Verdict(Enum):
 
     IDENTICAL = "bit-identical"
     WITHIN = "within the tolerance"
+    INCOMPLETE = "incomplete"
     DIFFERENT = "different"
 
 

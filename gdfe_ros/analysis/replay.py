@@ -7,13 +7,13 @@ import dataclasses
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
-from gdfe_ros.analysis.difference import Differences
+from gdfe_ros.analysis.difference import Differences, Verdict
 from gdfe_ros.analysis.published import Publication
 from gdfe_ros.checkpoint import load_state
 from gdfe_ros.errors import GdfeError, RecordingError
@@ -37,6 +37,8 @@ class ReplayReport:
         duration: simulation time that was replayed [s].
         wall_time: that replaying it took, comparing included [s].
         inexact: number of commands that no message expresses to the last bit; only a replay over topics has them.
+        tail: messages behind the last step, by topic: of a step that the end of the recording cut off.
+        end: where the replay ends before the bag does, and why; empty where it went to the end.
     """
 
     differences: Differences
@@ -47,6 +49,14 @@ class ReplayReport:
     duration: float
     wall_time: float
     inexact: int = 0
+    tail: Counter[str] = field(default_factory=Counter)
+    end: str = ""
+
+    def verdict(self, factor: float = 0.0) -> Verdict:
+        """Judge as ``Differences.verdict``; where not all could be compared, equal parts are no success."""
+        verdict = self.differences.verdict(factor)
+        incomplete = self.end or self.unknown or self.strays or not self.differences.compared
+        return Verdict.INCOMPLETE if incomplete and verdict is not Verdict.DIFFERENT else verdict
 
 
 class Replay:
@@ -60,14 +70,20 @@ class Replay:
         RecordingError: the bag does not hold what a replay needs.
         SceneError: the overrides do not fit the scene.
 
+    Attributes:
+        scene: that is simulated.
+        simulation: that is stepped.
+        count: number of steps that follow from what the bag holds.
+        end: where the replay ends before the bag does, and why; empty where it goes to the end.
+
     Example:
         >>> report = Replay(BagRun("bags/bend5")).run()
-        >>> report.differences.verdict()
+        >>> report.verdict()
         <Verdict.IDENTICAL: 'bit-identical'>
     """
 
     def __init__(self, run: BagRun, *, overrides: Mapping[str, Any] | None = None) -> None:
-        require_whole(run)
+        self.count, self.end = replayable(run)
         self._run, self._changed = run, bool(overrides)
         origin = f"of bag {run.reader.path}"
         self.scene = scene_from_text(run.reader.run.scene, origin=origin, overrides=overrides)
@@ -89,34 +105,39 @@ class Replay:
             raise RecordingError(f"bag {self._run.reader.path} begins in the middle of a run; {error}") from error
 
     def run(self) -> ReplayReport:
-        """Replay the whole bag."""
+        """Replay the bag, up to the first step that does not follow from what it holds."""
         started = time.perf_counter()
         differences = Differences(self._run.scene)
         steps = BagSteps(self._run)
-        publication, unknown, failed = Publication(self.simulation), set(), 0
+        publication, unknown, failed = Publication(self.simulation), set(steps.foreign), 0
         for step, result in self.steps(steps):
             made = publication.values(result, step.record, step.samples)
             unknown |= step.samples.keys() - made.keys()
             known = {topic: values for topic, values in step.samples.items() if topic in made}
             differences.add(step.key, known, made)
             failed += not result.converged and not step.record.cut
+        records = self._run.records[: self.count]
         return ReplayReport(
             differences,
             tuple(sorted(unknown)),
             steps.strays.copy(),
-            0 if self._changed else sum(record.cut_after is not None for record in self._run.records),
+            0 if self._changed else sum(record.cut_after is not None for record in records),
             failed,
-            sum(record.dt for record in self._run.records),
+            sum(record.dt for record in records),
             time.perf_counter() - started,
+            tail=steps.tail.copy(),
+            end=self.end,
         )
 
     def steps(self, steps: BagSteps) -> Iterator[tuple[BagStep, StepResult]]:
         """Make the steps one after the other; yields each recorded step and the result of its repetition."""
         self.begin()
-        for step in steps:
+        for number, step in enumerate(steps, start=1):
             if step.record.begin is Begin.REST:
                 self.simulation.reset()
             yield step, self._repeat(step.record)
+            if self.end and number == self.count:
+                return
 
     def _repeat(self, record: StepRecord) -> StepResult:
         # Where a deadline ended the solve, only a replay of the very same run can end it at the same place.
@@ -132,11 +153,14 @@ def _command(record: StepRecord) -> Command:
     return Command(**parts)
 
 
-def require_whole(run: BagRun) -> None:
-    """Refuse a bag from which the states of the run do not follow.
+def replayable(run: BagRun) -> tuple[int, str]:
+    """Tell how far the states of a run follow from its bag.
+
+    Returns:
+        Number of steps from the first on, and why the next one does not follow; empty where all do.
 
     Raises:
-        RecordingError: it holds no steps, lacks some, or lacks the state that one of them went on from.
+        RecordingError: it holds no steps, or lacks the state that the first of them went on from.
     """
     bag, records = run.reader.path, run.records
     if not records:
@@ -148,14 +172,21 @@ def require_whole(run: BagRun) -> None:
             f"bag {bag} begins with step {first.step}, which went on from a state that the bag does not hold; "
             "record from the activation on, or after a reset"
         )
-    for before, after in pairwise(records):
-        if after.begin is Begin.LOADED:
-            raise RecordingError(
-                f"step {after.step} of bag {bag} went on from a state that was loaded from a file, which the bag "
-                "does not hold; gdfe compare and gdfe report read such a bag"
-            )
-        if after.step != before.step + 1 and after.begin is not Begin.REST:
-            raise RecordingError(
-                f"bag {bag} lacks the steps {before.step + 1} to {after.step - 1}: their records were dropped or lost, "
-                "and later states depend on them; gdfe compare and gdfe report read such a bag"
-            )
+    for count, (before, after) in enumerate(pairwise(records), start=1):
+        reason = _gap(before, after)
+        if reason:
+            where = f"the replay ends with step {before.step}, t = {before.time:.9g} s, {count} of {len(records)} steps"
+            return count, f"{where}: {reason}"
+    return len(records), ""
+
+
+def _gap(before: StepRecord, after: StepRecord) -> str:
+    """Say why a step does not follow from the one before it in the bag; empty where it does."""
+    if after.begin is Begin.LOADED:
+        return f"step {after.step} went on from a state that was loaded from a file, which the bag does not hold"
+    if after.step != before.step + 1 and after.begin is not Begin.REST:
+        return (
+            f"the records of the steps {before.step + 1} to {after.step - 1} were dropped or lost, and later states "
+            "depend on them; gdfe compare and gdfe report read what comes after"
+        )
+    return ""

@@ -31,16 +31,15 @@ def run(arguments: argparse.Namespace) -> int:
     """Compare; return 0 where the runs are equal, else 1."""
     comparison = compare_bags(arguments.first, arguments.second)
     differences, console = comparison.differences, wide_console()
-    verdict = differences.verdict(arguments.within)
-    if any(comparison.only) or not differences.steps:
-        verdict = Verdict.DIFFERENT
+    verdict = comparison.verdict(arguments.within)
     for text in _remarks(comparison):
         console.print(text, markup=False)
     if differences.differing:
         console.print(difference_table(differences, factor=arguments.within))
-    colour = "red" if verdict is Verdict.DIFFERENT else "green"
+    passed = verdict in (Verdict.IDENTICAL, Verdict.WITHIN)
+    colour = "green" if passed else "red"
     console.print(f"[{colour}]{verdict.value}[/]: {differences.steps} steps, {differences.compared} arrays compared")
-    return DIFFERENT if verdict is Verdict.DIFFERENT else 0
+    return 0 if passed else DIFFERENT
 
 
 def _remarks(comparison: Comparison) -> list[str]:
@@ -53,6 +52,9 @@ def _remarks(comparison: Comparison) -> list[str]:
     for name, count in zip("AB", comparison.only, strict=True):
         if count:
             remarks.append(f"{count} steps of {name} have no step with the same stamp in the other bag")
+    for name, topics in zip("AB", comparison.foreign, strict=True):
+        if topics:
+            remarks.append(f"not compared, because nothing tells what they are: {', '.join(topics)} of {name}")
     if comparison.differences.unmatched:
         remarks.append(f"arrays that only one bag has: {dict(comparison.differences.unmatched)}")
     return remarks

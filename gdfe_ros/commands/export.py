@@ -68,9 +68,11 @@ def _write(kind: Format, steps: Iterator[BagStep], recorded: BagRun, out: Path) 
     if kind is Format.NPZ:
         from gdfe_ros.analysis.export.arrays import write_npz
 
-        return write_npz(steps, recorded.mesh, out)
+        return write_npz(steps, recorded.scene, out)
+    from gdfe_ros.analysis.export.columns import Columns
     from gdfe_ros.analysis.export.table import step_row, write_csv, write_parquet
 
-    rows = [step_row(step) for step in steps]
-    {Format.CSV: write_csv, Format.PARQUET: write_parquet}[kind](rows, out)
+    known = Columns(recorded.scene.actuators)
+    rows = [step_row(step, known) for step in steps]
+    {Format.CSV: write_csv, Format.PARQUET: write_parquet}[kind](rows, out, known)
     return len(rows)

@@ -43,6 +43,10 @@ def _remarks(report: RecoveryReport) -> list[str]:
     remarks = [f"{name} was cut off: what was written after its last whole record is lost" for name in report.cut_files]
     if report.damaged_chunks:
         remarks.append(f"{report.damaged_chunks} chunks did not match their checksum and were left out")
+    if report.damaged_records:
+        remarks.append(f"{report.damaged_records} other records could not be read and were left out")
+    if not report.run:
+        remarks.append("its scene is lost: replay and report cannot read the new bag; rosbag2 and Foxglove can")
     if report.orphans:
         remarks.append(f"{report.orphans} messages were left out: the declaration of their topic is lost")
     return remarks or ["the bag was whole"]

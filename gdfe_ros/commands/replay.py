@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replay; return 0 where every bag passes, 1 where one differs."""
+    """Replay; return 0 where every bag passes, 1 where one differs or could not be compared as a whole."""
     overrides = read_overrides(arguments.set)
     overrides |= {
         f"solver.{name}": getattr(arguments, name)
@@ -55,7 +55,7 @@ def _replay(path: Path, overrides: dict[str, object], factor: float, *, ros: boo
     run = BagRun(path)
     report = _repeat_by_node(run, overrides) if ros else Replay(run, overrides=overrides).run()
     differences, console = report.differences, wide_console()
-    verdict = differences.verdict(factor)
+    verdict = report.verdict(factor)
     if differences.differing:
         console.print(difference_table(differences, factor=factor))
         first = min((entry.first.key for entry in differences.differing if entry.first), default=None)
@@ -65,12 +65,19 @@ def _replay(path: Path, overrides: dict[str, object], factor: float, *, ros: boo
             console.print(f"factor that allows all of it: {differences.factor_needed():.3g}")
     for text in _remarks(run, report, overrides):
         console.print(text)
-    colour = "red" if verdict is Verdict.DIFFERENT else "green"
+    passed = verdict in (Verdict.IDENTICAL, Verdict.WITHIN)
+    text = _partly(report, factor) if verdict is Verdict.INCOMPLETE else verdict.value
     console.print(
-        f"[{colour}]{verdict.value}[/]: {path}, {differences.steps} steps, {differences.compared} arrays; "
-        f"{report.duration:.3g} s of simulation in {report.wall_time:.3g} s"
+        f"[{'green' if passed else 'red'}]{text}[/]: {path}, {differences.steps} steps, "
+        f"{differences.compared} arrays; {report.duration:.3g} s of simulation in {report.wall_time:.3g} s"
     )
-    return verdict is not Verdict.DIFFERENT
+    return passed
+
+
+def _partly(report: ReplayReport, factor: float) -> str:
+    if not report.differences.compared:
+        return "nothing compared"
+    return f"incomplete, {report.differences.verdict(factor).value} as far as it was compared"
 
 
 def _repeat_by_node(run: BagRun, overrides: dict[str, object]) -> ReplayReport:
@@ -91,7 +98,11 @@ def _remarks(run: BagRun, report: ReplayReport, overrides: dict[str, object]) ->
     if report.inexact:
         remarks.append(f"{report.inexact} targets could not be sent to the last bit: their messages are not in the bag")
     if report.strays:
-        remarks.append(f"messages whose step is not in the bag: {dict(report.strays)}")
+        remarks.append(f"not compared, because their step is not in the bag: {dict(report.strays)}")
+    if report.tail:
+        remarks.append(f"messages of a step that the end of the recording cut off: {dict(report.tail)}")
+    if report.end:
+        remarks.append(report.end)
     if report.differences.unmatched:
         remarks.append(f"arrays that only one run has: {dict(report.differences.unmatched)}")
     dropped = run.reader.notes.get("messages_dropped", "0")

@@ -16,9 +16,13 @@ _TINY = 1e-12
 class TipTracker:
     """Finds commands for actuators that bring a tip to its goals. No ROS in here.
 
-    Each command changes by ``gain`` times the least change of commands that makes up for the distance to the goal, by
-    the Jacobian. Broyden's update corrects this after every step by what the last change really did, so that it is
-    asked for once only.
+    A command is what was in force when the tip was measured, plus the least change that makes up for ``gain`` times
+    the distance to the goal, by the Jacobian. So it does not matter which earlier commands are still on their way, or
+    were lost.
+
+    Broyden's update corrects the Jacobian by what changes really did; it is asked for once only. Where the tip moved
+    by less than ``baseline``, the difference is kept until it has: what a solver's tolerance leaves open, or noise of a
+    sensor, would make nonsense of the Jacobian.
 
     Args:
         jacobian: (axes, actuators) d position / d command at the start.
@@ -27,6 +31,8 @@ class TipTracker:
         high: (actuators,) largest commands.
         axes: which of x, y, z are controlled.
         gain: share of the distance that one command makes up for, in (0, 1].
+        baseline: least motion that the Jacobian is corrected by [m], a hundred times the noise.
+        reach: largest motion that one command asks for [m].
     """
 
     def __init__(
@@ -38,26 +44,35 @@ class TipTracker:
         high: ArrayLike,
         axes: tuple[int, ...] = (0, 1, 2),
         gain: float = 1.0,
+        baseline: float = 0.0,
+        reach: float = np.inf,
     ) -> None:
         self._jacobian = np.array(jacobian, dtype=np.float64)
         self._command = np.array(command, dtype=np.float64)
         self._low, self._high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
-        self._axes, self._gain = list(axes), gain
-        self._last: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._axes, self._gain, self._baseline, self._reach = list(axes), gain, baseline, reach
+        self._known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
-    def command(self, tip: ArrayLike, goal: ArrayLike) -> NDArray[np.float64]:
+    def command(self, tip: ArrayLike, goal: ArrayLike, applied: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the next command (actuators,).
 
         Args:
-            tip: (3,) where the last command brought it [m].
-            goal: (3,) where it shall be after this one [m].
+            tip: (3,) where it is [m].
+            goal: (3,) where it shall be when the command takes effect [m].
+            applied: (actuators,) commands in force when the tip was there; None: the last that was returned.
         """
         tip = np.asarray(tip, dtype=np.float64)[self._axes]
+        if applied is not None:
+            self._command = np.array(applied, dtype=np.float64)
         self._learn(tip)
-        distance = np.asarray(goal, dtype=np.float64)[self._axes] - tip
-        change = self._least_change(self._gain * distance)
-        self._last, self._command = (tip, change), self._command + change
+        distance = self._gain * (np.asarray(goal, dtype=np.float64)[self._axes] - tip)
+        distance *= min(1.0, self._reach / max(float(np.linalg.norm(distance)), _TINY))
+        self._command = self._command + self._least_change(distance)
         return self._command.copy()
+
+    def forget(self) -> None:
+        """Learn nothing from the step to come: the body was put elsewhere by something else."""
+        self._known = None
 
     def _least_change(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
         """Find the least change of commands, within their ranges, that comes nearest to ``distance`` [m]."""
@@ -69,13 +84,15 @@ class TipTracker:
         return np.clip(self._command + change, self._low, self._high) - self._command
 
     def _learn(self, tip: NDArray[np.float64]) -> None:
-        """Broyden's rank-one update from the last change of commands and the motion that followed."""
-        if self._last is None:
+        """Broyden's rank-one update from a change of commands and the motion that went with it."""
+        if self._known is None:
+            self._known = tip, self._command
             return
-        before, change = self._last
-        size = change @ change
-        if size > 0.0:
-            self._jacobian += np.outer(tip - before - self._jacobian @ change, change) / size
+        motion, change = tip - self._known[0], self._command - self._known[1]
+        if not change.any() or max(np.linalg.norm(motion), np.linalg.norm(self._jacobian @ change)) < self._baseline:
+            return
+        self._jacobian += np.outer(motion - self._jacobian @ change, change) / (change @ change)
+        self._known = tip, self._command
 
 
 def circle(centre: ArrayLike, radius: float, turn: float) -> NDArray[np.float64]:

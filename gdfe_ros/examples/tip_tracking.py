@@ -4,33 +4,48 @@
     ros2 launch gdfe_ros control_loop.launch.py
 
 or, beside a ``sim_node`` that runs ``three_chamber_arm``: ``tip_tracking``. It asks for the Jacobian once, then answers
-every pose of the probe with the next command: in lockstep the two take turns, under the wall clock they run at the
-simulation's rate.
+every pose of the probe with the next command: in lockstep the two take turns, under the wall clock they run as fast as
+the simulation does. What a command did is learned from the joint states of the same step, not from the order of the
+messages: a pose that is late, and a command that comes too late for the next step or is lost, do no harm.
 """
 
 from __future__ import annotations
 
 import threading
+import time
+from collections import deque
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import Trigger
 
+from gdfe_ros.actuators import Mode
 from gdfe_ros.examples.tip_tracker import TipTracker, circle
 from gdfe_ros.node.process import run
 from gdfe_ros.scene.loader import scene_from_text
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_EFFORTS = (Mode.TENSION, Mode.PRESSURE)
+"""Modes whose command is found in ``effort`` of the joint states; the others' in ``position``."""
+_BASELINE, _REACH = 0.06, 0.2
+"""Least motion that the Jacobian learns from and largest of one command, as shares of the radius."""
+_FIRST = 0.02
+"""Longest step that is believed at the start, as a share of the period."""
+_LOOK = 0.2
 
 
 class TipTracking(Node):
     """Leads a probe round a circle in the y-z plane above its first position.
 
-    Parameters: ``simulation`` (full name of the node), ``probe``, ``radius`` [m], ``period`` [s] of simulation time,
-    ``gain``.
+    Parameters: ``simulation`` (full name of the node), ``probe``, ``radius`` [m], ``period`` [s] on the clock of the
+    poses' stamps, ``gain``, ``patience`` [s] of wall time without an answer before it asks or commands again.
 
     Attributes:
         errors: distance [m] of the probe to its goal, of every step since the start.
@@ -43,15 +58,22 @@ class TipTracking(Node):
         self._radius = float(self.declare_parameter("radius", 0.005).value)
         self._period = float(self.declare_parameter("period", 2.0).value)
         self._gain = float(self.declare_parameter("gain", 1.0).value)
+        self._patience = float(self.declare_parameter("patience", 30.0).value)
         self.errors: list[float] = []
-        self._scene = self._tracker = self._goal = self._start = None
-        self._heard = self._asked = False
+        self._scene = self._tracker = self._start = self._waiting_since = None
+        self._parts: dict[int, dict[str, Any]] = {}
+        self._sent: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=100)
+        self._applied: NDArray[np.float64] | None = None
+        self._text = ""
+        self._delays: deque[float] = deque(maxlen=9)
+        self._last = self._ahead = 0.0
         self._commands = self.create_publisher(Float64MultiArray, f"{name}/commands", 10)
         self._jacobian = self.create_client(Trigger, f"{name}/compute_jacobian")
         self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
         self.create_subscription(Float64MultiArray, f"{name}/jacobian", self._take_jacobian, _LATCHED)
-        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _LATCHED)
-        self.create_timer(0.2, self._ask)
+        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _STATES)
+        self.create_subscription(JointState, f"{name}/joint_states", self._take_joints, _STATES)
+        self.create_timer(_LOOK, self._look)
 
     def close(self) -> None:
         """Say how well it went."""
@@ -59,54 +81,106 @@ class TipTracking(Node):
             worst, radius = 1e3 * max(self.errors), 1e3 * self._radius
             self.get_logger().info(f"{len(self.errors)} steps, farthest from the goal {worst:.3f} mm of {radius:g} mm")
 
-    def _ask(self) -> None:
-        """Ask for the Jacobian once all is connected: who has heard a pose is known to the simulation."""
-        ready = self._scene is not None and self._heard and self._jacobian.service_is_ready()
-        if ready and not self._asked and self._commands.get_subscription_count():
-            self._asked = True
+    def _look(self) -> None:
+        """Ask for the Jacobian once all is connected, and again where no answer came: to that, or to a command."""
+        waited = time.monotonic() - (self._waiting_since or -np.inf)
+        if waited < self._patience:
+            return
+        # Who has heard a state is known to the simulation.
+        ready = self._applied is not None and self._jacobian.service_is_ready()
+        if self._tracker is None and ready and self._commands.get_subscription_count():
+            self._waiting_since = time.monotonic()
             self._jacobian.call_async(Trigger.Request()).add_done_callback(self._answered)
+        elif self._tracker is not None:
+            self.get_logger().warning(f"no pose for {waited:.0f} s; the last command is sent again")
+            self._send(self._sent[-1][1])
 
-    def _answered(self, future: object) -> None:
+    def _answered(self, future: Any) -> None:
         response = future.result()
         if not response.success:
             self.get_logger().warning(f"no Jacobian: {response.message}")
-            self._asked = False
 
     def _take_scene(self, message: String) -> None:
-        self._scene = scene_from_text(message.data)
+        if message.data == self._text:  # published again, e.g. for a bag
+            return
+        self._text, self._scene = message.data, scene_from_text(message.data)
+        self._tracker = self._start = self._waiting_since = self._applied = None
 
     def _take_jacobian(self, message: Float64MultiArray) -> None:
-        if self._tracker is not None or not self._asked:  # a latched one was not asked for by this node
+        if self._tracker is not None or self._waiting_since is None:  # a latched one was not asked for by this node
             return
         actuators = self._scene.actuators
         shape = [dimension.size for dimension in message.layout.dim]
         place = list(self._scene.probes).index(self._probe)
         self._tracker = TipTracker(
             np.array(message.data).reshape(shape)[place, 1:],
-            np.zeros(len(actuators)),
+            self._applied,
             low=[actuator.low for actuator in actuators],
             high=[actuator.high for actuator in actuators],
             axes=(1, 2),
             gain=self._gain,
+            baseline=_BASELINE * self._radius,
+            reach=_REACH * self._radius,
         )
-        # The pose that was heard may be old: ask for a step by repeating the neutral command.
-        self._commands.publish(Float64MultiArray(data=[0.0] * len(actuators)))
+        # The pose that was heard may be old: ask for a step by repeating the command in force.
+        self._parts.clear()
+        self._sent.append((-np.inf, self._applied))
+        self._send(self._applied)
+
+    def _send(self, command: NDArray[np.float64]) -> None:
+        self._waiting_since = time.monotonic()
+        self._commands.publish(Float64MultiArray(data=list(command)))
 
     def _take_pose(self, message: PoseStamped) -> None:
-        self._heard = True
-        if self._tracker is None:
+        position = message.pose.position
+        self._take(message, "tip", np.array([position.x, position.y, position.z]))
+
+    def _take_joints(self, message: JointState) -> None:
+        if self._scene is None:
             return
-        position, stamp = message.pose.position, message.header.stamp
-        tip, now = np.array([position.x, position.y, position.z]), stamp.sec + 1e-9 * stamp.nanosec
-        if self._start is None:
-            self._start, self._last = now, now
-            self._centre = tip + np.array([0.0, 0.0, self._radius])
-        if self._goal is not None:
-            self.errors.append(float(np.linalg.norm((tip - self._goal)[1:])))
-        ahead = now + max(now - self._last, 0.0)
-        self._last = now
-        self._goal = circle(self._centre, self._radius, (ahead - self._start) / self._period)
-        self._commands.publish(Float64MultiArray(data=list(self._tracker.command(tip, self._goal))))
+        places = {name: place for place, name in enumerate(message.name)}
+        values = [
+            (message.effort if actuator.mode in _EFFORTS else message.position)[places[actuator.name]]
+            for actuator in self._scene.actuators
+        ]
+        self._take(message, "applied", np.array(values))
+
+    def _take(self, message: PoseStamped | JointState, kind: str, value: NDArray[np.float64]) -> None:
+        """Put together what one step published; parts of earlier steps that never became whole are dropped."""
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        parts = self._parts.setdefault(stamp, {})
+        parts[kind] = value
+        if len(parts) == 2:
+            self._parts = {later: kept for later, kept in self._parts.items() if later > stamp}
+            self._applied = parts["applied"]
+            last, self._last = self._last, 1e-9 * stamp
+            if self._tracker is not None:
+                self._follow(parts["tip"], self._last, last)
+
+    def _follow(self, tip: NDArray[np.float64], now: float, last: float) -> None:
+        """Answer a step with the next command."""
+        if self._start is None or now < last:  # also after a reset of the simulation
+            self._start, self._centre = now, tip + np.array([0.0, 0.0, self._radius])
+            # Until it is known how long a command takes: one step.
+            self._ahead = min(max(now - last, 0.0), _FIRST * self._period)
+            self._delays.clear()
+            self._tracker.forget()
+        self.errors.append(float(np.linalg.norm((tip - self._goal(now))[1:])))
+        self._note_delay(now)
+        command = self._tracker.command(tip, self._goal(now + self._ahead), self._applied)
+        self._sent.append((now, command))
+        self._send(command)
+
+    def _goal(self, moment: float) -> NDArray[np.float64]:
+        return circle(self._centre, self._radius, (moment - self._start) / self._period)
+
+    def _note_delay(self, now: float) -> None:
+        """Look how long the command that is in force now took to get there; the median of the last ones counts."""
+        for sent, command in reversed(self._sent):
+            if self._start <= sent < now and np.allclose(command, self._applied, rtol=1e-9, atol=0.0):
+                self._delays.append(now - sent)
+                self._ahead = float(np.median(self._delays))
+                return
 
 
 def main(args: list[str] | None = None) -> int:

@@ -17,7 +17,7 @@ from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
-from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.recorder import Recorder, RecorderStatus
 from gdfe_ros.scene.scene import Scene
 
 
@@ -62,6 +62,7 @@ class Bags:
             topics,
             run=_run_info(scene, parameters, state),
             queue=QueueOptions(back_pressure=BackPressure.BLOCK if waits else BackPressure.DROP, block_seconds=30.0),
+            failed=self._say_failed,
         )
         self._attach(self.recorder)
         self._outputs.publish_scene(log_time)
@@ -70,21 +71,31 @@ class Bags:
         return text
 
     def finish(self) -> str:
-        """Finish the bag and say how it went."""
+        """Finish the bag and say how it went; ``failed`` tells whether it ended early."""
         self._attach(None)
         status = self.recorder.close()
-        text = f"bag {self.recorder.path}: {status.written} messages, {status.dropped_total} dropped"
-        if status.error is None:
-            self._logger.info(text)
-            return text
-        text = f"{text}; {status.error}"
-        self._logger.error(text)
+        text = _outcome(self.recorder, status)
+        (self._logger.info if status.error is None else self._logger.error)(text)
         return text
+
+    @property
+    def failed(self) -> bool:
+        """Whether the bag in progress, or the last one, ended before it was finished."""
+        return self.recorder is not None and self.recorder.error is not None
+
+    def _say_failed(self, status: RecorderStatus) -> None:
+        """Tell at once, from the recorder's thread; the simulation goes on."""
+        self._logger.error(f"recording ended, the simulation goes on: {_outcome(self.recorder, status)}")
 
     def _attach(self, recorder: Recorder | None) -> None:
         self._outputs.attach(recorder)
         self._inputs.recorder = recorder
         self.active = recorder is not None
+
+
+def _outcome(recorder: Recorder, status: RecorderStatus) -> str:
+    text = f"bag {recorder.path}: {status.written} messages, {status.dropped_total} dropped"
+    return f"{text}; {status.error}; nothing later is in the bag" if status.error else text
 
 
 def _directory(scene: Scene, path: str) -> Path:

@@ -35,7 +35,9 @@ class Channel:
         managed = spec.name.startswith("~") and spec.delivery is not Delivery.LATCHED
         make = node.create_lifecycle_publisher if managed else node.create_publisher
         self._publisher = make(interface_class(spec.type), spec.name.format(**names), profile)
-        self.info = TopicInfo(name=self._publisher.topic_name, type=spec.type, qos=Qos.from_rclpy(profile))
+        role = spec.name.format(**names).removeprefix("~/")
+        name, qos = self._publisher.topic_name, Qos.from_rclpy(profile)
+        self.info = TopicInfo(name=name, type=spec.type, qos=qos, role=role)
         self.recorder: Recorder | None = None
 
     @property

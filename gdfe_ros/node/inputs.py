@@ -97,6 +97,7 @@ class Inputs:
                 name=subscription.topic_name,
                 type=self._inputs[key].spec.type,
                 qos=Qos.from_rclpy(qos_profile(self._inputs[key].spec.delivery)),
+                role=key,
             )
             for key, subscription in self._subscriptions.items()
         ]

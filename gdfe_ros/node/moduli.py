@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
+from gdfe_ros.errors import GdfeError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.node.interface import MODULUS
+from gdfe_ros.node.parameters import require_allowed
 from gdfe_ros.scene.scene import Scene
 
 
@@ -33,11 +36,7 @@ class Moduli:
         changed: Callable[[Mapping[str, float]], None],
     ) -> None:
         self._node, self._locked, self._changed = node, locked, changed
-        self._materials = {
-            MODULUS.name.format(material=name): name
-            for name, material in scene.materials.items()
-            if isinstance(material, (Linear, NeoHookean))
-        }
+        self._materials = _materials(scene)
         for parameter, name in self._materials.items():
             node.declare_parameter(parameter, scene.materials[name].young, _descriptor(), ignore_override=True)
         node.add_on_set_parameters_callback(self._check)
@@ -51,15 +50,53 @@ class Moduli:
             self._node.undeclare_parameter(parameter)
 
     def _check(self, changes: Iterable[Parameter]) -> SetParametersResult:
-        reason = self._locked() if any(change.name in self._materials for change in changes) else ""
+        own = [change for change in changes if change.name in self._materials]
+        reason = self._locked() if own else ""
+        try:
+            for change in own:
+                _require_modulus(change.name, change.value)
+        except GdfeError as error:
+            reason = str(error)
         return SetParametersResult(successful=not reason, reason=reason)
 
     def _apply(self, changes: Iterable[Parameter]) -> None:
-        moduli = {self._materials[change.name]: change.value for change in changes if change.name in self._materials}
+        own = [change for change in changes if change.name in self._materials]
+        moduli = {self._materials[change.name]: float(change.value) for change in own}
         if moduli:
             self._changed(moduli)
 
 
+def given_moduli(node: LifecycleNode, scene: Scene) -> dict[str, float]:
+    """Give the moduli [Pa] from the command line and from parameter files, as overrides of the scene.
+
+    Raises:
+        GdfeError: one of them is not allowed.
+    """
+    given = {}
+    for name in _materials(scene):
+        # Without a range: rclpy's refusal does not say what is allowed. No value: nothing was given.
+        value = node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True)).value
+        node.undeclare_parameter(name)
+        if value is not None:
+            _require_modulus(name, value)
+            given[name] = float(value)
+    return given
+
+
+def _materials(scene: Scene) -> dict[str, str]:
+    """Name the materials that have a modulus, by parameter."""
+    return {
+        MODULUS.name.format(material=name): name
+        for name, material in scene.materials.items()
+        if isinstance(material, (Linear, NeoHookean))
+    }
+
+
+def _require_modulus(name: str, value: object) -> None:
+    require_allowed(replace(MODULUS, name=name), value)
+
+
 def _descriptor() -> ParameterDescriptor:
     bounds = FloatingPointRange(from_value=MODULUS.least, to_value=MODULUS.most)
-    return ParameterDescriptor(description=f"{MODULUS.meaning} [{MODULUS.unit}]", floating_point_range=[bounds])
+    text = f"{MODULUS.meaning} [{MODULUS.unit}]"
+    return ParameterDescriptor(description=text, floating_point_range=[bounds], dynamic_typing=True)

@@ -42,7 +42,7 @@ class Parameters:
             node.declare_parameter(spec.name, spec.default, _descriptor(spec))
         self._values = {spec.name: node.get_parameter(spec.name).value for spec in PARAMETERS}
         for spec in PARAMETERS:
-            _require_allowed(spec, self._values[spec.name])
+            require_allowed(spec, self._values[spec.name])
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._keep)
 
@@ -69,7 +69,7 @@ class Parameters:
             if spec is None:
                 continue
             try:
-                _require_allowed(spec, change.value)
+                require_allowed(spec, change.value)
             except GdfeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
             if state not in _OPEN[spec.change] and change.value != self[spec.name]:
@@ -78,8 +78,12 @@ class Parameters:
         return SetParametersResult(successful=True)
 
 
-def _require_allowed(spec: ParameterSpec, value: Any) -> None:
-    """Check what rclpy does not: choices, and doubles, which may also come as integers (rate:=100)."""
+def require_allowed(spec: ParameterSpec, value: Any) -> None:
+    """Check what rclpy does not: choices, and doubles, which may also come as integers (rate:=100).
+
+    Raises:
+        GdfeError: the value is not allowed.
+    """
     if isinstance(spec.default, float):
         number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
         allowed = number and spec.least <= value <= spec.most

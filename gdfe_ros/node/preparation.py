@@ -5,20 +5,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from rclpy.lifecycle import LifecycleNode
+
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.moduli import given_moduli
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Simulation
 
 
-def prepare(parameters: Parameters) -> Simulation:
-    """Load the scene with its overrides, factor, and compile.
+def prepare(node: LifecycleNode, parameters: Parameters) -> Simulation:
+    """Load the scene with its overrides and the moduli that were given as parameters, factor, and compile.
 
     Raises:
         GdfeError: every defect of the scene or of the overrides.
     """
     overrides = _overrides(parameters.entries("scene_overrides"))
-    simulation = Simulation(load_scene(parameters["scene"], overrides=overrides))
+    scene = load_scene(parameters["scene"], overrides=overrides)
+    moduli = given_moduli(node, scene)
+    if moduli:
+        scene = load_scene(parameters["scene"], overrides={**overrides, **moduli})
+    simulation = Simulation(scene)
     simulation.warm_up()
     return simulation
 

@@ -69,7 +69,7 @@ class Session:
         failed: Callable[[Exception], None],
     ) -> None:
         self._node, self._parameters, self._refusals, self._failed = node, parameters, refusals, failed
-        self.simulation = prepare(parameters)
+        self.simulation = prepare(node, parameters)
         timeout = partial(parameters.__getitem__, "velocity_timeout")
         drive = Drive(self.simulation, timeout=timeout, refuse=refusals.refuse)
         self.stepper = Stepper(self.simulation, drive, self._hooks())
@@ -146,7 +146,10 @@ class Session:
     def _switch_bag(self) -> str:
         self.flush()
         if self.bags.active:
-            return self.bags.finish()
+            text = self.bags.finish()
+            if self.bags.failed:
+                raise GdfeError(text)
+            return text
         text = self._begin_bag()
         self.stepper.repeat(self.stepper.begin)
         return text

@@ -17,6 +17,8 @@ from gdfe_ros.recording.topic import TopicInfo
 
 RUN_RECORD = "gdfe_ros"
 RECORDING_RECORD = "gdfe_ros_recording"
+ROLE_KEY = "gdfe_ros_role"
+"""Entry of a channel's metadata that holds ``TopicInfo.role``."""
 # Upper bounds [B] of what mcap adds: to a message (record head, index entry), to a chunk (its head and its
 # index entry in the summary, by channel), to a topic (schema and channel records, its part of rosbag2's
 # record) and to a file (header, footer, statistics, texts of our own records).
@@ -114,6 +116,7 @@ class BagFile:
             metadata={
                 "offered_qos_profiles": to_yaml([topic.qos.to_rosbag2()]),
                 "topic_type_hash": topic.type_hash,
+                **({ROLE_KEY: topic.role} if topic.role else {}),
             },
         )
         self._topics[topic.name] = topic

@@ -8,6 +8,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
+from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.topic import TopicInfo
 
 Decoder = Callable[[str, bytes], Any]
@@ -21,7 +22,11 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
 
     Returns:
         A function of type name and CDR bytes. Messages have the fields of the ROS message; sequences of
-        numbers are numpy arrays (``data`` of a PointCloud2: ``(n,)`` uint8).
+        numbers are numpy arrays (``data`` of a PointCloud2: ``(n,)`` uint8). It raises ``RecordingError`` for
+        bytes that are no such message.
+
+    Raises:
+        RecordingError: a definition is damaged.
 
     Example:
         >>> decode = array_decoder(reader.topics.values())
@@ -31,9 +36,28 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
 
     store = get_typestore(Stores.EMPTY)
     for topic in topics:
-        types = get_types_from_msg(topic.definition, topic.type)
-        store.register({name: fields for name, fields in types.items() if name not in store.fielddefs})
-    return lambda type_name, data: store.deserialize_cdr(data, type_name)
+        try:
+            types = get_types_from_msg(topic.definition, topic.type)
+            store.register({name: fields for name, fields in types.items() if name not in store.fielddefs})
+        except Exception as error:  # what rosbags raises on nonsense is not documented
+            raise RecordingError(
+                f"topic {topic.name}: the bag's definition of {topic.type} cannot be read: {_line(error)}"
+            ) from error
+
+    def decode(type_name: str, data: bytes) -> Any:
+        try:
+            return store.deserialize_cdr(data, type_name)
+        except Exception as error:  # nor is what it raises on bytes that do not fit
+            raise RecordingError(
+                f"{len(data)} bytes are no {type_name} as the bag defines it: {_line(error)}"
+            ) from error
+
+    return decode
+
+
+def _line(error: Exception) -> str:
+    """Give an error as one line of at most 200 characters."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
 def rclpy_decoder() -> Decoder:

@@ -52,6 +52,7 @@ class RunInfo:
         return {
             "package_version": self.package_version,
             "scene_sha256": self.scene_sha256,
+            "files_sha256": json.dumps({name: hashlib.sha256(data).hexdigest() for name, data in self.files.items()}),
             "settings": json.dumps(self.settings, sort_keys=True),
             "machine": json.dumps(self.machine, sort_keys=True),
         }
@@ -66,8 +67,13 @@ class RunInfo:
 
         Raises:
             KeyError: the metadata record is not one of ours.
+            ValueError: the scene or a file is not as it was when the bag was written.
         """
         files = dict(attachments)
+        sums = {SCENE_FILE: metadata["scene_sha256"], **json.loads(metadata.get("files_sha256", "{}"))}
+        for name, checksum in sums.items():
+            if hashlib.sha256(files.get(name, b"")).hexdigest() != checksum:
+                raise ValueError(f"the attachment {name} does not match its checksum")
         return cls(
             scene=files.pop(SCENE_FILE, b"").decode(),
             settings=json.loads(metadata["settings"]),
@@ -75,6 +81,13 @@ class RunInfo:
             package_version=metadata["package_version"],
             machine=json.loads(metadata["machine"]),
         )
+
+    @classmethod
+    def from_attachments(cls, attachments: Mapping[str, bytes]) -> RunInfo:
+        """Put together what is left without the metadata record: settings, version and machine are not known."""
+        files = dict(attachments)
+        scene = files.pop(SCENE_FILE, b"").decode()
+        return cls(scene=scene, files=files, package_version="unknown", machine={})
 
 
 def describe_machine() -> dict[str, str]:

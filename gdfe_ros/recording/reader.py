@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-import struct
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,25 +16,15 @@ from mcap.reader import McapReader, make_reader
 from mcap.records import Channel, Schema
 
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.recording.bag_file import RECORDING_RECORD, RUN_RECORD
+from gdfe_ros.recording.bag_file import RECORDING_RECORD, ROLE_KEY, RUN_RECORD
 from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY
+from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
+from gdfe_ros.recording.frames import require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.topic import Qos, TopicInfo
 
-DAMAGE = (
-    McapError,
-    struct.error,
-    ValueError,
-    RuntimeError,
-    LookupError,
-    TypeError,
-    AttributeError,
-    OverflowError,
-    EOFError,
-    MemoryError,
-    yaml.YAMLError,
-)
-"""What reading a file with a flipped bit ends with: lengths, ids and texts in it may be anything."""
+DAMAGE = (*UNREADABLE, yaml.YAMLError)
+"""What reading a damaged file, or a damaged text in it, ends with."""
 
 
 class BagMessage(NamedTuple):
@@ -55,7 +45,7 @@ class BagReader:
         path: directory of the bag, or one of its MCAP files.
 
     Raises:
-        RecordingError: no bag there, or a file was cut off (the remedy is ``gdfe recover``).
+        RecordingError: no bag there, or it is cut off or damaged (the remedy is ``gdfe recover``).
 
     Attributes:
         path: as given.
@@ -145,6 +135,7 @@ def topic_of(channel: Channel, schema: Schema) -> TopicInfo:
         qos=Qos.from_rosbag2(profiles[0]) if profiles else Qos(),
         definition=schema.data.decode(),
         type_hash=channel.metadata.get("topic_type_hash", ""),
+        role=channel.metadata.get(ROLE_KEY, ""),
     )
 
 
@@ -153,10 +144,11 @@ def _bag_files(path: Path) -> list[Path]:
         return [path]
     metadata = path / METADATA_FILE
     if metadata.is_file():
-        info = yaml.safe_load(metadata.read_text(encoding="utf-8"))[ROOT_KEY]
-        if info["storage_identifier"] != "mcap":
-            raise RecordingError(f"bag {path} is stored as {info['storage_identifier']}; allowed: mcap")
-        return [path / Path(name).name for name in info["relative_file_paths"]]
+        try:
+            return _listed_files(metadata)
+        except DAMAGE as error:
+            cause = " ".join(str(error).split()) or repr(error)
+            raise RecordingError(f"{metadata} is damaged: {cause}. Repair the bag: gdfe recover {path}") from error
     if any(path.glob("*.mcap")):
         raise RecordingError(
             f"bag {path} has no {METADATA_FILE}: its recording was cut off. Repair it: gdfe recover {path}"
@@ -164,15 +156,37 @@ def _bag_files(path: Path) -> list[Path]:
     raise RecordingError(f"{path} is neither a bag directory nor an MCAP file")
 
 
+def _listed_files(metadata: Path) -> list[Path]:
+    """Give the files that metadata.yaml names."""
+    data = yaml.safe_load(metadata.read_text(encoding="utf-8"))
+    info = data.get(ROOT_KEY) if isinstance(data, dict) else None
+    if not isinstance(info, dict):
+        raise ValueError(f"it has no {ROOT_KEY}")
+    missing = [key for key in ("storage_identifier", "relative_file_paths") if not info.get(key)]
+    if missing:
+        raise ValueError(f"it has no {' and no '.join(missing)}")
+    if info["storage_identifier"] != "mcap":
+        raise RecordingError(f"bag {metadata.parent} is stored as {info['storage_identifier']}; allowed: mcap")
+    files = [metadata.parent / Path(name).name for name in info["relative_file_paths"]]
+    absent = [file.name for file in files if not file.is_file()]
+    if absent:
+        raise ValueError(f"it names the file {', '.join(absent)}, which is not there")
+    return files
+
+
 @contextmanager
 def _opened(file: Path) -> Iterator[McapReader]:
     """Open one file for reading; what mcap finds wrong with it becomes a ``RecordingError``."""
     try:
         with file.open("rb") as stream:
+            with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
+                require_sound_summary(data)
             yield make_reader(stream, validate_crcs=True)
     except RecordingError as error:
         raise RecordingError(f"bag file {file}: {error}") from error
     except OSError as error:
         raise RecordingError(f"bag file {file} cannot be read: {error}") from error
     except DAMAGE as error:
-        raise RecordingError(f"bag file {file} is damaged: {error!r}. Repair it: gdfe recover {file}") from error
+        raise RecordingError(
+            f"bag file {file} is damaged: {str(error) or repr(error)}. Repair it: gdfe recover {file}"
+        ) from error

@@ -64,8 +64,9 @@ class _Message(NamedTuple):
 class Recorder:
     """Records serialised messages in a thread; ``record`` takes microseconds and never raises for the disk.
 
-    On a full disk or a device error the recording stops: ``error`` and ``status`` say so, the bag is
-    completed with what it holds, and ``record`` counts what it refuses. The simulation goes on. Without a
+    On a full disk or a device error the recording stops: ``error`` and ``status`` say so, ``failed`` is told,
+    and the bag is completed with what it holds. What ``record`` refuses is counted until then, so that bag and
+    ``status`` agree on what was dropped; later calls only return False. The simulation goes on. Without a
     call of ``close`` the bag is completed when the interpreter ends. Usable as a context manager.
 
     Args:
@@ -74,6 +75,7 @@ class Recorder:
         run: origin of the run, embedded in every file.
         options: compression, splitting, fsync.
         queue: limit, back-pressure and flush interval.
+        failed: is called in the thread, once, when the bag is completed early, with the status.
 
     Raises:
         RecordingError: the bag cannot be begun.
@@ -87,6 +89,7 @@ class Recorder:
         run: RunInfo | None = None,
         options: BagOptions | None = None,
         queue: QueueOptions | None = None,
+        failed: Callable[[RecorderStatus], None] = lambda status: None,
     ) -> None:
         self._writer = BagWriter(path, topics, run=run, options=options)
         self._topics = set(self._writer.topics)
@@ -98,7 +101,8 @@ class Recorder:
         self._written = 0
         self._dropped: Counter[str] = Counter()
         self._error: RecordingError | None = None
-        self._closing = False
+        self._failed = failed
+        self._closing = self._ended = False
         self._wake = threading.Event()
         self._thread = threading.Thread(target=self._run, name=RECORDER, daemon=True)
         self._thread.start()
@@ -155,7 +159,7 @@ class Recorder:
         message = _Message(topic, data if type(data) is bytes else bytes(data), log_time, publish_time)
         with self._state:
             if not self._has_room(len(message.data)):
-                self._dropped[topic] += 1
+                self._dropped[topic] += not self._ended
                 return False
             self._queue.append(message)
             self._queued_bytes += len(message.data)
@@ -203,7 +207,11 @@ class Recorder:
             self._wake.clear()
             closing = self._closing
             self._guarded(self._drain)
+        with self._state:
+            self._ended = True
         self._guarded(lambda: self._writer.close(self.status.to_notes()))
+        if self._error is not None:
+            self._failed(self.status)
 
     def _guarded(self, action: Callable[[], None]) -> None:
         """Run a part of the thread's work; whatever goes wrong there ends the recording, not the program."""

@@ -11,6 +11,7 @@ from itertools import chain
 from pathlib import Path
 
 from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.salvage import Salvage
 from gdfe_ros.recording.writer import BagOptions, BagWriter
 
@@ -26,7 +27,9 @@ class RecoveryReport:
             it leave no trace.
         cut_files: names of files that end before their proper end.
         damaged_chunks: chunks whose content did not match its checksum; left out.
-        orphans: messages whose topic's declaration lay in a damaged chunk; left out.
+        damaged_records: other records that could not be read; left out.
+        orphans: messages whose topic's declaration is lost; left out.
+        run: whether the new bag holds the scene and settings of its run.
     """
 
     path: Path
@@ -34,7 +37,9 @@ class RecoveryReport:
     missing: dict[str, int]
     cut_files: tuple[str, ...]
     damaged_chunks: int
+    damaged_records: int
     orphans: int
+    run: bool
 
     @property
     def total(self) -> int:
@@ -77,7 +82,7 @@ def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage], options: B
     first = next(messages, None)
     if first is None:
         raise RecordingError(f"bag {source} holds not one whole message: there is nothing to recover")
-    run = next((salvage.run for salvage in salvages if salvage.run), None)
+    run = _origin(salvages)
     writer = BagWriter(target, run=run, options=options)
     kept: Counter[str] = Counter()
     try:
@@ -86,19 +91,29 @@ def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage], options: B
             writer.write(topic.name, message.data, message.log_time, message.publish_time)
             kept[topic.name] += 1
     finally:
-        report = _report(target, kept, salvages)
+        report = _report(target, kept, salvages, run is not None)
         writer.close(_notes(source, report))
     return report
 
 
-def _report(target: Path, kept: Counter[str], salvages: Sequence[Salvage]) -> RecoveryReport:
+def _origin(salvages: Sequence[Salvage]) -> RunInfo | None:
+    """Give the origin of the run: every file holds it, and the scene was published, too."""
+    if not any(salvage.run for salvage in salvages):
+        for salvage in salvages:
+            salvage.restore_scene()
+    return next((salvage.run for salvage in salvages if salvage.run), None)
+
+
+def _report(target: Path, kept: Counter[str], salvages: Sequence[Salvage], run: bool) -> RecoveryReport:
     return RecoveryReport(
         path=target,
         messages=dict(kept),
         missing=dict(sum((salvage.missing for salvage in salvages), Counter())),
-        cut_files=tuple(salvage.file.name for salvage in salvages if salvage.cut),
-        damaged_chunks=sum(salvage.damaged_chunks for salvage in salvages),
+        cut_files=tuple(salvage.file.name for salvage in salvages if salvage.damage.cut),
+        damaged_chunks=sum(salvage.damage.chunks for salvage in salvages),
+        damaged_records=sum(salvage.damage.records for salvage in salvages),
         orphans=sum(salvage.orphans for salvage in salvages),
+        run=run,
     )
 
 

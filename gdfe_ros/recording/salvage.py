@@ -5,38 +5,32 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import BinaryIO
 
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
-from zstandard import ZstdError
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 
 from gdfe_ros.recording.bag_file import RUN_RECORD
-from gdfe_ros.recording.provenance import RunInfo
+from gdfe_ros.recording.frames import Damage, declarations, records
+from gdfe_ros.recording.provenance import SCENE_FILE, RunInfo
 from gdfe_ros.recording.reader import DAMAGE, topic_of
 from gdfe_ros.recording.topic import TopicInfo
 
-# What mcap, lz4 (RuntimeError) and zstandard raise on bytes that are not what they should be.
-_DAMAGE = (*DAMAGE, ZstdError)
-
 
 class Salvage:
-    """Reads one file as a stream; the index, which a cut file does not have, is not needed.
+    """Reads one file record by record; the index, which a cut file does not have, is not needed.
 
     Args:
         file: path of the file.
 
     Attributes:
-        cut: whether the file ends before its proper end; known when ``messages`` is exhausted.
-        damaged_chunks: chunks whose content did not match its checksum; left out.
-        orphans: messages without their topic's declaration, which lay in a damaged chunk; left out.
+        damage: what was wrong; known when ``messages`` is exhausted.
+        orphans: messages without their topic's declaration, which is lost; left out.
     """
 
     def __init__(self, file: Path) -> None:
         self.file = file
-        self.cut = True
-        self.damaged_chunks = 0
+        self.damage = Damage()
         self.orphans = 0
         self._schemas: dict[int, Schema] = {}
         self._topics: dict[int, TopicInfo] = {}
@@ -47,10 +41,24 @@ class Salvage:
 
     @property
     def run(self) -> RunInfo | None:
-        """Origin of the run, as far as the file was read; it stands before the first message."""
-        if RUN_RECORD not in self._metadata:
+        """Origin of the run, as far as the file was read; it stands before the first message.
+
+        None without a sound scene; where only its record is damaged, scene and files are what is known.
+        """
+        if SCENE_FILE not in self._attachments:
             return None
-        return RunInfo.from_bag(self._metadata[RUN_RECORD], self._attachments)
+        try:
+            return RunInfo.from_bag(self._metadata[RUN_RECORD], self._attachments)
+        except DAMAGE:
+            return RunInfo.from_attachments(self._attachments)
+
+    def restore_scene(self) -> None:
+        """Take the scene from its topic, where the attachment is damaged; reads the file on its own."""
+        for topic, message in Salvage(self.file).messages():
+            if topic.type == "std_msgs/msg/String" and topic.name.endswith("/scene"):
+                # CDR: four bytes of head, the length of the text, the text, a zero.
+                self._attachments[SCENE_FILE] = message.data[8:].rstrip(b"\0")
+                return
 
     @property
     def missing(self) -> Counter[str]:
@@ -65,11 +73,16 @@ class Salvage:
             OSError: the file cannot be read.
         """
         with self.file.open("rb") as stream:
-            for record in self._records(stream):
-                if isinstance(record, Message):
-                    yield from self._message(record)
-                else:
+            if not self.file.stat().st_size:
+                return
+            with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
+                for record in declarations(data):
                     self._declaration(record)
+                for record in records(data, self.damage):
+                    if isinstance(record, Message):
+                        yield from self._message(record)
+                    else:
+                        self._declaration(record)
 
     def _message(self, message: Message) -> Iterator[tuple[TopicInfo, Message]]:
         topic = self._topics.get(message.channel_id)
@@ -86,29 +99,9 @@ class Salvage:
         elif isinstance(record, Channel) and record.schema_id in self._schemas:
             try:
                 self._topics[record.id] = topic_of(record, self._schemas[record.schema_id])
-            except _DAMAGE:
+            except DAMAGE:
                 self._topics.pop(record.id, None)  # its messages count as orphans
         elif isinstance(record, Metadata):
             self._metadata[record.name] = record.metadata
         elif isinstance(record, Attachment):
             self._attachments[record.name] = record.data
-
-    def _records(self, stream: BinaryIO) -> Iterator[McapRecord]:
-        """Yield records, those inside chunks included, up to the first place that makes no sense."""
-        limit = self.file.stat().st_size
-        try:
-            for record in StreamReader(stream, emit_chunks=True, record_size_limit=limit).records:
-                if isinstance(record, Chunk):
-                    yield from self._contents(record)
-                else:
-                    yield record
-            self.cut = False
-        except _DAMAGE:
-            self.cut = True
-
-    def _contents(self, chunk: Chunk) -> list[McapRecord]:
-        try:
-            return breakup_chunk(chunk, validate_crc=True)
-        except _DAMAGE:
-            self.damaged_chunks += 1
-            return []

@@ -120,6 +120,8 @@ class TopicInfo:
         qos: what the publisher offered.
         definition: concatenated ``.msg`` text; empty: taken from the ROS installation when writing.
         type_hash: ``RIHS01_...``; empty: taken from the ROS installation when writing.
+        role: what the topic is to the node that recorded, e.g. ``mesh`` or ``handles/tip/pose``, whatever it is
+            remapped to; empty where nothing says so.
     """
 
     name: str
@@ -127,3 +129,4 @@ class TopicInfo:
     qos: Qos = field(default_factory=Qos)
     definition: str = ""
     type_hash: str = ""
+    role: str = ""

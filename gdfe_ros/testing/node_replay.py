@@ -49,7 +49,10 @@ class NodeReplay:
 
     def __init__(self, run: BagRun, *, overrides: Mapping[str, Any] | None = None) -> None:
         self._run, self._overrides = run, dict(overrides or {})
-        self._simulation = Replay(run, overrides=overrides).simulation
+        replay = Replay(run, overrides=overrides)
+        if replay.end:
+            raise RecordingError(f"{replay.end}; without --ros what comes before is replayed")
+        self._simulation = replay.simulation
         self._consumed = Consumed(run)
         self._name = f"/gdfe_replay_{os.getpid()}/{NODE_NAME}"
         self._patience = PATIENCE + _SLOWER * max(record.wall_time for record in run.records)
@@ -127,8 +130,8 @@ class NodeReplay:
             link.trigger("step")
 
     def _compare(self, again: BagRun, started: float) -> ReplayReport:
-        differences, unknown = Differences(self._run.scene), set()
-        recorded = BagSteps(self._run)
+        differences, recorded = Differences(self._run.scene), BagSteps(self._run)
+        unknown = set(recorded.foreign)
         for first, second in zip(recorded, BagSteps(again), strict=True):
             unknown |= first.samples.keys() - second.samples.keys()
             known = {topic: values for topic, values in first.samples.items() if topic in second.samples}
@@ -143,6 +146,7 @@ class NodeReplay:
             sum(record.dt for record in records),
             time.perf_counter() - started,
             self._consumed.inexact,
+            tail=recorded.tail.copy(),
         )
 
 

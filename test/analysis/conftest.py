@@ -33,9 +33,12 @@ class BagMaker:
         path: of the bag.
         scene: that is simulated.
         node: full name of the node that it pretends to be.
+        rename: full names of topics, by their names without the node's.
     """
 
-    def __init__(self, path: Path, scene: Scene, *, node: str = "/gdfe_sim") -> None:
+    def __init__(
+        self, path: Path, scene: Scene, *, node: str = "/gdfe_sim", rename: Mapping[str, str] | None = None
+    ) -> None:
         self.scene, self.simulation, self._node = scene, Simulation(scene), node
         kinds = {"step_record": "std_msgs/msg/String", "mesh": "sensor_msgs/msg/PointCloud2"}
         kinds |= {"strain": "sensor_msgs/msg/PointCloud2", "scene": "std_msgs/msg/String"}
@@ -43,7 +46,8 @@ class BagMaker:
             kinds[f"handles/{name}/pose"] = "geometry_msgs/msg/PoseStamped"
             kinds[f"handles/{name}/wrench"] = "geometry_msgs/msg/WrenchStamped"
         settings = {**asdict(scene.solver), "policy": scene.solver.policy.value}
-        topics = [TopicInfo(name=f"{node}/{name}", type=kind) for name, kind in kinds.items()]
+        self._rename = dict(rename or {})
+        topics = [TopicInfo(name=self._full(name), type=kind) for name, kind in kinds.items()]
         self._writer = BagWriter(path, topics, run=RunInfo(scene=scene.source, settings=settings))
         self._count, self._begin = 0, Begin.REST
         self._send("scene", String(data=scene.source), 0)
@@ -93,7 +97,15 @@ class BagMaker:
         return self._writer.path
 
     def _send(self, topic: str, message: Any, moment: int) -> None:
-        self._writer.write(f"{self._node}/{topic}", serialize_message(message), moment)
+        self._writer.write(self._full(topic), serialize_message(message), moment)
+
+    def _full(self, topic: str) -> str:
+        return self._rename.get(topic, f"{self._node}/{topic}")
+
+    @staticmethod
+    def coarse() -> Scene:
+        """Load a scene that is solved in a millisecond."""
+        return load_scene("bend5", overrides=COARSE)
 
 
 @pytest.fixture

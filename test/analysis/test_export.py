@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -52,9 +53,38 @@ def test_tables_hold_a_row_for_each_step(make_bag: Callable[..., Path], tmp_path
             rows = list(csv.DictReader(file))
     else:
         rows = pyarrow.parquet.read_table(out).to_pylist()
-    assert [float(row["target.tip.z"]) for row in rows] == pytest.approx([0.0, 0.04, 0.08])
-    assert float(rows[-1]["handles/tip/wrench.wrench.force.z"]) > 0.0
+    length, force = (" [m]", " [N]") if kind == "csv" else ("", "")
+    assert [float(row[f"target.tip.z{length}"]) for row in rows] == pytest.approx([0.0, 0.04, 0.08])
+    assert float(rows[-1][f"handles/tip/wrench.wrench.force.z{force}"]) > 0.0
     assert int(float(rows[-1]["iterations"])) > 0
+
+
+def test_columns_have_names_and_units(kept_bags: dict[Path, float], tmp_path: Path) -> None:
+    """Export a robot: joint states by actuator, a unit for every quantity that has one, in each format."""
+    bag = next(path for path in kept_bags if path.name == "pneunet")
+    scene = BagRun(bag).scene
+    names = [actuator.name for actuator in scene.actuators]
+    for kind in ("csv", "parquet", "npz"):
+        assert main(["export", str(bag), "--out", str(tmp_path / f"run.{kind}")]) == 0
+    with (tmp_path / "run.csv").open(newline="", encoding="utf-8") as file:
+        head = next(csv.reader(file))
+    for name in names:
+        assert {f"joint_states.{name}.position [m^3]", f"joint_states.{name}.velocity [m^3/s]"} <= set(head)
+        assert {f"joint_states.{name}.effort [Pa]", f"command.{name} [Pa]"} <= set(head)
+    assert {"time [s]", "dt [s]", "wall_time [s]", "energy [J]", "iterations", "residual"} <= set(head)
+    assert "handles/base/wrench.wrench.torque.z [N m]" in head
+    assert any(column.startswith("probe/") and column.endswith("pose.position.x [m]") for column in head)
+    assert not any(column.endswith(".orientation.x [m]") for column in head)
+    fields = {
+        field.name: field.metadata[b"unit"].decode() for field in pyarrow.parquet.read_schema(tmp_path / "run.parquet")
+    }
+    assert [f"{name} [{unit}]" if unit else name for name, unit in fields.items()] == head
+    with np.load(tmp_path / "run.npz") as data:
+        assert list(data["joint_names"]) == names
+        units = json.loads(str(data["units"]))
+        assert (units["positions"], units["time"], units["tangent"]) == ("m", "s", "Pa")
+        assert units["handles/base/wrench/wrench.force.x"] == "N"
+        assert data["joint_states/effort"].shape[1] == len(names)
 
 
 def test_an_unknown_ending_is_refused(make_bag: Callable[..., Path], tmp_path: Path, capsys: Any) -> None:

@@ -57,11 +57,11 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(sys.modules, "ament_index_python.packages", index)
 
 
-def _describe(path: Path) -> Any:
+def _module(path: Path) -> Any:
     spec = importlib.util.spec_from_file_location(path.name.replace(".", "_"), path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.generate_launch_description()
+    return module
 
 
 def _entry_points() -> dict[str, str]:
@@ -79,7 +79,7 @@ def test_there_are_launch_files() -> None:
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
 def test_a_launch_file_names_what_there_is(path: Path, stand_ins: None) -> None:
     """Run the file: its nodes are executables of this package, its parameters theirs, its arguments explained."""
-    description = _describe(path)
+    description = _module(path).generate_launch_description()
     if INSTALLED:
         assert description.entities
         return
@@ -93,6 +93,73 @@ def test_a_launch_file_names_what_there_is(path: Path, stand_ins: None) -> None:
     assert nodes
     for node in nodes:
         _check_node(node, arguments)
+
+
+def _nodes(module: Any, **given: str) -> list[Any]:
+    """Have sim.launch.py describe its nodes with arguments."""
+    (entities,) = module.generate_launch_description().given
+    declared = _of_kind(entities, "DeclareLaunchArgument")
+    return module.make_nodes({e.given[0]: e.named["default_value"] for e in declared} | given)
+
+
+@pytest.fixture
+def sim(stand_ins: None) -> Any:
+    """Give the module sim.launch.py, read with stand-ins."""
+    if INSTALLED:
+        pytest.skip("launch is installed: it reads the file itself")
+    return _module(ROOT / "launch" / "sim.launch.py")
+
+
+def test_only_what_is_given_is_put_over_the_parameter_file(sim: Any, tmp_path: Path) -> None:
+    """Launch without arguments: the file alone decides; with some, these win and nothing else does."""
+    (node,) = _nodes(sim)
+    assert node.named["parameters"] == [str(ROOT / "config" / "sim.yaml")]
+    own = tmp_path / "own.yaml"
+    own.write_text("/**: {ros__parameters: {rate: 20.0, clock: fast}}")
+    (node,) = _nodes(sim, params_file=str(own))
+    assert node.named["parameters"] == [str(own)]
+    (node,) = _nodes(sim, params_file=str(own), rate="50", use_sim_time="true", namespace="/left", log_level="debug")
+    path, given = node.named["parameters"]
+    kinds = {name: value.named["value_type"] for name, value in given.items()}
+    assert (path, kinds) == (str(own), {"rate": float, "use_sim_time": bool})
+    assert node.named["ros_arguments"] == ["--log-level", "left.gdfe_sim:=debug"]
+
+
+def test_rviz_is_given_the_topics_of_the_node(sim: Any) -> None:
+    """Ask for RViz beside a node in a namespace: its displays are remapped, its fixed frame follows."""
+    _, rviz = _nodes(sim, rviz="true", namespace="left", frame_id="left/base")
+    assert (rviz.named["package"], rviz.named["executable"]) == ("rviz2", "rviz2")
+    assert ("/gdfe_sim/mesh", "/left/gdfe_sim/mesh") in rviz.named["remappings"]
+    assert rviz.named["arguments"][2:] == ["-f", "left/base"]
+    assert Path(rviz.named["arguments"][1]).is_file()
+
+
+@pytest.mark.parametrize(
+    ("text", "full", "fits"),
+    [
+        ("/**: {ros__parameters: {}}", "/left/arm", True),
+        ("gdfe_sim: {ros__parameters: {}}", "/gdfe_sim", True),
+        ("gdfe_sim: {ros__parameters: {}}", "/left/gdfe_sim", False),
+        ("/left/gdfe_sim: {ros__parameters: {}}", "/left/gdfe_sim", True),
+        ("left: {gdfe_sim: {ros__parameters: {}}}", "/left/gdfe_sim", True),
+        ("/*/gdfe_sim: {ros__parameters: {}}", "/left/gdfe_sim", True),
+        ("/*: {ros__parameters: {}}", "/left/gdfe_sim", False),
+        ("/**/gdfe_sim: {ros__parameters: {}}", "/a/b/gdfe_sim", True),
+        ("[1, 2", "/gdfe_sim", False),
+        ("", "/gdfe_sim", False),
+    ],
+)
+def test_a_parameter_file_for_other_nodes_is_refused(
+    sim: Any, tmp_path: Path, text: str, full: str, fits: bool
+) -> None:
+    """Give a file of which ROS would take nothing for this node: refused with its names and the remedy."""
+    path = tmp_path / "own.yaml"
+    path.write_text(text)
+    if fits:
+        sim.require_match(str(path), full)
+    else:
+        with pytest.raises(RuntimeError, match=r"own.yaml (is for .*write /\*\*:|cannot be read)"):
+            sim.require_match(str(path), full)
 
 
 def _of_kind(entities: Iterable[Any], kind: str) -> list[Any]:
@@ -109,12 +176,12 @@ def _check_node(node: Any, arguments: dict[str, str]) -> None:
         if isinstance(source, dict):
             assert set(source) <= _parameters(executable), set(source) - _parameters(executable)
         else:
-            assert Path(arguments[source.given[0]]).is_file()
+            assert Path(source).is_file()
 
 
 def _parameters(executable: str) -> set[str]:
     if executable == "sim_node":
-        return {spec.name for spec in PARAMETERS}
+        return {spec.name for spec in PARAMETERS} | {"use_sim_time"}
     source = ast.parse(Path(sys.modules[TipTracking.__module__].__file__).read_text(encoding="utf-8"))
     calls = [node for node in ast.walk(source) if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)]
     return {call.args[0].value for call in calls if call.func.attr == "declare_parameter"}
@@ -124,6 +191,6 @@ def test_the_parameter_file_names_parameters_of_the_node() -> None:
     """Read config/sim.yaml: every entry is a parameter, with the type of its default."""
     import yaml
 
-    entries = yaml.safe_load((ROOT / "config" / "sim.yaml").read_text(encoding="utf-8"))[NODE_NAME]["ros__parameters"]
+    entries = yaml.safe_load((ROOT / "config" / "sim.yaml").read_text(encoding="utf-8"))["/**"]["ros__parameters"]
     kinds = {spec.name: type(spec.default) for spec in PARAMETERS}
     assert {name: type(value) for name, value in entries.items()}.items() <= kinds.items()

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import yaml
 
-from gdfe_ros.node.interface import NODE_NAME, PARAMETERS
+from gdfe_ros.node.interface import PARAMETERS
 
 
 def test_every_entry_is_a_parameter_of_the_node(root: Path) -> None:
     """Compare names, types and values of config/sim.yaml with the node's own table: it shows the defaults."""
     content = yaml.safe_load((root / "config" / "sim.yaml").read_text())
     defaults = {spec.name: spec.default for spec in PARAMETERS}
-    shown = content[NODE_NAME]["ros__parameters"]
+    shown = content["/**"]["ros__parameters"]
     assert shown == {name: defaults[name] for name in shown}

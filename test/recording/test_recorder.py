@@ -17,7 +17,7 @@ from rosbags.rosbag2 import Reader
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.recorder import Recorder, RecorderStatus
 from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagWriter
 
@@ -26,7 +26,7 @@ MEGABYTE = b"\0\1\0\0" + bytes(1 << 20)
 # Records incompressible messages until told to stop, or until the limit of the file size [B] ends it.
 CHILD = """
 import os, resource, sys, time
-from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.recording.recorder import Recorder, RecorderStatus
 from gdfe_ros.recording.topic import TopicInfo
 
 path, limit, ending = sys.argv[1], int(sys.argv[2]), sys.argv[3]
@@ -139,23 +139,28 @@ def test_block_gives_up_after_its_bound(tmp_path: Path, mesh_topic: TopicInfo, s
 def test_a_failing_writer_stops_the_recording_only(
     tmp_path: Path, mesh_topic: TopicInfo, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Break the writer: `record` goes on without raising, the error can be asked for, losses are counted."""
+    """Break the writer: `record` does not raise, who asked is told once, bag and status agree on what was lost."""
 
     def broken(*_: object) -> None:
         raise TypeError("broken on purpose")
 
-    recorder = Recorder(tmp_path / "bag", [mesh_topic])
+    told: list[RecorderStatus] = []
+    recorder = Recorder(tmp_path / "bag", [mesh_topic], failed=told.append)
     monkeypatch.setattr(BagWriter, "write", broken)
     recorder.record(mesh_topic.name, b"", 0)
     deadline = time.monotonic() + 60
-    while recorder.error is None and time.monotonic() < deadline:
-        time.sleep(0.01)
+    while not told and time.monotonic() < deadline:
+        assert recorder.record(mesh_topic.name, b"", 1) or recorder.error is not None
+        time.sleep(0.001)
     assert not recorder.record(mesh_topic.name, b"", 1)
     status = recorder.close()
     assert isinstance(status.error, RecordingError)
     assert "broken on purpose" in str(status.error)
-    assert status.dropped == {mesh_topic.name: 2}
-    assert "broken on purpose" in BagReader(tmp_path / "bag").notes["error"]
+    assert told == [status]
+    assert status.dropped_total >= 1
+    notes = BagReader(tmp_path / "bag").notes
+    assert "broken on purpose" in notes["error"]
+    assert notes["messages_dropped"] == str(status.dropped_total)
 
 
 def test_topics_can_be_added_while_recording(tmp_path: Path, mesh_topic: TopicInfo, command_topic: TopicInfo) -> None:
@@ -169,12 +174,13 @@ def test_topics_can_be_added_while_recording(tmp_path: Path, mesh_topic: TopicIn
     assert BagReader(tmp_path / "bag").counts == {mesh_topic.name: 1, command_topic.name: 1}
 
 
-def test_closing_twice_is_harmless_and_later_messages_are_counted(tmp_path: Path, mesh_topic: TopicInfo) -> None:
-    """Close twice, record once more: no error, the message counts as dropped."""
+def test_closing_twice_is_harmless_and_later_messages_are_refused(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+    """Close twice, record once more: refused without an error, and the status is what the bag says."""
     recorder = Recorder(tmp_path / "bag", [mesh_topic])
     recorder.close()
     assert not recorder.record(mesh_topic.name, b"", 0)
-    assert recorder.close().dropped_total == 1
+    assert recorder.close().dropped_total == 0
+    assert BagReader(tmp_path / "bag").notes["messages_dropped"] == "0"
 
 
 @pytest.mark.parametrize(

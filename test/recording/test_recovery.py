@@ -22,7 +22,7 @@ from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.recovery import recover
 from gdfe_ros.recording.topic import TopicInfo
-from gdfe_ros.recording.writer import BagOptions, BagWriter
+from gdfe_ros.recording.writer import BagOptions, BagWriter, FsyncPolicy
 
 SCENE = "name: bar\n"
 
@@ -161,14 +161,65 @@ def test_a_damaged_chunk_costs_only_its_messages(bag: Path) -> None:
 
 
 def test_messages_whose_topic_is_lost_are_counted(bag: Path) -> None:
-    """Damage the chunk that declares the topic: the rest of that file has no type and is counted out."""
+    """Damage the chunk that declares the topic in a file without its end: the rest has no type and is counted out."""
     (bag / "metadata.yaml").unlink()
     content = bytearray((bag / "bag_0.mcap").read_bytes())
+    del content[content.rfind(b"\x0f\x04\0\0\0\0\0\0\0") :]
     place = content.find(np.random.default_rng(0).bytes(2000)[500:600])
     content[place : place + 4] = b"\xff\xff\xff\xff"
     (bag / "bag_0.mcap").write_bytes(content)
     report = recover(bag)
     assert (report.total, report.orphans, report.damaged_chunks) == (10, 19, 1)
+
+
+def test_a_finished_file_tells_its_topics_twice(bag: Path) -> None:
+    """Damage the chunk that declares the topic: the index repeats the declaration, and one message is lost."""
+    content = bytearray((bag / "bag_0.mcap").read_bytes())
+    place = content.find(np.random.default_rng(0).bytes(2000)[500:600])
+    content[place : place + 4] = b"\xff\xff\xff\xff"
+    (bag / "bag_0.mcap").write_bytes(content)
+    report = recover(bag)
+    assert (report.total, report.orphans, report.damaged_chunks) == (29, 0, 1)
+
+
+def test_a_bit_in_the_first_records_costs_a_chunk_at_most(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+    """Flip a bit in every 13th byte up to the third chunk: all but one chunk come back, with the scene."""
+    scene_topic = TopicInfo(name="/gdfe_sim/scene", type="std_msgs/msg/String")
+    quick = BagOptions(chunk_size=1024, compression=Compression.NONE, fsync=FsyncPolicy.NEVER)
+    writer = BagWriter(tmp_path / "bag", [scene_topic, mesh_topic], run=RunInfo(scene=SCENE), options=quick)
+    text = SCENE.encode() + b"\0"
+    writer.write(scene_topic.name, b"\0\1\0\0" + struct.pack("<I", len(text)) + text, 0)
+    for number in range(43):
+        writer.write(mesh_topic.name, np.random.default_rng(number).bytes(1100), number)
+    writer.close()
+    content = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
+    end = content.find(np.random.default_rng(2).bytes(1100)[:50])
+    assert 3000 < end < 20000
+    for number, place in enumerate(range(0, end, 13)):
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << (number % 8)
+        (tmp_path / "damaged.mcap").write_bytes(damaged)
+        report = recover(tmp_path / "damaged.mcap", tmp_path / f"out{place}", options=quick)
+        assert report.total >= 42, place
+        assert BagReader(report.path).run.scene == SCENE, place
+
+
+def test_damaged_places_all_over_a_file_cost_their_chunks(tmp_path: Path, mesh_topic: TopicInfo) -> None:
+    """Destroy the heads of five records in the middle: each costs its chunk, the messages between come back."""
+    quick = BagOptions(chunk_size=1024, fsync=FsyncPolicy.NEVER)
+    writer = BagWriter(tmp_path / "bag", [mesh_topic], options=quick)
+    for number in range(40):
+        writer.write(mesh_topic.name, np.random.default_rng(number).bytes(1100), number)
+    writer.close()
+    content = bytearray((tmp_path / "bag" / "bag_0.mcap").read_bytes())
+    for number in (5, 11, 12, 30, 39):
+        head = content.find(np.random.default_rng(number).bytes(1100)[100:200])
+        content[head - 200 : head] = b"\xa5" * 200
+    (tmp_path / "bag" / "bag_0.mcap").write_bytes(content)
+    report = recover(tmp_path / "bag", tmp_path / "new", options=quick)
+    found = {message.log_time for message in BagReader(tmp_path / "new").messages()}
+    assert found == set(range(40)) - {5, 11, 12, 30, 39}
+    assert report.missing == {mesh_topic.name: 4}  # nothing tells of the last one
 
 
 def test_what_cannot_be_recovered_is_said(tmp_path: Path, bag: Path) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,15 +11,19 @@ from pathlib import Path
 import numpy as np
 
 from gdfe_ros.analysis.bag_steps import RECORD, BagStep
-from gdfe_ros.mesh import HexMesh
+from gdfe_ros.analysis.export.columns import Columns
+from gdfe_ros.scene import Scene
+
+_LENGTHS = {"X": "m", "positions": "m"}
 
 
-def write_npz(steps: Iterable[BagStep], mesh: HexMesh, path: Path) -> int:
+def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     """Write steps (t) and return their number.
 
     Keys: ``time`` (t,) [s]; ``X`` (n, 3) rest vertices [m]; ``cells`` (m, 8); ``positions`` (t, n, 3) float32 [m];
     ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for everything else.
-    A step that lacks a message has NaN there.
+    A step that lacks a message has NaN there. ``joint_names`` names the k entries of joint states; ``units`` is JSON
+    text: the SI unit of each array that has one and the same throughout.
 
     Raises:
         OSError: the file cannot be written.
@@ -30,7 +35,14 @@ def write_npz(steps: Iterable[BagStep], mesh: HexMesh, path: Path) -> int:
         for name, values in _named(step):
             columns[name][number] = values
     arrays = {name: _stack(found, len(times)) for name, found in columns.items()}
-    np.savez_compressed(path, time=np.array(times), X=mesh.vertices, cells=mesh.cells, **arrays)
+    known = Columns(scene.actuators)
+    arrays |= {"time": np.array(times), "X": scene.mesh.vertices, "cells": scene.mesh.cells}
+    units = {name: _LENGTHS.get(name) or known.unit(name) for name in arrays if not name.startswith("joint_states/")}
+    texts = {
+        "joint_names": np.array(known.joints, dtype=str),
+        "units": json.dumps({k: u for k, u in units.items() if u}),
+    }
+    np.savez_compressed(path, **arrays, **texts)
     return len(times)
 
 

@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 
 from gdfe_ros.analysis.bag_steps import RECORD, BagStep
+from gdfe_ros.analysis.export.columns import JOINTS, Columns
 
 Row = dict[str, Any]
 _TARGET = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def step_row(step: BagStep) -> Row:
+def step_row(step: BagStep, known: Columns) -> Row:
     """Give time and outcome, what was consumed, and every published number that is no array.
 
     Columns: ``step, time, dt`` [s], ``wall_time`` [s], outcomes, ``target.<handle>.x`` to ``rz`` [m, rad],
-    ``command.<actuator>``, then ``<topic>.<field>``.
+    ``command.<actuator>``, then ``<topic>.<field>``, and ``joint_states.<actuator>.<field>``.
     """
     record = step.record
     row: Row = {"step": record.step, "time": record.time, "dt": record.dt, "wall_time": record.wall_time}
@@ -33,26 +34,36 @@ def step_row(step: BagStep) -> Row:
     for topic, fields in step.samples.items():
         if topic != RECORD:
             for name, values in fields.items():
-                row |= _cells(f"{topic}.{name}", values)
+                row |= _cells(topic, name, values, known)
     return row
 
 
-def write_csv(rows: Iterable[Row], path: Path) -> None:
-    """Write rows; what a row does not have stays empty."""
+def write_csv(rows: Iterable[Row], path: Path, known: Columns) -> None:
+    """Write rows under names with units, as ``time [s]``; what a row does not have stays empty."""
     rows = list(rows)
+    names = columns(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns(rows))
-        writer.writeheader()
+        writer = csv.DictWriter(file, names)
+        writer.writerow({name: known.headed(name) for name in names})
         writer.writerows(rows)
 
 
-def write_parquet(rows: Iterable[Row], path: Path) -> None:
-    """Write rows; what a row does not have becomes null."""
+def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None) -> None:
+    """Write rows; what a row does not have becomes null.
+
+    Args:
+        rows: of any columns.
+        path: of the file.
+        known: tells units, which become the entry ``unit`` of the columns' metadata; None: no units.
+    """
     import pyarrow
     import pyarrow.parquet
 
     rows = list(rows)
     table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns(rows)})
+    if known is not None:
+        fields = [field.with_metadata({"unit": known.unit(field.name)}) for field in table.schema]
+        table = table.cast(pyarrow.schema(fields))
     pyarrow.parquet.write_table(table, path)
 
 
@@ -61,10 +72,12 @@ def columns(rows: Iterable[Mapping[str, Any]]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
-def _cells(name: str, values: np.ndarray) -> Row:
-    """Give a number, or the few numbers of a message such as joint states; arrays over the mesh are left out."""
+def _cells(topic: str, field: str, values: np.ndarray, known: Columns) -> Row:
+    """Give the numbers of a message that holds few; arrays over the mesh are left out."""
+    if topic == JOINTS and len(values) == len(known.joints):
+        return {f"{topic}.{name}.{field}": value.item() for name, value in zip(known.joints, values, strict=True)}
     if values.size == 1:
-        return {name: values[0].item()}
+        return {f"{topic}.{field}": values[0].item()}
     if values.dtype == np.float64 and values.size <= 64:
-        return {f"{name}.{place}": value.item() for place, value in enumerate(values)}
+        return {f"{topic}.{field}.{place}": value.item() for place, value in enumerate(values)}
     return {}

@@ -72,7 +72,7 @@ def _gather(run: BagRun) -> tuple[History, Animation, int]:
     for number, step in enumerate(chain([first], stream)):
         history.add(step)
         animation.add(number, step)
-    return history, animation, source.strays.total()
+    return history, animation, (source.strays + source.tail).total()
 
 
 def _remarks(history: History, animation: Animation, frames: int, strays: int) -> list[str]:

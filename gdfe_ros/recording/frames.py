@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records of an MCAP file that may break off or be damaged anywhere, found again after each damage."""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from mmap import mmap
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Message, MessageIndex, Metadata, Schema
+from mcap.stream_reader import breakup_chunk
+from zstandard import ZstdError
+
+MAGIC = b"\x89MCAP0\r\n"
+# What mcap, lz4 (RuntimeError) and zstandard raise on bytes that are not what they should be.
+DAMAGE = (
+    McapError,
+    ZstdError,
+    struct.error,
+    ValueError,
+    RuntimeError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    EOFError,
+    MemoryError,
+)
+"""What reading a file with a flipped bit ends with: lengths, ids and texts in it may be anything."""
+
+_CHECKSUM = 4
+_HEAD = struct.Struct("<BQ")
+_FOOTER = struct.Struct("<BQQQI")
+_KINDS = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.CHUNK: Chunk,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
+    Opcode.MESSAGE_INDEX: MessageIndex,
+}
+# Where a chunk, an attachment or a metadata record may begin: opcode, a length below 2^40, and what must follow.
+_BEGINNING = re.compile(
+    rb"\x06(?=.{5}\0{3}.{28}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd).{5}\0{3})|[\x09\x0c](?=.{5}\0{3})", re.DOTALL
+)
+
+
+@dataclass
+class Damage:
+    """What was wrong with a file.
+
+    Attributes:
+        chunks: that did not match their checksum, or whose beginning is destroyed; left out.
+        records: other records that cannot be read; left out.
+        cut: whether the file ends before its proper end; known when its records are exhausted.
+    """
+
+    chunks: int = 0
+    records: int = 0
+    cut: bool = True
+
+
+def require_sound_summary(data: mmap) -> int:
+    """Check the index at the end of a file against its checksum, which mcap's readers do not.
+
+    Returns:
+        Where the summary begins.
+
+    Raises:
+        McapError: the file does not end as it should, or the summary is damaged.
+    """
+    size = len(data)
+    place = size - len(MAGIC) - _FOOTER.size
+    if place < 0 or data[size - len(MAGIC) :] != MAGIC:
+        raise McapError("the file was cut off before its end")
+    opcode, length, start, _, checksum = _FOOTER.unpack(data[place : place + _FOOTER.size])
+    if opcode != Opcode.FOOTER or length != _FOOTER.size - _HEAD.size or not 0 <= start <= place:
+        raise McapError("the end of the file is destroyed")
+    if checksum and zlib.crc32(data[start or place : place + _FOOTER.size - _CHECKSUM]) != checksum:
+        raise McapError("the index at the end of the file does not match its checksum")
+    return start
+
+
+def declarations(data: mmap) -> list[McapRecord]:
+    """Give the schemas and channels that the index repeats; none where it is missing or damaged."""
+    try:
+        place, found = require_sound_summary(data), []
+    except DAMAGE:
+        return []
+    while place and (end := _end(data, place)) is not None and data[place] != Opcode.FOOTER:
+        if data[place] in (Opcode.SCHEMA, Opcode.CHANNEL):
+            found.append(_record(data, place, end))
+        place = end
+    return found
+
+
+def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
+    """Yield the records of the data section, those inside chunks included, up to its end or the file's.
+
+    Where a record's length is not to be trusted, the next chunk, attachment or metadata record is looked for.
+
+    Args:
+        data: the file.
+        damage: is filled in.
+    """
+    place = len(MAGIC)
+    while True:
+        end = _end(data, place)
+        if end is not None and data[place] == Opcode.DATA_END:
+            damage.cut = data[len(data) - len(MAGIC) :] != MAGIC
+            return
+        found = None if end is None else _contents(data, place, end)
+        yield from found or ()
+        following = end
+        if end is None or not _is_plausible(data, end):
+            following = _next_beginning(data, place + 1 if found is None else end)
+        if following is None:
+            return
+        if found is None:
+            damage.chunks += data[place] == Opcode.CHUNK
+            damage.records += data[place] != Opcode.CHUNK
+        place = following
+
+
+def _end(data: mmap, place: int) -> int | None:
+    """Give where the record that begins here ends; None: there is none, or it does not fit into the file."""
+    if place + _HEAD.size > len(data):
+        return None
+    opcode, length = _HEAD.unpack(data[place : place + _HEAD.size])
+    end = place + _HEAD.size + length
+    known = Opcode.HEADER <= opcode < Opcode.DATA_END or (opcode == Opcode.DATA_END and length == _CHECKSUM)
+    return end if known and end <= len(data) else None
+
+
+def _is_plausible(data: mmap, place: int) -> bool:
+    return place == len(data) or _end(data, place) is not None
+
+
+def _next_beginning(data: mmap, place: int) -> int | None:
+    """Find the next record that is whole."""
+    for match in _BEGINNING.finditer(data, place):
+        end = _end(data, match.start())
+        if end is not None and _is_plausible(data, end) and _contents(data, match.start(), end) is not None:
+            return match.start()
+    return None
+
+
+def _contents(data: mmap, place: int, end: int) -> list[McapRecord] | None:
+    """Give the records at a place, those inside a chunk; None: they are damaged."""
+    try:
+        record = _record(data, place, end)
+        return breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
+    except DAMAGE:
+        return None
+
+
+def _record(data: mmap, place: int, end: int) -> McapRecord:
+    content = data[place + _HEAD.size : end]
+    stream = ReadDataStream(BytesIO(content))
+    if data[place] == Opcode.MESSAGE:
+        return Message.read(stream, len(content))
+    kind = _KINDS[data[place]]
+    record = kind.read(stream)
+    if stream.count != len(content):
+        raise McapError(f"a record of {len(content)} B has content for {stream.count} B")
+    if kind is Attachment:
+        checksum = int.from_bytes(content[-_CHECKSUM:], "little")
+        if checksum and checksum != zlib.crc32(content[:-_CHECKSUM]):
+            raise McapError("an attachment does not match its checksum")
+    return record

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of a node whose topics are remapped: every array is still found, compared and reported."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.cli import main
+from gdfe_ros.recording.recovery import recover
+from gdfe_ros.recording.step_record import StepRecord
+
+REMAPS = {
+    "mesh": "/cloud",
+    "step_record": "/records/sim",
+    "handles/tip/target": "/goal",
+    "handles/tip/pose": "/tip/pose",
+    "handles/tip/wrench": "/sensor",
+    "scene": "/what",
+}
+PARAMETERS = ["scene:=bend5", "scene_overrides:=['mesh.bar.cells=[10, 1, 1]']", "clock:=lockstep", "record:=true"]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen]]:
+    """Give a function that starts a recording node with remaps; it is ended after the test."""
+    processes = []
+
+    def make() -> subprocess.Popen:
+        given = [word for text in [*PARAMETERS, f"bag_path:={tmp_path / 'bag'}"] for word in ("-p", text)]
+        given += [word for role, name in REMAPS.items() for word in ("-r", f"~/{role}:={name}")]
+        processes.append(subprocess.Popen([sys.executable, "-m", "gdfe_ros.node", "--ros-args", *given]))
+        return processes[-1]
+
+    yield make
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def bag(ros: Any, start: Callable[..., subprocess.Popen], tmp_path: Path) -> Path:
+    """Give the bag of three steps that were commanded over a remapped topic."""
+    node, records = ros.node("commander"), []
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(String, "/records/sim", lambda m: records.append(StepRecord.from_json(m.data)), latched)
+    goal = node.create_publisher(PoseStamped, "/goal", 10)
+    process, end = start(), time.monotonic() + 300.0
+
+    def wait(count: int) -> None:
+        while len({record.step for record in records}) < count or not goal.get_subscription_count():
+            assert process.poll() is None
+            assert time.monotonic() < end
+            ros.executor.spin_once(timeout_sec=0.05)
+
+    wait(1)
+    for step in range(1, 4):
+        message = PoseStamped()
+        message.pose.position.z = 0.01 * step
+        goal.publish(message)
+        wait(step + 1)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(60) == 0
+    return tmp_path / "bag"
+
+
+def test_a_remapped_run_is_replayed_and_reported(bag: Path, tmp_path: Path) -> None:
+    """Remap outputs, the record and an input: replay compares as much as ever, also after a recovery; report works."""
+    run = BagRun(bag)
+    assert {role: run.roles[role] for role in REMAPS} == REMAPS
+    report = Replay(run).run()
+    assert report.verdict() is Verdict.IDENTICAL
+    topics = {topic for topic, _ in report.differences.fields}
+    assert {"mesh", "step_record", "handles/tip/pose", "handles/tip/wrench", "strain", "handles/base/pose"} <= topics
+    assert report.differences.steps == len(run.records) == 4
+    assert set(run.last_wrenches()) == {"base", "tip"}
+    assert main(["report", str(bag), "--out", str(tmp_path / "report.html")]) == 0
+    assert main(["replay", str(recover(bag, tmp_path / "new").path)]) == 0
+    assert main(["compare", str(bag), str(tmp_path / "new")]) == 0
+    assert main(["replay", str(bag), "--ros"]) == 0
+
+
+def test_a_topic_that_nobody_knows_is_said_to_be_left_out(maker: Any, tmp_path: Path, capsys: Any) -> None:
+    """Read a bag that does not say what /cloud is: replay and compare tell of it, and neither is a success."""
+    bag = maker(tmp_path / "bag", maker.coarse(), rename={"mesh": "/cloud"})
+    bag.step()
+    path = bag.close()
+    assert main(["replay", str(path)]) == 1
+    shown = capsys.readouterr().out
+    assert "not compared, because the replay has none of it: /cloud" in shown
+    assert "incomplete, bit-identical as far as it was compared" in shown
+    assert main(["compare", str(path), str(path)]) == 1
+    assert "nothing tells what they are: /cloud of A" in capsys.readouterr().out

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter files and the command line, as a real node takes them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from gdfe_ros.testing.discovery import await_discovery
+
+ROOT = Path(__file__).parents[2]
+COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"], "clock": "lockstep"}
+
+
+class Node:
+    """A ``sim_node`` of another name in a namespace, and calls of its parameter services."""
+
+    def __init__(self, ros: Any, place: str, words: list[str]) -> None:
+        self._ros, self._client, self._name = ros, ros.node(f"asker_{place}"), f"/{place}/arm"
+        names = ["-r", f"__ns:=/{place}", "-r", "__node:=arm"]
+        self.process = subprocess.Popen([sys.executable, "-m", "gdfe_ros.node", "--ros-args", *names, *words])
+
+    def call(self, kind: type, service: str, request: Any) -> Any:
+        """Call a service of the node."""
+        client = self._client.create_client(kind, f"{self._name}/{service}")
+        self._wait(client.service_is_ready)
+        await_discovery(self._client, self._name, self._wait)
+        future = client.call_async(request)
+        self._wait(future.done)
+        return future.result()
+
+    def names(self) -> list[str]:
+        """List the parameters, once the scene is configured."""
+        listed: list[str] = []
+
+        def configured() -> bool:
+            listed[:] = self.call(ListParameters, "list_parameters", ListParameters.Request()).result.names
+            return any(name.startswith("materials.") for name in listed)
+
+        self._wait(configured)
+        return listed
+
+    def values(self, *names: str) -> list[Any]:
+        """Get parameters."""
+        answer = self.call(GetParameters, "get_parameters", GetParameters.Request(names=list(names)))
+        return [parameter_value_to_python(value) for value in answer.values]
+
+    def set(self, name: str, value: Any) -> Any:
+        """Set a parameter."""
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        return self.call(SetParameters, "set_parameters", request).results[0]
+
+    def _wait(self, done: Callable[[], Any]) -> None:
+        end = time.monotonic() + 300.0
+        while not done():
+            assert self.process.poll() is None
+            assert time.monotonic() < end
+            self._ros.executor.spin_once(timeout_sec=0.05)
+
+
+@pytest.fixture
+def start(ros: Any) -> Iterator[Callable[..., Node]]:
+    """Give a function that starts the node with words of the command line; it is ended after the test."""
+    started: list[Node] = []
+
+    def make(*words: str) -> Node:
+        started.append(Node(ros, f"left_{len(started)}", list(words)))
+        return started[-1]
+
+    yield make
+    for node in started:
+        node.process.kill()
+        node.process.wait()
+
+
+def _file(path: Path, **values: Any) -> str:
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": values}}))
+    return str(path)
+
+
+def test_moduli_come_from_a_file_and_from_the_command_line(start: Callable[..., Node], tmp_path: Path) -> None:
+    """Give moduli in both ways, as integers too: the command line wins, and the scene that runs has them."""
+    path = _file(tmp_path / "own.yaml", **COARSE, **{"materials.e20.young": 41000, "materials.e40.young": 43e3})
+    node = start("--params-file", path, "-p", "materials.e40.young:=44000")
+    node.names()
+    assert node.values("materials.e20.young", "materials.e40.young", "materials.e60.young") == [41e3, 44e3, 60e3]
+    assert node.set("materials.e20.young", 42000).successful
+    refused = node.set("materials.e20.young", 0)
+    assert not refused.successful
+    assert "materials.e20.young is 0; allowed: 1 to 1e+12 Pa" in refused.reason
+
+
+def test_a_dump_restores(start: Callable[..., Node], tmp_path: Path) -> None:
+    """Change parameters, dump them all, start anew with the dump: every value is as before."""
+    node = start(
+        "--params-file", str(ROOT / "config" / "sim.yaml"), "--params-file", _file(tmp_path / "a.yaml", **COARSE)
+    )
+    names = node.names()
+    assert node.set("materials.e20.young", 31e3).successful
+    assert node.set("rate", 20).successful
+    before = dict(zip(names, node.values(*names), strict=True))
+    assert before["materials.e20.young"] == 31e3
+    dump = {name: value for name, value in before.items() if not name.startswith("start_type_")}
+    node = start("--params-file", _file(tmp_path / "dump.yaml", **dump))
+    node.names()
+    assert dict(zip(dump, node.values(*dump), strict=True)) == dump

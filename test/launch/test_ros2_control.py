@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The URDF and the controllers for ros2_control: they fit the scene, and the messages of its hardware fit the node.
+
+ros2_control is no wheel. What ``joint_state_topic_hardware_interface/JointStateTopicSystem`` sends and expects is made
+here from the URDF as it does: one ``JointState`` at depth 1 with all joints by name and an array for each kind of
+command, states over sensor QoS with arrays as long as the names.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+
+from gdfe_ros.actuators import Mode
+from gdfe_ros.node.interface import ACTUATION, JOINT_STATES, NODE_NAME
+from gdfe_ros.scene import Scene, load_scene
+from gdfe_ros.testing import NodeProcess
+from gdfe_ros.testing.discovery import await_discovery
+
+FOLDER = Path(__file__).parents[2] / "config" / "ros2_control"
+
+
+@pytest.fixture
+def scene() -> Scene:
+    """Give the scene that the URDF describes."""
+    return load_scene("tendon_finger")
+
+
+@pytest.fixture
+def urdf() -> ElementTree.Element:
+    """Give the root of the URDF."""
+    return ElementTree.parse(FOLDER / "tendon_finger.urdf").getroot()
+
+
+def _parameters(urdf: ElementTree.Element) -> dict[str, str]:
+    return {entry.get("name"): entry.text for entry in urdf.findall("ros2_control/hardware/param")}
+
+
+def _commands(urdf: ElementTree.Element) -> dict[str, str]:
+    """Name the kind of command of each joint."""
+    joints = urdf.findall("ros2_control/joint")
+    return {joint.get("name"): joint.find("command_interface").get("name") for joint in joints}
+
+
+def test_the_urdf_has_the_actuators_and_limits_of_the_scene(scene: Scene, urdf: ElementTree.Element) -> None:
+    """Compare joints, interfaces and limits with the scene's actuators."""
+    joints = {joint.get("name"): joint for joint in urdf.findall("joint")}
+    controls = {joint.get("name"): joint for joint in urdf.findall("ros2_control/joint")}
+    assert list(joints) == list(controls) == [actuator.name for actuator in scene.actuators]
+    for actuator in scene.actuators:
+        assert actuator.mode is Mode.TENSION
+        command = controls[actuator.name].find("command_interface")
+        bounds = {entry.get("name"): float(entry.text) for entry in command.findall("param")}
+        assert (command.get("name"), bounds) == ("effort", {"min": actuator.low, "max": actuator.high})
+        assert float(joints[actuator.name].find("limit").get("effort")) == actuator.high
+        states = [entry.get("name") for entry in controls[actuator.name].findall("state_interface")]
+        assert states == ["position", "velocity", "effort"]
+
+
+def test_the_controllers_drive_what_the_urdf_offers(urdf: ElementTree.Element) -> None:
+    """Compare the joints and interfaces of the controllers with the URDF, and its topics with the node's."""
+    controllers = yaml.safe_load((FOLDER / "controllers.yaml").read_text(encoding="utf-8"))
+    kinds = controllers.pop("controller_manager")["ros__parameters"]
+    assert set(controllers) <= set(kinds)
+    (driven,) = (entry["ros__parameters"] for entry in controllers.values())
+    assert _commands(urdf) == dict.fromkeys(driven["joints"], driven["interface_name"])
+    full = {spec.name: spec.name.replace("~", f"/{NODE_NAME}") for spec in (ACTUATION, JOINT_STATES)}
+    assert _parameters(urdf) == {
+        "joint_commands_topic": full[ACTUATION.name],
+        "joint_states_topic": full[JOINT_STATES.name],
+        "trigger_joint_command_threshold": "-1",
+    }
+
+
+def test_a_node_understands_the_hardware_and_is_understood(ros: Any, urdf: ElementTree.Element) -> None:
+    """Send what the hardware sends, in lockstep: each message makes a step, whose state has all that it reads."""
+    topics, commands = _parameters(urdf), _commands(urdf)
+    node, states = ros.node("hardware"), []
+    node.create_subscription(JointState, topics["joint_states_topic"], states.append, qos_profile_sensor_data)
+    publisher = node.create_publisher(JointState, topics["joint_commands_topic"], QoSProfile(depth=1))
+    with NodeProcess({"scene": "tendon_finger", "clock": "lockstep"}) as process:
+
+        def wait(done: Any) -> Any:
+            end = time.monotonic() + 300.0
+            while not (value := done()):
+                assert process.running
+                assert time.monotonic() < end
+                ros.executor.spin_once(timeout_sec=0.05)
+            return value
+
+        wait(publisher.get_subscription_count)
+        await_discovery(node, f"/{NODE_NAME}", wait)
+        seen = set()
+        for flexor in (1.0, 2.0, 2.0):
+            message = JointState(name=list(commands), effort=[flexor, 0.5])
+            message.header.stamp = node.get_clock().now().to_msg()
+            publisher.publish(message)
+            state = wait(lambda flexor=flexor: next((s for s in states if _is_new(s, flexor, seen)), None))
+            seen.add(_stamp(state))
+            assert len(state.name) == len(state.position) == len(state.velocity) == len(state.effort) == 2
+            assert dict(zip(state.name, state.effort, strict=True)) == pytest.approx(
+                {"flexor": flexor, "extensor": 0.5}
+            )
+    assert len(seen) == 3
+
+
+def _is_new(state: JointState, flexor: float, seen: set[int]) -> bool:
+    return state.effort[0] == pytest.approx(flexor) and _stamp(state) not in seen
+
+
+def _stamp(state: JointState) -> int:
+    return state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
