@@ -142,8 +142,9 @@ class Actuation:
             term.name: term.potential(positions, commands[term.name])
             for term in (*self._loads, *self._cables, *self._chambers)
         }
+        more = sum(term.energy(positions) for term in self._more)
         return Balance(
-            potential=sum(potential for potential, _ in found.values()),
+            potential=more + sum(potential for potential, _ in found.values()),
             slopes={name: slope for name, (_, slope) in found.items()},
         )
 

@@ -94,6 +94,16 @@ class Term:
         """Return what is to be saved of a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
         return {}
 
+    def energy(self, positions: NDArray[np.float64]) -> float:
+        """Return the term's energy [J] at ``positions`` (n, 3) [m], as the balance of increments counts it.
+
+        That is its kernel's. A term whose kernel counts from where a solve begins, or whose energy is that of a
+        multiplier, says otherwise: what it gives must not change while nothing moves.
+        """
+        if self.kernel is None:
+            return 0.0
+        return float(terms_energy(positions, TermTable.of(self), np.zeros_like(positions), np.zeros(1)))
+
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
         """Return what users may want to know of the term, by name, in SI units; it appears in `StepResult.terms`."""
         return {}
@@ -113,6 +123,12 @@ class TermTable(NamedTuple):
     reals: NDArray[np.float64]
     integer_start: NDArray[np.int64]
     integers: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, term: Term) -> TermTable:
+        """Return a table of one term that has an energy; it shares the term's numbers."""
+        ends = [np.array([0, len(numbers)], dtype=np.int64) for numbers in (term.reals, term.integers)]
+        return cls(np.array([term.kernel.address], dtype=np.int64), ends[0], term.reals, ends[1], term.integers)
 
     @classmethod
     def pack(cls, terms: Sequence[Term]) -> TermTable:

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A term that is added from outside: it acts, it is saved, and what does not have it stays as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.terms.term import Saved, Term, TermTable, as_arrays, term_kernel, terms_energy
+
+LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.05))})
+
+
+@kernel
+def bed_energy(x, reals, integers, force, size):
+    """Return k/2 sum_v (z_v - Z_v)^2 of springs k = reals[0] from heights Z in the rest of reals [J]."""
+    energy = 0.0
+    for i in range(len(integers)):
+        stretch = x[integers[i], 2] - reals[1 + i]
+        energy += 0.5 * reals[0] * stretch * stretch
+        force[integers[i], 2] += reals[0] * stretch
+    size[0] += energy
+    return energy
+
+
+@term_kernel
+def _bed_entry(x, n, reals, k, integers, i, force, size):
+    return bed_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class Bed(Term):
+    """A bed of upright springs under all vertices that counts the solves it has seen."""
+
+    kernel = _bed_entry
+
+    def __init__(self, body: Body, stiffness: float) -> None:
+        self._stiffness = stiffness
+        numbers = np.array([stiffness, *body.rest[:, 2]])
+        super().__init__("bed", numbers, np.arange(len(body.rest), dtype=np.int32))
+
+    def stiffness(self) -> sparse.spmatrix:
+        """Return the springs as a diagonal matrix."""
+        return sparse.diags(np.full(len(self.integers), self._stiffness / 3.0)).tocsc()
+
+    def neutral(self) -> Saved:
+        """Begin to count."""
+        return {"solves": np.zeros(1)}
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Count on."""
+        return {"solves": saved["solves"] + 1.0}
+
+    def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
+        """Tell the force on the bed [N]."""
+        return {"force": float(self._stiffness * (positions[:, 2] - self.reals[1:]).sum())}
+
+
+def _simulation(stiffness: float | None) -> Simulation:
+    terms = () if stiffness is None else [lambda body: Bed(body, stiffness)]
+    return Simulation(load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}), terms=terms)
+
+
+def test_a_term_from_outside_carries_its_share() -> None:
+    """Lift the tip of a bar on a bed of springs: the handles carry what the bed draws, and the report tells it."""
+    result = _simulation(2.0).step(LIFT)
+    assert result.converged, result.message
+    carried = sum(wrench[2] for wrench in result.reactions.values())
+    assert carried == pytest.approx(result.terms["bed"]["force"], rel=1e-3)
+    assert result.terms["bed"]["force"] > 0.1
+
+
+def test_a_stiff_bed_needs_no_more_iterations() -> None:
+    """Make the bed stiff: its share of the constant matrix keeps the solve short."""
+    soft, stiff = (_simulation(stiffness).step(LIFT) for stiffness in (0.01, 1000.0))
+    assert stiff.converged
+    assert stiff.iterations < 2 * soft.iterations
+
+
+def test_without_springs_nothing_changes() -> None:
+    """Give the bed no stiffness: the equilibrium is that without a bed."""
+    plain, bedded = _simulation(None).step(LIFT), _simulation(0.0).step(LIFT)
+    np.testing.assert_allclose(bedded.positions, plain.positions, atol=1e-4 * 0.4)
+    assert plain.terms == {}
+
+
+def test_what_a_term_saves_is_part_of_the_state() -> None:
+    """Save in the middle of a motion and go on elsewhere: the same bits, the term's count included."""
+    first, second = _simulation(2.0), _simulation(2.0)
+    first.step(LIFT)
+    load_state(second, save_state(first))
+    results = [each.step(Command(handles={"tip": Pose((0.0, 0.0, 0.06))})) for each in (first, second)]
+    np.testing.assert_array_equal(results[0].positions, results[1].positions)
+    counts: list[Mapping] = [each.snapshot().state.terms["bed"]["solves"] for each in (first, second)]
+    assert counts[0] == counts[1] == [2.0]
+
+
+def test_the_force_is_the_slope_of_the_energy() -> None:
+    """Compare the packed kernel with central differences, and its numbers with the term's views of them."""
+    body = _simulation(None)._stepper.body
+    term = Bed(body, 3.0)
+    table = TermTable.pack([term])
+    assert np.shares_memory(term.reals, table.reals)
+    random, force, scratch = np.random.default_rng(0), np.zeros_like(body.rest), np.zeros_like(body.rest)
+    x, way = body.rest + 0.01 * random.normal(size=force.shape), random.normal(size=force.shape)
+    terms_energy(x, table, force, np.zeros(1))
+    ends = [terms_energy(x + side * 1e-6 * way, table, scratch, np.zeros(1)) for side in (1.0, -1.0)]
+    assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(np.vdot(force, way), rel=1e-7)
