@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.lifecycle import LifecycleNode
 
 from gdfe_ros.node import interface
 from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.session import Session
 
@@ -24,7 +24,7 @@ class Diagnostics:
         refusals: counts of commands.
     """
 
-    def __init__(self, node: LifecycleNode, refusals: RefusalLog) -> None:
+    def __init__(self, node: ManagedNode, refusals: RefusalLog) -> None:
         self._node, self._refusals = node, refusals
         self._channel = Channel(node, interface.DIAGNOSTICS)
         self._mark = _Mark()
@@ -50,6 +50,10 @@ class Diagnostics:
         if not self._channel.wanted:
             return
         values |= self._refusals.counts()
+        faults = self._node.faults
+        values |= {"exceptions in callbacks": faults.count}
+        if faults.count:
+            values |= {"last exception": faults.last}
         status = DiagnosticStatus(
             level=level,
             name=f"{self._node.get_fully_qualified_name().lstrip('/')}: simulation",

@@ -20,10 +20,13 @@ from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedEx
 from rclpy.signals import SignalHandlerOptions
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.managed import Faults, ManagedNode
 
 _WAIT = 0.5
 """Longest wait of the executor [s]; a signal ends it at once."""
 _BAD_START = 2
+_MOST_FAULTS = 1000
+"""Exceptions in a row, with nothing done in between, after which the executor is taken for broken."""
 _INSIST = 2.0
 """Time after the first signal [s] from which on another one ends the process at once."""
 
@@ -71,9 +74,7 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
     for node in nodes:
         executor.add_node(node)
     try:
-        # EventsExecutor.spin never returns; spin_once in a loop costs no more.
-        while rclpy.ok() and not stopping.is_set():
-            executor.spin_once(timeout_sec=_WAIT)
+        _spin(executor, nodes, stopping)
     except ExternalShutdownException:
         pass
     finally:
@@ -85,6 +86,26 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -> None:
+    """Spin, and go on after what gets out of the executor: a request whose bytes rclpy cannot read, for one."""
+    faults = [node.faults for node in nodes if isinstance(node, ManagedNode)]
+    faults = faults or [Faults(lambda text: nodes[0].get_logger().error(text))]
+    in_a_row = 0
+    while rclpy.ok() and not stopping.is_set():
+        try:
+            # EventsExecutor.spin never returns; spin_once in a loop costs no more.
+            executor.spin_once(timeout_sec=_WAIT)
+            in_a_row = 0
+        except ExternalShutdownException:
+            raise
+        except Exception as error:
+            in_a_row += 1
+            if in_a_row > _MOST_FAULTS:
+                raise
+            for each in faults:
+                each.note("the executor", error)
 
 
 def _catch_signals(stopping: threading.Event) -> None:

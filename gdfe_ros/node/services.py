@@ -8,12 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rclpy.lifecycle import LifecycleNode
 from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import interface
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.qos import interface_class
@@ -33,7 +33,7 @@ class Services:
 
     def __init__(
         self,
-        node: LifecycleNode,
+        node: ManagedNode,
         parameters: Parameters,
         session: Callable[[], Session | None],
         interrupted: threading.Event,
@@ -49,7 +49,7 @@ class Services:
             interface.COMPUTE_JACOBIAN: self._compute_jacobian,
         }
         for spec, action in actions.items():
-            node.create_service(interface_class(spec.type), spec.name, _answer(action))
+            node.offer(interface_class(spec.type), spec.name, _answer(action))
 
     def _session(self) -> Session:
         session = self._find()

@@ -9,11 +9,12 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.diagnostics import Diagnostics
 from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.services import Services
@@ -22,7 +23,7 @@ from gdfe_ros.node.session import Session
 _DIAGNOSTICS_PERIOD = 1.0
 
 
-class SimNode(LifecycleNode):
+class SimNode(ManagedNode):
     """A soft-robot simulation on topics.
 
     Add it to any executor of rclpy; one of several threads runs its callbacks one at a time. ``close`` before
@@ -53,11 +54,6 @@ class SimNode(LifecycleNode):
         self._starter = None
         if self._settings["autostart"]:
             self._starter = self.create_timer(0.0, self._autostart, clock=self._steady)
-
-    @property
-    def lifecycle_state(self) -> str:
-        """Label of the lifecycle state, e.g. ``active``."""
-        return self._state_machine.current_state[1]
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the scene, factor, compile, open the topics; where it fails, log everything that is wrong."""
