@@ -18,6 +18,9 @@ from gdfe_ros.node.refusals import Reason, Refusal
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)
 """Modes whose command stands in ``effort`` of a JointState; the others' stands in ``position``."""
 
+LATEST_START = 60.0
+"""How far ahead a trajectory may start [s]: until then, time has to go on, and a node that is idle steps."""
+
 
 class ActuatorOrders:
     """Checks messages against the actuators and loads of a scene.
@@ -34,10 +37,10 @@ class ActuatorOrders:
     def from_joint_state(self, message: JointState) -> ActuatorOrder:
         """Take commands by name: tension [N] and pressure [Pa] from ``effort``, all others from ``position``.
 
-        A load's ``position`` is the factor on it.
+        A load's ``position`` is the factor on it. NaN commands nothing.
 
         Raises:
-            Refusal: an unknown or repeated name, an array of the wrong size, a value not finite or out of range.
+            Refusal: an unknown or repeated name, an array of the wrong size, a value infinite or out of range.
         """
         self._require_known(message.name)
         values = {}
@@ -50,7 +53,8 @@ class ActuatorOrders:
                     f"{field} has {len(array)} entries for {len(message.name)} names; {name!r} is commanded by {field}"
                 )
                 raise Refusal(Reason.WRONG_SIZE, text)
-            values[name] = self._checked(name, array[place])
+            if not math.isnan(array[place]):  # ros2_control's "no command"
+                values[name] = self._checked(name, array[place])
         return ActuatorOrder(values)
 
     def from_array(self, message: Float64MultiArray) -> ActuatorOrder:
@@ -75,7 +79,7 @@ class ActuatorOrders:
 
         Raises:
             Refusal: an unknown or repeated name, no points, a point of the wrong size, times that do not ascend, an
-                end in the past, or a value not finite or out of range.
+                end in the past, a start too far ahead, or a value not finite or out of range.
         """
         names = tuple(message.joint_names)
         self._require_known(names)
@@ -91,6 +95,9 @@ class ActuatorOrders:
                 raise Refusal(Reason.WRONG_SIZE, text)
             rows.append([self._checked(name, value) for name, value in zip(names, point.positions, strict=True)])
         start = _seconds(message.header.stamp) or None
+        if start is not None and start > now + LATEST_START:
+            text = f"it starts at {start:.9g} s, it is {now:.9g} s now; allowed: {LATEST_START:g} s ahead, or stamp 0"
+            raise Refusal(Reason.AHEAD, text)
         if start is not None and start + times[-1] < now:
             raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s, it is {now:.9g} s now")
         return TrajectoryOrder(names, start, times, np.array(rows))

@@ -29,6 +29,7 @@ class Reason(Enum):
     UNKNOWN = "unknown name"
     INACTIVE = "node is not active"
     STALE = "stale"
+    AHEAD = "stamp ahead"
     OUT_OF_ORDER = "out of order"
     QUEUE_FULL = "queue is full"
 

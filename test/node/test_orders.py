@@ -99,6 +99,9 @@ def test_joint_states_command_by_name_and_mode() -> None:
     message = JointState(name=["right", "left"], position=[0.1, math.nan], effort=[math.nan, 3.0])
     assert ORDERS.from_joint_state(message).values == {"right": 0.1, "left": 3.0}
     assert ORDERS.from_joint_state(JointState(name=["left"], effort=[2.0])).values == {"left": 2.0}
+    message = JointState(name=["right", "left"], position=[math.nan] * 2, effort=[math.nan, 3.0])
+    assert ORDERS.from_joint_state(message).values == {"left": 3.0}
+    assert ORDERS.from_joint_state(JointState(name=["left"], effort=[math.nan])).values == {}
 
 
 @pytest.mark.parametrize(
@@ -109,7 +112,7 @@ def test_joint_states_command_by_name_and_mode() -> None:
         (JointState(name=["left", "left"], effort=[1.0, 1.0]), Reason.MALFORMED),
         (JointState(name=["left"], position=[1.0]), Reason.WRONG_SIZE),
         (JointState(name=["left"], effort=[1.0, 2.0]), Reason.WRONG_SIZE),
-        (JointState(name=["left"], effort=[math.nan]), Reason.NOT_FINITE),
+        (JointState(name=["left"], effort=[math.inf]), Reason.NOT_FINITE),
         (JointState(name=["left"], effort=[-1.0]), Reason.OUT_OF_RANGE),
     ],
 )
@@ -125,8 +128,8 @@ def test_arrays_command_all_actuators() -> None:
     assert _refused(lambda: ORDERS.from_array(Float64MultiArray(data=[1.0, 9.0]))) is Reason.OUT_OF_RANGE
 
 
-def _trajectory(*points: tuple[float, list[float]], start: int = 0) -> JointTrajectory:
-    message = JointTrajectory(joint_names=["left"])
+def _trajectory(*points: tuple[float, list[float]], start: int = 0, name: str = "left") -> JointTrajectory:
+    message = JointTrajectory(joint_names=[name])
     message.header.stamp.sec = start
     for moment, positions in points:
         nanoseconds = round(moment * 1e9)
@@ -151,6 +154,7 @@ def test_trajectories_are_taken_point_by_point() -> None:
         (_trajectory((1.0, [1.0]), (1.0, [2.0])), Reason.OUT_OF_ORDER),
         (_trajectory((1.0, [99.0])), Reason.OUT_OF_RANGE),
         (_trajectory((1.0, [1.0]), start=5), Reason.STALE),
+        (_trajectory((1.0, [1.0]), start=71), Reason.AHEAD),
     ],
 )
 def test_bad_trajectories_are_refused(message: JointTrajectory, reason: Reason) -> None:
