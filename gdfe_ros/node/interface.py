@@ -179,11 +179,13 @@ MESH = TopicSpec(
     name="~/mesh",
     type="sensor_msgs/msg/PointCloud2",
     meaning="x, y, z, ux, uy, uz of each vertex [m], float32",
+    delivery=Delivery.CLOUD,
 )
 STRAIN = TopicSpec(
     name="~/strain",
     type="sensor_msgs/msg/PointCloud2",
     meaning="x, y, z [m] of each cell's centroid, eps_eq, J, omega, tangent [Pa], energy_density [J/m^3], float32",
+    delivery=Delivery.CLOUD,
 )
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
@@ -223,6 +225,7 @@ MARKERS = TopicSpec(
     type="visualization_msgs/msg/Marker",
     meaning="the surface as triangles in the colours of `marker_field`, at most `marker_rate`; not recorded",
     recorded=False,
+    delivery=Delivery.CLOUD,
 )
 TOPOLOGY = TopicSpec(
     name="~/topology",

@@ -72,24 +72,26 @@ class ManagedNode(LifecycleNode):
 
     def create_timer(self, timer_period_sec: float, callback: Callable[[], None], *more: Any, **options: Any) -> Any:
         """Create a timer, as rclpy does, that outlives what its callback raises."""
-        return super().create_timer(timer_period_sec, self._guarded(callback, "a timer"), *more, **options)
+        return super().create_timer(timer_period_sec, self.guarded(callback, "a timer"), *more, **options)
 
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable[..., None], *more: Any, **options: Any
     ) -> Any:
         """Create a subscription, as rclpy does, that outlives what its callback raises."""
-        guarded = self._guarded(callback, f"the subscription of {topic}")
+        guarded = self.guarded(callback, f"the subscription of {topic}")
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
 
-    def _guarded(self, callback: Callable[..., None], place: str) -> Callable[..., None]:
+    def guarded(self, callback: Callable[..., None], place: str) -> Callable[..., None]:
+        """Make a callback that notes what it raises as a fault of ``place``."""
+
         @wraps(callback)
-        def guarded(*arguments: Any) -> None:
+        def outliving(*arguments: Any) -> None:
             try:
                 callback(*arguments)
             except Exception as error:
                 self.faults.note(place, error)
 
-        return guarded
+        return outliving
 
     def _shield(self, service: Service) -> None:
         """Have a service answer what its callback raises, and send a response that comes later when it comes."""

@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
-
-from rclpy.lifecycle import LifecycleNode
 
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.errors import GdfeError
@@ -16,6 +15,7 @@ from gdfe_ros.node.drive import Drive
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.inputs import Inputs, Times
 from gdfe_ros.node.interface import MODULUS
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.messages import to_nanoseconds
 from gdfe_ros.node.moduli import Moduli
 from gdfe_ros.node.outputs import MarkerChoice, Outputs
@@ -23,7 +23,7 @@ from gdfe_ros.node.pace import ClockMode, Pace, Timing, make_pace
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.preparation import prepare
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
-from gdfe_ros.node.step import Step
+from gdfe_ros.node.step import Demand, Step, observe
 from gdfe_ros.node.stepper import Hooks, Stepper
 from gdfe_ros.node.strays import Strays
 from gdfe_ros.recording.step_record import Begin
@@ -62,7 +62,7 @@ class Session:
 
     def __init__(
         self,
-        node: LifecycleNode,
+        node: ManagedNode,
         parameters: Parameters,
         refusals: RefusalLog,
         *,
@@ -80,6 +80,7 @@ class Session:
             frame_id=parameters["frame_id"],
             publish_clock=parameters["publish_clock"],
             markers=lambda: MarkerChoice(rate=parameters["marker_rate"], field=parameters["marker_field"]),
+            matched=self._tell_again,
         )
         self.bags = Bags(node, parameters, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, locked=self._locked, changed=self._change_moduli)
@@ -88,6 +89,7 @@ class Session:
         self.pace: Pace | None = None
         self.courier: Courier | None = None
         self.last: Step | None = None
+        self._telling = False
         self.outputs.publish_scene(0)
 
     @property
@@ -128,6 +130,12 @@ class Session:
         self.inputs.destroy()
         self.outputs.destroy()
 
+    def look(self) -> None:
+        """Look for commands to nobody, and for those who listen and were not told the present state."""
+        self.strays.look()
+        if self.outputs.missed():
+            self._tell_again()
+
     def flush(self) -> None:
         """Wait until every step made so far is published and recorded."""
         if self.courier is not None:
@@ -164,6 +172,17 @@ class Session:
         self.last = step
         if step.wanted:
             self.courier.put(step)
+
+    def _tell_again(self) -> None:
+        """Have the present state published to those that have just begun to listen, where no step will soon."""
+        if self.stepper.running and not self._telling:
+            self._telling = True
+            self.stepper.post(self._node.guarded(self._deliver_again, "publishing to who came late"))
+
+    def _deliver_again(self) -> None:
+        self._telling = False
+        again = observe(self.simulation, Demand()) | {"wanted": True}
+        self.courier.put(replace(self.last, first=False, again=True, **again))
 
     def _locked(self) -> str:
         """Say why the body cannot be changed now."""

@@ -155,7 +155,7 @@ class SimNode(ManagedNode):
     def _report(self) -> None:
         session = self._session  # `close` may come from another thread
         if session is not None:
-            session.strays.look()
+            session.look()
         self._diagnostics.publish(session, self.lifecycle_state, self._problem)
 
 

@@ -46,6 +46,7 @@ class Step:
         log_time: simulation time that never goes back, for the bag [ns].
         first: the state that the node was activated with or reset to: published whether anybody listens or not,
             so that a subscriber that is still being discovered gets it, too.
+        again: told before; for those that have begun to listen since.
         wanted: whether anything of it is to be published or recorded.
         fields: evaluates the element fields, in the thread that publishes; None where nobody wants them.
         poses: where each plate is; empty where nobody wants it, like the following.
@@ -56,6 +57,7 @@ class Step:
     result: StepResult
     log_time: int
     first: bool = False
+    again: bool = False
     wanted: bool = True
     fields: Callable[[], ElementFields] | None = None
     poses: Mapping[str, Pose] = field(default_factory=dict)

@@ -113,15 +113,21 @@ class Stepper:
 
     def call(self, function: Callable[[], _Value]) -> _Value:
         """Run a function between two steps and return what it returns, or raise what it raises."""
-        if self._thread is None:
-            return function()
+        return self.post(function).result()
+
+    def post(self, function: Callable[[], _Value]) -> Future[_Value]:
+        """Have a function run between two steps, after those that wait; where the thread does not run, at once."""
         future: Future = Future()
+        if self._thread is None:
+            _carry_out(function, future)
+            return future
         with self.changed:
             if self._stopping:
-                raise GdfeError("the stepping has ended")
-            self._jobs.append((function, future))
-            self.changed.notify_all()
-        return future.result()
+                future.set_exception(GdfeError("the stepping has ended"))
+            else:
+                self._jobs.append((function, future))
+                self.changed.notify_all()
+        return future
 
     def pause(self, paused: bool) -> None:
         """Hold the stepping, or let it go on."""
