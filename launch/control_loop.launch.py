@@ -43,6 +43,7 @@ def generate_launch_description() -> LaunchDescription:
             {
                 "scene": LaunchConfiguration("scene"),
                 "clock": LaunchConfiguration("clock"),
+                "publish_clock": True,
                 "record": ParameterValue(LaunchConfiguration("record"), value_type=bool),
                 "scene_overrides": ["solver.tolerance=1.0e-6"],
             }

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -70,12 +70,15 @@ class ActuatorOrders:
         pairs = zip(names, message.data, strict=True)
         return ActuatorOrder({name: self._checked(name, value) for name, value in pairs})
 
-    def from_trajectory(self, message: JointTrajectory, *, now: float) -> TrajectoryOrder:
+    def from_trajectory(
+        self, message: JointTrajectory, *, now: float, convert: Callable[[int], float]
+    ) -> TrajectoryOrder:
         """Take the points of a trajectory; only ``positions`` count, whatever the mode.
 
         Args:
-            message: with a stamp in simulation time; 0: it starts when it is consumed.
+            message: with a stamp of its start; 0: when it is consumed.
             now: simulation time [s].
+            convert: gives the simulation time [s] of a stamp [ns].
 
         Raises:
             Refusal: an unknown or repeated name, no points, a point of the wrong size, times that do not ascend, an
@@ -94,7 +97,8 @@ class ActuatorOrders:
                 text = f"point {place} has {len(point.positions)} positions for {len(names)} joint_names"
                 raise Refusal(Reason.WRONG_SIZE, text)
             rows.append([self._checked(name, value) for name, value in zip(names, point.positions, strict=True)])
-        start = _seconds(message.header.stamp) or None
+        stamp = message.header.stamp
+        start = convert(stamp.sec * 10**9 + stamp.nanosec) if stamp.sec or stamp.nanosec else None
         if start is not None and start > now + LATEST_START:
             text = f"it starts at {start:.9g} s, it is {now:.9g} s now; allowed: {LATEST_START:g} s ahead, or stamp 0"
             raise Refusal(Reason.AHEAD, text)
@@ -125,5 +129,5 @@ class ActuatorOrders:
 
 
 def _seconds(time: object) -> float:
-    """Convert a Time or Duration message to seconds."""
+    """Convert a Duration message to seconds."""
     return time.sec + 1e-9 * time.nanosec

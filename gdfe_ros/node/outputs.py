@@ -70,9 +70,11 @@ class Outputs:
         self._jacobian = Channel(node, interface.JACOBIAN) if scene.actuators and scene.probes else None
         self._clock = each_step(interface.CLOCK) if publish_clock else None
         self._mesh_packer = MeshPacker(scene.mesh.vertices, frame_id)
-        self._pose_packer, self._wrench_packer = PosePacker(frame_id), WrenchPacker(frame_id)
+        self._pose_packers = {name: PosePacker(interface.rest_frame(name)) for name in names}
+        self._wrench_packers = {name: WrenchPacker(interface.centre_frame(name)) for name in names}
+        self._probe_packer = PosePacker(frame_id)
         self._strain_packer: StrainPacker | None = None
-        self._actuator_states = ActuatorStates()
+        self._actuator_states = ActuatorStates(scene)
         self._next_marker = 0.0
 
     @property
@@ -123,23 +125,23 @@ class Outputs:
 
     def publish_step(self, step: Step) -> None:
         """Publish and record a step."""
-        seconds = step.record.time
+        stamp = step.record.stamp
         if self._clock is not None and self._clock.due(step):
-            self._clock.send_step(step, Clock(clock=messages.stamp(seconds)))
+            self._clock.send_step(step, Clock(clock=messages.to_time(messages.to_nanoseconds(step.record.time))))
         if self._mesh.due(step):
-            self._mesh.send_step(step, self._mesh_packer.pack(seconds, step.result.positions))
+            self._mesh.send_step(step, self._mesh_packer.pack(stamp, step.result.positions))
         if self._record.due(step):
             self._record.send_step(step, String(data=step.record.to_json()))
         for name, channel in _due(self._wrenches, step):
-            channel.send_step(step, self._wrench_packer.pack(seconds, step.result.reactions[name]))
+            channel.send_step(step, self._wrench_packers[name].pack(stamp, step.result.reactions[name]))
         for name, channel in _due(self._poses, step):
             if name in step.poses:
-                channel.send_step(step, self._pose_packer.pack(seconds, step.poses[name]))
+                channel.send_step(step, self._pose_packers[name].pack(stamp, step.poses[name]))
         for name, channel in _due(self._probes, step):
             pose = messages.material_pose(self._scene.probes[name], self._scene.mesh.vertices, step.result.positions)
-            channel.send_step(step, self._pose_packer.pack(seconds, pose))
+            channel.send_step(step, self._probe_packer.pack(stamp, pose))
         if step.actuators and self._joints.due(step):
-            message = self._actuator_states.message(messages.header(seconds, self._frame_id), step)
+            message = self._actuator_states.message(messages.header(stamp, self._frame_id), step)
             self._joints.send_step(step, message)
         if step.fields is not None:
             self._publish_fields(step)
@@ -163,12 +165,12 @@ class Outputs:
         fields = step.fields()
         if self._strain.due(step):
             self._strain_packer = self._strain_packer or StrainPacker(fields, self._frame_id)
-            self._strain.send_step(step, self._strain_packer.pack(step.record.time, fields))
+            self._strain.send_step(step, self._strain_packer.pack(step.record.stamp, fields))
         if marker:
             choice = self._choice()
             self._next_marker = time.monotonic() + 1.0 / choice.rate
             values = getattr(fields, choice.field)
-            self._markers.send_step(step, self._surface.pack(step.record.time, step.result.positions, values))
+            self._markers.send_step(step, self._surface.pack(step.record.stamp, step.result.positions, values))
 
 
 def _due(channels: Mapping[str, Channel], step: Step) -> Iterator[tuple[str, Channel]]:

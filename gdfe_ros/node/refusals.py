@@ -28,6 +28,7 @@ class Reason(Enum):
     FIXED = "handle is fixed"
     UNKNOWN = "unknown name"
     INACTIVE = "node is not active"
+    FRAME = "other frame"
     STALE = "stale"
     AHEAD = "stamp ahead"
     OUT_OF_ORDER = "out of order"

@@ -7,6 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
+from rclpy.clock import JumpHandle, JumpThreshold
+from rclpy.duration import Duration
+
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.bag import Bags
@@ -73,7 +76,7 @@ class Session:
         timeout = partial(parameters.__getitem__, "velocity_timeout")
         drive = Drive(self.simulation, timeout=timeout, refuse=refusals.refuse)
         self.stepper = Stepper(self.simulation, drive, self._hooks())
-        self.inputs = Inputs(node, self.scene, refusals, self._times())
+        self.inputs = Inputs(node, self.scene, parameters["frame_id"], refusals, self._times())
         self.outputs = Outputs(
             node,
             self.scene,
@@ -90,6 +93,7 @@ class Session:
         self.courier: Courier | None = None
         self.last: Step | None = None
         self._telling = False
+        self._jumps: JumpHandle | None = None
         self.outputs.publish_scene(0)
 
     @property
@@ -104,14 +108,34 @@ class Session:
             GdfeError: the bag cannot be begun, or ``command_set`` names something that cannot be commanded.
         """
         self.mode, command_set = ClockMode(self._parameters["clock"]), self._command_set()
+        if self.mode is ClockMode.EXTERNAL:
+            self._follow_clock()
         if self._parameters["record"]:
             self._begin_bag()
-        self.pace = make_pace(self.mode, self._timing)
+        self.pace = make_pace(self.mode, self._timing, lambda: self._node.get_clock().now().nanoseconds)
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
         self.courier = Courier(self.outputs.publish_step, self._failed)
         # Before the first state is published: who has seen it may command.
         self.inputs.inbox = inbox
         self.stepper.start(self.pace, inbox)
+
+    def _follow_clock(self) -> None:
+        """Have the stepper's thread look whenever the node's clock is set.
+
+        Raises:
+            GdfeError: the node's clock is not another's.
+        """
+        if not self._node.get_parameter("use_sim_time").value or self._parameters["publish_clock"]:
+            raise GdfeError("clock external follows another's /clock: set use_sim_time true and publish_clock false")
+
+        def wake(jump: object) -> None:
+            with self.stepper.changed:
+                self.stepper.changed.notify_all()
+
+        any_jump = JumpThreshold(
+            min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
+        )
+        self._jumps = self._node.get_clock().create_jump_callback(any_jump, post_callback=wake)
 
     def stop(self) -> None:
         """End the threads after the step in progress, publish what waits, and finish the bag."""
@@ -119,7 +143,9 @@ class Session:
         self.stepper.stop()
         if self.courier is not None:
             self.courier.stop()
-        self.courier = self.pace = None
+        if self._jumps is not None:
+            self._jumps.unregister()
+        self.courier = self.pace = self._jumps = None
         if self.bags.active:
             self.bags.finish()
 
@@ -212,6 +238,7 @@ class Session:
             deadline=partial(value, "deadline"),
             cut_after=partial(value, "cut_after"),
             stride=partial(value, "dt"),
+            stamp=self._stamp,
             demand=lambda: self.outputs.demand(),
             deliver=self._deliver,
             refused=lambda error: self._refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error))),
@@ -221,16 +248,30 @@ class Session:
     def _times(self) -> Times:
         return Times(
             stamp=self._now,
-            simulation=lambda: self.simulation.time,
+            simulation=self._simulation_time,
             log=lambda: self.stepper.log_time,
             max_age=partial(self._parameters.__getitem__, "command_max_age"),
+            max_lead=partial(self._parameters.__getitem__, "command_max_lead"),
         )
 
     def _timing(self) -> Timing:
         values = self._parameters
         return Timing(values["rate"], values["dt"], values["heartbeat"], values["publish_clock"])
 
+    def _stamp(self, ending: float) -> int:
+        """Give the stamp [ns] of a step that begins now and ends at a simulation time [s]."""
+        if self._parameters["publish_clock"]:
+            return to_nanoseconds(ending)
+        return self.pace.moment or self._node.get_clock().now().nanoseconds
+
+    def _simulation_time(self, stamp: int) -> float:
+        """Convert a time on the clock of the stamps [ns] to simulation time [s], by the last step's."""
+        if self.last is None:
+            return self.simulation.time + 1e-9 * (stamp - self._now())
+        return self.last.record.time + 1e-9 * (stamp - self.last.record.stamp)
+
     def _now(self) -> int:
+        """Give the time on the clock of the stamps [ns]."""
         if self._parameters["publish_clock"]:
             return to_nanoseconds(self.simulation.time)
         return self._node.get_clock().now().nanoseconds

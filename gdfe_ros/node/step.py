@@ -64,13 +64,14 @@ class Step:
     actuators: Mapping[str, ActuatorState] = field(default_factory=dict)
 
 
-def make_record(result: StepResult, command: Command, *, step: int, begin: Begin, dt: float) -> StepRecord:
+def make_record(result: StepResult, command: Command, *, step: int, begin: Begin, dt: float, stamp: int) -> StepRecord:
     """Write down what a step consumed and how it went."""
     return StepRecord(
         step=step,
         begin=begin,
         time=result.time,
         dt=dt,
+        stamp=stamp,
         handles=command.handles,
         actuators=command.actuators,
         loads=command.loads,

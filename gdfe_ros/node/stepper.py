@@ -39,6 +39,7 @@ class Hooks:
         deadline: gives the wall time allowed for a step [s]; 0: any.
         cut_after: gives the place where a step is ended instead (``StepRecord.cut_after``); -1: nowhere.
         stride: gives the simulation time of a step [s]: the longest time over which velocities act.
+        stamp: gives the stamp [ns] of what is published of a step that begins now and ends at a simulation time [s].
         demand: tells, before a step, what is wanted of it.
         deliver: takes each step; it may block to hold the stepping back.
         refused: called with the reason why the simulation did not take a command; the step goes on without it.
@@ -48,6 +49,7 @@ class Hooks:
     deadline: Callable[[], float]
     cut_after: Callable[[], int]
     stride: Callable[[], float]
+    stamp: Callable[[float], int]
     demand: Callable[[], Demand]
     deliver: Callable[[Step], None]
     refused: Callable[[CommandError], None]
@@ -234,7 +236,7 @@ class Stepper:
         command = Command()
         if not first:
             command = self._drive.command(orders, time=simulation.time + dt, dt=min(dt, hooks.stride()))
-        place = hooks.cut_after()
+        stamp, place = hooks.stamp(simulation.time + dt), hooks.cut_after()
         limits = {"deadline": hooks.deadline() or None, "cut_after": place if place >= 0 else None}
         try:
             result = simulation.step(command, dt=dt, **limits)
@@ -244,7 +246,7 @@ class Stepper:
             result = simulation.step(command, dt=dt, **limits)
         if not np.isfinite(result.positions).all():
             raise GdfeError(f"step {self.count} gave positions that are not finite numbers: {result.message}")
-        record = make_record(result, command, step=self.count, begin=self.begin, dt=dt)
+        record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
         self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
         self.log_time = self._origin + to_nanoseconds(result.time)
         step = Step(record=record, result=result, log_time=self.log_time, first=first, **observe(simulation, demand))

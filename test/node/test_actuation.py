@@ -18,7 +18,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from gdfe_ros.node.messages import stamp
+from gdfe_ros.node.messages import to_time
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import Simulator
 
@@ -136,6 +136,6 @@ def _tip_at(client: Any, tips: list[PoseStamped], tension: float) -> np.ndarray:
     client.publish("commands", Float64MultiArray(data=[tension, 0.0]))
     client.wait(lambda: len(client.records()) > count)
     assert client.records()[-1].actuators["flexor"] == tension
-    moment = stamp(client.records()[-1].time)
+    moment = to_time(client.records()[-1].stamp)
     tip = client.wait(lambda: [tip.pose.position for tip in tips if tip.header.stamp == moment])[0]
     return np.array([tip.x, tip.z])
