@@ -157,7 +157,7 @@ TARGET = TopicSpec(
     name="~/handles/{handle}/target",
     type="geometry_msgs/msg/PoseStamped",
     meaning="target of the plate relative to its rest pose [m], rotation about its own centre by the nearest turn; "
-    "`frame_id` empty, the node's or `{handle}_rest`, others are refused",
+    "`frame_id` empty, the node's or `<handle>_rest`, others are refused",
     delivery=Delivery.COMMAND,
 )
 VELOCITY = TopicSpec(
@@ -210,14 +210,14 @@ STRAIN = TopicSpec(
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where the plate is, relative to its rest pose [m]: `frame_id` is `{handle}_rest`, the plate's centre at "
+    meaning="where the plate is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the plate's centre at "
     "rest with the axes of the node's frame",
 )
 HANDLE_WRENCH = TopicSpec(
     name="~/handles/{handle}/wrench",
     type="geometry_msgs/msg/WrenchStamped",
     meaning="force [N] and moment [N m] that the handle exerts on the body, about the plate's present centre: "
-    "`frame_id` is `{handle}_centre`, which moves with the plate and keeps the axes of the node's frame",
+    "`frame_id` is `<handle>_centre`, which moves with the plate and keeps the axes of the node's frame",
 )
 PROBE = TopicSpec(
     name="~/probe/{probe}",
@@ -263,7 +263,8 @@ SCENE = TopicSpec(
 DIAGNOSTICS = TopicSpec(
     name="/diagnostics",
     type="diagnostic_msgs/msg/DiagnosticArray",
-    meaning="once a second: state, time and real-time factor, solver, skipped work, commands taken and refused, bag",
+    meaning="once a second, as a whole and in parts, each with level and reason: solver and skipped work, commands "
+    "taken and refused, bag, clock",
     recorded=False,
 )
 OUTPUTS = (

@@ -10,11 +10,15 @@ from concurrent.futures import Future
 from functools import wraps
 from typing import Any
 
+from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.lifecycle import LifecycleNode
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.service import Service
 
 from gdfe_ros.node.throttle import Throttle
+
+_PRIMARY = ("unconfigured", "inactive", "active")
 
 
 class Faults:
@@ -55,6 +59,7 @@ class ManagedNode(LifecycleNode):
     """
 
     def __init__(self, name: str, **options: Any) -> None:
+        self._preparation: threading.Thread | None = None
         self.faults = Faults(lambda text: self.get_logger().error(text))
         super().__init__(name, **options)
         self._service_change_state.callback = self._checked(self._service_change_state.callback)
@@ -118,13 +123,65 @@ class ManagedNode(LifecycleNode):
 
         service.callback, service.send_response = answer, send_now_or_later
 
+    def prepare(self) -> None:
+        """Do, in a thread of its own, the part of ``on_configure`` that takes long; it must leave ROS alone."""
+
+    def configure_later(self) -> Future[TransitionCallbackReturn]:
+        """Configure without blocking other callbacks: the state is ``configuring`` until ``prepare`` is done."""
+        before = LifecycleState(self._state_machine.current_state[1], self._state_machine.current_state[0])
+        self._state_machine.trigger_transition_by_id(Transition.TRANSITION_CONFIGURE, True)
+        future: Future = Future()
+
+        def finish() -> None:
+            self.destroy_timer(finisher)
+            if not future.done():
+                future.set_result(self._conclude(self.on_configure(before), before))
+
+        def work() -> None:
+            try:
+                self.prepare()
+            finally:
+                finisher.reset()
+
+        # A timer brings the rest back to the executor's thread.
+        finisher = self.create_timer(0.0, finish, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
+        self._preparation = threading.Thread(target=work, name="prepare", daemon=True)
+        self._preparation.start()
+        return future
+
+    def await_preparation(self) -> None:
+        """Wait for the end of ``prepare``, where it runs."""
+        if self._preparation is not None:
+            self._preparation.join()
+
+    def _configured(self, response: Any) -> Future:
+        answer: Future = Future()
+
+        def respond(done: Future[TransitionCallbackReturn]) -> None:
+            response.success = done.result() is TransitionCallbackReturn.SUCCESS
+            answer.set_result(response)
+
+        self.configure_later().add_done_callback(respond)
+        return answer
+
+    def _conclude(self, code: TransitionCallbackReturn, before: LifecycleState) -> TransitionCallbackReturn:
+        """End a transition, as rclpy does."""
+        self._state_machine.trigger_transition_by_label(code.to_label(), True)
+        if code is TransitionCallbackReturn.ERROR:
+            self._state_machine.trigger_transition_by_label(self.on_error(before).to_label(), True)
+        return code
+
     def _checked(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
         """Refuse transitions that the present state does not have."""
 
         def answer(request: Any, response: Any) -> Any:
             wanted, state = request.transition, self.lifecycle_state
-            allowed = {label: number for number, label, *_ in self._state_machine.available_transitions}
+            primary = state in _PRIMARY  # in others, rcl offers what ends a transition, which is not for everybody
+            offered = self._state_machine.available_transitions if primary else ()
+            allowed = {label: number for number, label, *_ in offered}
             if wanted.label in allowed or (not wanted.label and wanted.id in allowed.values()):
+                if "configure" in allowed and allowed["configure"] == (allowed.get(wanted.label) or wanted.id):
+                    return self._configured(response)
                 return change(request, response)
             given = repr(wanted.label) if wanted.label else f"id {wanted.id}"
             offers = ", ".join(f"{label} ({number})" for label, number in allowed.items())

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import sys
 import threading
@@ -17,6 +18,7 @@ from typing import Any
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from gdfe_ros.errors import GdfeError
@@ -25,6 +27,16 @@ from gdfe_ros.node.managed import Faults, ManagedNode
 _WAIT = 0.5
 """Longest wait of the executor [s]; a signal ends it at once."""
 _BAD_START = 2
+_START_ERRORS = (
+    GdfeError,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    rclpy_implementation.RCLError,
+    rclpy_implementation.RCLInvalidROSArgsError,
+    rclpy_implementation.UnknownROSArgsError,
+)
+_PLACES = re.compile(r"\s*, at \S+:\d+")
+"""Where in its own sources rcl noticed that something is wrong."""
 _MOST_FAULTS = 1000
 """Exceptions in a row, with nothing done in between, after which the executor is taken for broken."""
 _INSIST = 2.0
@@ -63,11 +75,12 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
     """
     stopping = threading.Event()
     _catch_signals(stopping)
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         nodes = make_nodes(stopping)
-    except (GdfeError, InvalidParameterTypeException, InvalidParameterValueException) as error:
-        print(f"{Path(sys.argv[0]).stem}: {error}", file=sys.stderr)
+    except _START_ERRORS as error:
+        text = _PLACES.sub("", str(error))
+        print(f"{Path(sys.argv[0]).stem}: {text}", file=sys.stderr)
         rclpy.try_shutdown()
         return _BAD_START
     executor = make_executor()

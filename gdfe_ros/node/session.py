@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 
-from rclpy.clock import JumpHandle, JumpThreshold
-from rclpy.duration import Duration
+from rclpy.clock import JumpHandle
 
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.bag import Bags
+from gdfe_ros.node.clock import NodeClock
 from gdfe_ros.node.courier import Courier
 from gdfe_ros.node.drive import Drive
 from gdfe_ros.node.inbox import Inbox
@@ -24,11 +24,11 @@ from gdfe_ros.node.moduli import Moduli
 from gdfe_ros.node.outputs import MarkerChoice, Outputs
 from gdfe_ros.node.pace import ClockMode, Pace, Timing, make_pace
 from gdfe_ros.node.parameters import Parameters
-from gdfe_ros.node.preparation import prepare
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
-from gdfe_ros.node.step import Demand, Step, observe
+from gdfe_ros.node.step import Demand, Step, observe, plate_error
 from gdfe_ros.node.stepper import Hooks, Stepper
 from gdfe_ros.node.strays import Strays
+from gdfe_ros.node.walk import Walk
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
@@ -44,11 +44,9 @@ class Session:
     Args:
         node: owns the topics.
         parameters: of the node.
+        simulation: ready to step.
         refusals: counts refused commands.
         failed: called in a background thread with an exception that stepping or publishing ended with.
-
-    Raises:
-        GdfeError: the scene cannot be simulated.
 
     Attributes:
         simulation: touched by the stepper's thread only while active.
@@ -61,18 +59,20 @@ class Session:
         pace: of the steps; None while not active.
         courier: publishes; None while not active.
         last: the step made last, or None.
+        walk: steps that ~/step was asked for last, or None.
     """
 
     def __init__(
         self,
         node: ManagedNode,
         parameters: Parameters,
+        simulation: Simulation,
         refusals: RefusalLog,
         *,
         failed: Callable[[Exception], None],
     ) -> None:
         self._node, self._parameters, self._refusals, self._failed = node, parameters, refusals, failed
-        self.simulation = prepare(parameters)
+        self._clock, self.simulation = NodeClock(node, parameters), simulation
         timeout = partial(parameters.__getitem__, "velocity_timeout")
         drive = Drive(self.simulation, timeout=timeout, refuse=refusals.refuse)
         self.stepper = Stepper(self.simulation, drive, self._hooks())
@@ -92,6 +92,7 @@ class Session:
         self.pace: Pace | None = None
         self.courier: Courier | None = None
         self.last: Step | None = None
+        self.walk: Walk | None = None
         self._telling = False
         self._jumps: JumpHandle | None = None
         self.outputs.publish_scene(0)
@@ -109,33 +110,15 @@ class Session:
         """
         self.mode, command_set = ClockMode(self._parameters["clock"]), self._command_set()
         if self.mode is ClockMode.EXTERNAL:
-            self._follow_clock()
+            self._jumps = self._clock.follow(self.stepper.wake)
         if self._parameters["record"]:
             self._begin_bag()
-        self.pace = make_pace(self.mode, self._timing, lambda: self._node.get_clock().now().nanoseconds)
+        self.pace = make_pace(self.mode, self._timing, self._clock.read)
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
         self.courier = Courier(self.outputs.publish_step, self._failed)
         # Before the first state is published: who has seen it may command.
         self.inputs.inbox = inbox
         self.stepper.start(self.pace, inbox)
-
-    def _follow_clock(self) -> None:
-        """Have the stepper's thread look whenever the node's clock is set.
-
-        Raises:
-            GdfeError: the node's clock is not another's.
-        """
-        if not self._node.get_parameter("use_sim_time").value or self._parameters["publish_clock"]:
-            raise GdfeError("clock external follows another's /clock: set use_sim_time true and publish_clock false")
-
-        def wake(jump: object) -> None:
-            with self.stepper.changed:
-                self.stepper.changed.notify_all()
-
-        any_jump = JumpThreshold(
-            min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
-        )
-        self._jumps = self._node.get_clock().create_jump_callback(any_jump, post_callback=wake)
 
     def stop(self) -> None:
         """End the threads after the step in progress, publish what waits, and finish the bag."""
@@ -162,22 +145,40 @@ class Session:
         if self.outputs.missed():
             self._tell_again()
 
+    def waiting(self) -> str:
+        """Say what a step in lockstep waits for."""
+        with self.stepper.changed:
+            missing = self.inputs.inbox.missing() if self.inputs.inbox is not None else []
+        return ", ".join(f"~/{key}" for key in missing) or "any command"
+
+    def arrived(self) -> bool:
+        """Tell whether the last step is within its tolerance, every plate where it was commanded.
+
+        A deadline may end a solve that has nothing left to do but to say so.
+        """
+        result, solver, mesh = self.last.result, self.scene.solver, self.scene.mesh
+        reach, targets = solver.tolerance * mesh.size, self.simulation.targets
+        off = (plate_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
+        return result.residual <= solver.tolerance and max(off, default=0.0) <= reach
+
+    def interrupt(self, why: str) -> None:
+        """End the steps that ~/step is making."""
+        if self.walk is not None:
+            self.walk.interrupt(why)
+
     def flush(self) -> None:
         """Wait until every step made so far is published and recorded."""
         if self.courier is not None:
             self.courier.flush()
 
     def record(self, wanted: bool) -> str:
-        """Begin or finish a bag while active, and say where it is or how it went.
+        """Begin or finish, between steps, a bag while active, and say where it is or how it went.
 
         Raises:
             GdfeError: it is so already, or the bag cannot be begun.
         """
         if wanted == self.bags.active:
             raise GdfeError(f"the node is {'recording' if wanted else 'not recording'} already")
-        return self.stepper.call(self._switch_bag)
-
-    def _switch_bag(self) -> str:
         self.flush()
         if self.bags.active:
             return self.bags.finish()
@@ -217,9 +218,9 @@ class Session:
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Go on with a simulation of other moduli, under the commands in force."""
         overrides = {MODULUS.name.format(material=name): young for name, young in moduli.items()}
-        changed = Simulation(scene_from_text(self.scene.source, origin=self.scene.name, overrides=overrides))
 
         def swap() -> None:
+            changed = Simulation(scene_from_text(self.scene.source, origin=self.scene.name, overrides=overrides))
             old = self.simulation
             handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
             actuators = {name: old.commands[name] for name in old.actuator_names}
@@ -230,7 +231,9 @@ class Session:
             self.outputs.replace(changed.scene, self.stepper.log_time)
             self.stepper.replace(changed)
 
-        self.stepper.call(swap)
+        # Commands that come after this are consumed after it: the steps wait, the node's other callbacks do not.
+        what = f"going to the equilibrium with {', '.join(f'{key}={young:g}' for key, young in overrides.items())}"
+        self.stepper.post(self._node.guarded(swap, "a change of moduli"), what)
 
     def _hooks(self) -> Hooks:
         value = self._parameters.__getitem__
@@ -262,7 +265,7 @@ class Session:
         """Give the stamp [ns] of a step that begins now and ends at a simulation time [s]."""
         if self._parameters["publish_clock"]:
             return to_nanoseconds(ending)
-        return self.pace.moment or self._node.get_clock().now().nanoseconds
+        return self.pace.moment or self._clock.read()
 
     def _simulation_time(self, stamp: int) -> float:
         """Convert a time on the clock of the stamps [ns] to simulation time [s], by the last step's."""
@@ -274,7 +277,7 @@ class Session:
         """Give the time on the clock of the stamps [ns]."""
         if self._parameters["publish_clock"]:
             return to_nanoseconds(self.simulation.time)
-        return self._node.get_clock().now().nanoseconds
+        return self._clock.read()
 
     def _command_set(self) -> list[str]:
         keys = self._parameters.entries("command_set")

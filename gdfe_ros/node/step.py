@@ -6,8 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
 from gdfe_ros.actuators import ActuatorState
-from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints import Axis, Handle, Pose
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.fields import ElementFields
@@ -88,3 +92,13 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
         "poses": {name: simulation.handle_pose(name) for name in simulation.handle_names if demand.poses},
         "actuators": simulation.actuator_states() if demand.actuators else {},
     }
+
+
+def plate_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
+    """Give how far a plate is from its target along the axes that it has not free [m]; vertices are all (n, 3) [m]."""
+    before, now = rest[handle.vertices], positions[handle.vertices]
+    centre = before.mean(axis=0)
+    wanted = Rotation.from_rotvec(target.rotation).apply(before - centre) + centre + target.translation
+    error = np.abs((now - wanted).mean(axis=0) if handle.turning else now - wanted)
+    held = [place for place, axis in enumerate(Axis) if axis not in handle.free]
+    return float(error[..., held].max(initial=0.0))

@@ -69,6 +69,7 @@ class Stepper:
         count: steps made.
         begin: what the next step starts from.
         log_time: of the last step [ns].
+        work: what is done between two steps, and since when (monotonic) [s]; None: nothing that takes long.
         solving: wall time spent in solves so far [s].
         spent: wall time spent on steps so far, solves included [s].
     """
@@ -78,6 +79,7 @@ class Stepper:
         self.changed = threading.Condition()
         self.count = self.log_time = 0
         self.begin = Begin.REST
+        self.work: tuple[str, float] | None = None
         self.solving = self.spent = 0.0
         self._origin = 0
         self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
@@ -103,6 +105,11 @@ class Stepper:
         self._thread = threading.Thread(target=self._run, name=STEPPER, daemon=True)
         self._thread.start()
 
+    def wake(self) -> None:
+        """Have the thread look again whether a step is due."""
+        with self.changed:
+            self.changed.notify_all()
+
     def stop(self) -> None:
         """End the thread after the step in progress; nothing happens where it does not run."""
         if self._thread is None:
@@ -117,17 +124,28 @@ class Stepper:
         """Run a function between two steps and return what it returns, or raise what it raises."""
         return self.post(function).result()
 
-    def post(self, function: Callable[[], _Value]) -> Future[_Value]:
-        """Have a function run between two steps, after those that wait; where the thread does not run, at once."""
+    def post(self, function: Callable[[], _Value], what: str = "") -> Future[_Value]:
+        """Have a function run between two steps, after those that wait; where the thread does not run, at once.
+
+        While it runs, ``work`` says ``what`` it does, for those who wonder why no step is made.
+        """
         future: Future = Future()
+
+        def tell_and_run() -> _Value:
+            self.work = (what, time.monotonic()) if what else None
+            try:
+                return function()
+            finally:
+                self.work = None
+
         if self._thread is None:
-            _carry_out(function, future)
+            _carry_out(tell_and_run, future)
             return future
         with self.changed:
             if self._stopping:
                 future.set_exception(GdfeError("the stepping has ended"))
             else:
-                self._jobs.append((function, future))
+                self._jobs.append((tell_and_run, future))
                 self.changed.notify_all()
         return future
 
@@ -140,12 +158,19 @@ class Stepper:
             self.changed.notify_all()
 
     def advance(self) -> None:
-        """Make one step at once, whatever the pace or a pause says; it consumes what waits for it."""
-        self.call(self._extra_turn)
+        """Make, between steps, one more, whatever the pace or a pause says; it consumes what waits for it."""
+        with self.changed:
+            orders = self._inbox.take()
+            self._pace.restart()
+        self._step(orders, dt=self._hooks.stride())
 
     def reset(self) -> None:
-        """Go back to rest at time 0 and, where the thread runs, deliver that state; waiting orders are dropped."""
-        self.call(self._reset)
+        """Go back, between steps, to rest at time 0 and, where the thread runs, deliver that state.
+
+        Orders that wait are dropped.
+        """
+        self._simulation.reset()
+        self.restart(Begin.REST)
 
     def replace(self, simulation: Simulation) -> None:
         """Go on, between steps, with another simulation, and deliver its state."""
@@ -171,10 +196,6 @@ class Stepper:
         """Deliver, between steps, the present state again, as what the next step starts from."""
         self.begin = begin
         self._step((), dt=0.0, first=True)
-
-    def _reset(self) -> None:
-        self._simulation.reset()
-        self.restart(Begin.REST)
 
     def _run(self) -> None:
         show_name()
@@ -209,12 +230,6 @@ class Stepper:
         with self.changed:
             orders, dt = self._inbox.take(), self._pace.begin()
         self._step(orders, dt=dt)
-
-    def _extra_turn(self) -> None:
-        with self.changed:
-            orders = self._inbox.take()
-            self._pace.restart()
-        self._step(orders, dt=self._hooks.stride())
 
     def _settled(self) -> bool:
         """Tell whether the state stays as it is without a new order."""

@@ -157,9 +157,9 @@ class Client:
         """
         called, received = time.time_ns(), self.received["/diagnostics"]
         self.wait(lambda: received and to_nanoseconds(received[-1].header.stamp) > called)
-        status = received[-1].status[0]
-        values = {value.key: value.value for value in status.values}
-        return {**values, "message": status.message, "level": str(status.level[0])}
+        whole, *_ = parts = received[-1].status
+        values = {value.key: value.value for status in parts for value in status.values}
+        return {**values, "message": whole.message, "level": str(whole.level[0])}
 
     def status(self) -> dict[str, str]:
         """Give the values of diagnostics that were made after the call, on whatever clock they are stamped."""

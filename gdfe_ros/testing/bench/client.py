@@ -134,7 +134,7 @@ class Client:
         return count
 
     def _diagnose(self, message: DiagnosticArray) -> None:
-        self.values = {value.key: value.value for value in message.status[0].values}
+        self.values = {value.key: value.value for status in message.status for value in status.values}
         self.stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         steps, spent = self.solved
         if "solve time per step [ms]" in self.values:
