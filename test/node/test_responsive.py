@@ -118,7 +118,7 @@ def test_a_second_node_and_a_second_clock_are_told(client: Any, start: Callable,
     [
         (["--help"], 0, "usage: sim_node"),
         (["--help"], 0, "command_set"),
-        (["scene:=bend5"], 2, "unknown arguments scene:=bend5"),
+        (["bend5"], 2, "unknown arguments bend5"),
         (["--ros-args", "--params-file", "/nonexistent.yaml"], 2, "/nonexistent.yaml"),
         (["--ros-args", "--params-file", "BROKEN"], 2, "params file"),
         (["--ros-args", "-p", "rate:=fast"], 2, "rate"),
