@@ -6,12 +6,11 @@ from __future__ import annotations
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rclpy.utilities import remove_ros_args
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.diagnostics import Diagnostics
@@ -197,7 +196,7 @@ def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; the entry point of ``sim_node``."""
     from gdfe_ros.node.process import run
 
-    others = remove_ros_args(sys.argv if args is None else ["sim_node", *args])[1:]
+    others = _without_ros(sys.argv[1:] if args is None else args)
     if {"-h", "--help"} & set(others):
         lines = [f"  {spec.name:<18}{spec.meaning} [{spec.default!r}]" for spec in PARAMETERS]
         print(_HELP + "\n".join(lines))
@@ -206,6 +205,17 @@ def main(args: list[str] | None = None) -> int:
         print(f"sim_node: unknown arguments {' '.join(others)}; see sim_node --help", file=sys.stderr)
         return 2
     return run(SimNode, args)
+
+
+def _without_ros(args: Iterable[str]) -> list[str]:
+    """Give the arguments that are not ROS's; rclpy's own function raises where a file of parameters is bad."""
+    others, ours = [], True
+    for argument in args:
+        if argument == "--ros-args" or (argument == "--" and not ours):
+            ours = argument == "--"
+        elif ours and ":=" not in argument:  # a remap of old times stands by itself
+            others.append(argument)
+    return others
 
 
 if __name__ == "__main__":

@@ -119,6 +119,17 @@ class Stage:
         self.node.create_subscription(kind, topic, got.append, qos)
         return got
 
+    def intrude(self, topic: str, message: Any) -> None:
+        """Publish a message of another type on a topic, from a participant of its own: one alone has one type each."""
+        context = rclpy.Context()
+        rclpy.init(context=context)
+        node = rclpy.create_node("intruder", context=context)
+        publisher = node.create_publisher(type(message), topic, 10)
+        self.wait(lambda: len(self.node.get_publishers_info_by_topic(topic)) >= 1, 10.0)
+        publisher.publish(message)
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
     def end(self) -> str:
         """End the processes as a terminal does, and give their exit statuses."""
         for process in self._processes:

@@ -62,7 +62,7 @@ def test_parameters_are_changed_when_they_may(client: Any, start: Callable, coar
     )
     assert fine.successful
     assert scene.reason == "scene can be changed while unconfigured; the node is active"
-    assert clock.reason == "parameter clock is 'sundial'; allowed: wall, fast, lockstep"
+    assert clock.reason == "parameter clock is 'sundial'; allowed: wall, fast, lockstep, external"
     assert "dt" in low.reason
     assert "deadline" in nan.reason
     assert "autostart" in autostart.reason
