@@ -108,9 +108,10 @@ class Session:
         Raises:
             GdfeError: the bag cannot be begun, or ``command_set`` names something that cannot be commanded.
         """
+        self._telling = False
         self.mode, command_set = ClockMode(self._parameters["clock"]), self._command_set()
         if self.mode is ClockMode.EXTERNAL:
-            self._jumps = self._clock.follow(self.stepper.wake)
+            self._jumps = self._jumps or self._clock.follow(self.stepper.wake)
         if self._parameters["record"]:
             self._begin_bag()
         self.pace = make_pace(self.mode, self._timing, self._clock.read)
