@@ -2,6 +2,7 @@
 # make install            .venv with the commands gdfe, sim_node
 # make torture            the numerical torture test             make bench run time against error
 # make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
+# make manners            the node asked from outside: a table of what was expected and found
 # make bags               record bags/ anew and replay them        make docs build/site from docs/
 # make clean              remove .venv and everything that was built
 
@@ -26,7 +27,7 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run test browser torture bench bench-node bench-skip bench-sweep bags docs clean
+.PHONY: install run test browser torture manners bench bench-node bench-skip bench-sweep bags docs clean
 
 install: $(STAMP)
 
@@ -86,6 +87,10 @@ test: $(VENV)/.extra-test $(VENV)/.extra-docs browser
 # TORTURE_EXAMPLES=2500 makes the fuzzing of test/torture long: pytest test/torture/test_fuzz_scenes.py
 torture: $(VENV)/.extra-test
 	@$(BIN)/python -m pytest -n $(JOBS) -m torture test/torture test/node
+
+# A node driven from outside: every transition, wrong commands, late joiners, remaps, bad starts. ROS_DOMAIN_ID=... apart.
+manners: install
+	@ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST $(BIN)/python test/manners
 
 bench-node: install
 	@$(BIN)/python -m benchmarks.node

@@ -13,7 +13,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
-from rclpy.time import Time
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
@@ -134,8 +133,8 @@ class Client:
         return count
 
     def _diagnose(self, message: DiagnosticArray) -> None:
-        self.values = {value.key: value.value for value in message.status[0].values}
-        self.stamp = Time.from_msg(message.header.stamp).nanoseconds
+        self.values = {value.key: value.value for status in message.status for value in status.values}
+        self.stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         steps, spent = self.solved
         if "solve time per step [ms]" in self.values:
             now = int(self.values["steps"])

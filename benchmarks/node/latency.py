@@ -47,6 +47,7 @@ def measure(elements: int, *, steps: int) -> Latency:
         "scene_overrides": [f"mesh.bar.cells={list(CELLS[elements])}"],
         "clock": "lockstep",
         "dt": _DT,
+        "publish_clock": True,  # a step's mesh is known by its simulation time
     }
     with Client(MESH, STRAIN, STEP_RECORD, keep=(MESH, STEP_RECORD)) as client, NodeProcess(parameters):
         client.wait_for_node()

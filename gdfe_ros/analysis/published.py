@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.actuators import ActuatorState, Mode
+from gdfe_ros.actuators import ActuatorState, Mode, Readings
 from gdfe_ros.analysis.bag_steps import RECORD
 from gdfe_ros.analysis.message_values import Values, record_values
 from gdfe_ros.recording.step_record import StepRecord
@@ -29,6 +29,7 @@ class Publication:
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
+        self._readings = Readings(simulation.scene.actuators, simulation.mesh.vertices)
         self._joints: tuple[float, NDArray[np.float64]] | None = None
 
     def values(self, result: StepResult, record: StepRecord, topics: Collection[str]) -> dict[str, Values]:
@@ -55,18 +56,20 @@ class Publication:
         for name in simulation.scene.probes:
             makers[f"probe/{name}"] = lambda name=name: _probe(simulation, name, result.positions)
         if simulation.actuator_names:
-            makers["joint_states"] = lambda: self._joint_states(record.time)
+            makers["joint_states"] = lambda: self._joint_states(record)
         return makers
 
-    def _joint_states(self, time: float) -> Values:
+    def _joint_states(self, record: StepRecord) -> Values:
         """Velocities are over the time since the last step, as the node has them."""
-        states = self._simulation.actuator_states().values()
-        positions = np.array([_extent(state) for state in states])
+        states, time = self._simulation.actuator_states(), record.time
+        positions = self._readings.positions(states)
+        if record.stamp is None:  # an old bag, in which a shortening cable reports its length
+            positions = np.array([_extent(state) for state in states.values()])
         velocities = np.zeros(len(positions))
         if self._joints is not None and time > self._joints[0]:
             velocities = (positions - self._joints[1]) / (time - self._joints[0])
         self._joints = (time, positions)
-        efforts = np.array([state.effort for state in states], dtype=np.float64)
+        efforts = np.array([state.effort for state in states.values()], dtype=np.float64)
         return {"position": positions, "velocity": velocities, "effort": efforts}
 
 

@@ -12,21 +12,27 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
-from gdfe_ros.actuators import Actuator, ActuatorState, Mode
+from gdfe_ros.actuators import Actuator, Readings
 from gdfe_ros.node.actuator_orders import EFFORTS
 from gdfe_ros.node.step import Step
+from gdfe_ros.scene.scene import Scene
 
 
 class ActuatorStates:
-    """Packs joint states; remembers the last step for the velocities."""
+    """Packs joint states; remembers the last step for the velocities.
 
-    def __init__(self) -> None:
+    Args:
+        scene: whose actuators they are of.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._readings = Readings(scene.actuators, scene.mesh.vertices)
         self._last: tuple[float, NDArray[np.float64]] | None = None
 
     def message(self, head: Header, step: Step) -> JointState:
         """Pack the states of a step; velocities are over the time since the last call, 0 where none has passed."""
         states = step.actuators.values()
-        positions = np.array([_position(state) for state in states])
+        positions = self._readings.positions(step.actuators)
         velocities = np.zeros(len(positions))
         if self._last is not None and step.record.time > self._last[0]:
             velocities = (positions - self._last[1]) / (step.record.time - self._last[0])
@@ -60,10 +66,6 @@ def jacobian(values: NDArray[np.float64], probes: list[str], actuators: list[str
         for label, size, stride in zip(labels, values.shape, strides, strict=True)
     ]
     return Float64MultiArray(layout=MultiArrayLayout(dim=dimensions, data_offset=0), data=_doubles(values))
-
-
-def _position(state: ActuatorState) -> float:
-    return state.command if state.mode is Mode.GROWTH else state.extent
 
 
 def _doubles(values: NDArray[np.float64]) -> array.array:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -17,6 +17,9 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)
 """Modes whose command stands in ``effort`` of a JointState; the others' stands in ``position``."""
+
+LATEST_START = 60.0
+"""How far ahead a trajectory may start [s]: until then, time has to go on, and a node that is idle steps."""
 
 
 class ActuatorOrders:
@@ -34,10 +37,10 @@ class ActuatorOrders:
     def from_joint_state(self, message: JointState) -> ActuatorOrder:
         """Take commands by name: tension [N] and pressure [Pa] from ``effort``, all others from ``position``.
 
-        A load's ``position`` is the factor on it.
+        A load's ``position`` is the factor on it. NaN commands nothing.
 
         Raises:
-            Refusal: an unknown or repeated name, an array of the wrong size, a value not finite or out of range.
+            Refusal: an unknown or repeated name, an array of the wrong size, a value infinite or out of range.
         """
         self._require_known(message.name)
         values = {}
@@ -50,7 +53,8 @@ class ActuatorOrders:
                     f"{field} has {len(array)} entries for {len(message.name)} names; {name!r} is commanded by {field}"
                 )
                 raise Refusal(Reason.WRONG_SIZE, text)
-            values[name] = self._checked(name, array[place])
+            if not math.isnan(array[place]):  # ros2_control's "no command"
+                values[name] = self._checked(name, array[place])
         return ActuatorOrder(values)
 
     def from_array(self, message: Float64MultiArray) -> ActuatorOrder:
@@ -66,16 +70,19 @@ class ActuatorOrders:
         pairs = zip(names, message.data, strict=True)
         return ActuatorOrder({name: self._checked(name, value) for name, value in pairs})
 
-    def from_trajectory(self, message: JointTrajectory, *, now: float) -> TrajectoryOrder:
+    def from_trajectory(
+        self, message: JointTrajectory, *, now: float, convert: Callable[[int], float]
+    ) -> TrajectoryOrder:
         """Take the points of a trajectory; only ``positions`` count, whatever the mode.
 
         Args:
-            message: with a stamp in simulation time; 0: it starts when it is consumed.
+            message: with a stamp of its start; 0: when it is consumed.
             now: simulation time [s].
+            convert: gives the simulation time [s] of a stamp [ns].
 
         Raises:
             Refusal: an unknown or repeated name, no points, a point of the wrong size, times that do not ascend, an
-                end in the past, or a value not finite or out of range.
+                end in the past, a start too far ahead, or a value not finite or out of range.
         """
         names = tuple(message.joint_names)
         self._require_known(names)
@@ -90,7 +97,11 @@ class ActuatorOrders:
                 text = f"point {place} has {len(point.positions)} positions for {len(names)} joint_names"
                 raise Refusal(Reason.WRONG_SIZE, text)
             rows.append([self._checked(name, value) for name, value in zip(names, point.positions, strict=True)])
-        start = _seconds(message.header.stamp) or None
+        stamp = message.header.stamp
+        start = convert(stamp.sec * 10**9 + stamp.nanosec) if stamp.sec or stamp.nanosec else None
+        if start is not None and start > now + LATEST_START:
+            text = f"it starts at {start:.9g} s, it is {now:.9g} s now; allowed: {LATEST_START:g} s ahead, or stamp 0"
+            raise Refusal(Reason.AHEAD, text)
         if start is not None and start + times[-1] < now:
             raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s, it is {now:.9g} s now")
         return TrajectoryOrder(names, start, times, np.array(rows))
@@ -118,5 +129,5 @@ class ActuatorOrders:
 
 
 def _seconds(time: object) -> float:
-    """Convert a Time or Duration message to seconds."""
+    """Convert a Duration message to seconds."""
     return time.sec + 1e-9 * time.nanosec

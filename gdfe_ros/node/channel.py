@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-from rclpy.lifecycle import LifecycleNode
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import serialize_message
 
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.node.specification import Delivery, TopicSpec
+from gdfe_ros.node.step import Step
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.topic import Qos, TopicInfo
 
@@ -20,24 +24,39 @@ class Channel:
     Args:
         node: that publishes.
         spec: of the topic.
+        matched: called when somebody begins to listen.
         names: for the braces in the topic's name, e.g. ``handle="tip"``.
 
     Attributes:
+        latest: number of the step that was published last; -1 before the first.
         info: describes the topic for a bag.
         recorded: whether bags hold it.
         recorder: of the bag in progress, or None.
     """
 
-    def __init__(self, node: LifecycleNode, spec: TopicSpec, **names: str) -> None:
-        self._node, self.recorded = node, spec.recorded
+    def __init__(
+        self, node: ManagedNode, spec: TopicSpec, matched: Callable[[], object] | None = None, **names: str
+    ) -> None:
+        self._node, self.recorded, self.latest = node, spec.recorded, -1
         profile = qos_profile(spec.delivery)
         # Latched topics and diagnostics speak while the node is not active, too.
         managed = spec.name.startswith("~") and spec.delivery is not Delivery.LATCHED
         make = node.create_lifecycle_publisher if managed else node.create_publisher
-        self._publisher = make(interface_class(spec.type), spec.name.format(**names), profile)
-        role = spec.name.format(**names).removeprefix("~/")
+        topic = spec.name.format(**names)
+        events = PublisherEventCallbacks()
+        self._newcomers = self._unsure = False
+        self._greeted: set[bytes] = set()
+        if matched is not None:
+
+            def tell(status: Any) -> None:
+                if status.current_count_change > 0:
+                    self._greet()
+                    matched()
+
+            events = PublisherEventCallbacks(matched=node.guarded(tell, f"who listens to {topic}"))
+        self._publisher = make(interface_class(spec.type), topic, profile, event_callbacks=events)
         name, qos = self._publisher.topic_name, Qos.from_rclpy(profile)
-        self.info = TopicInfo(name=name, type=spec.type, qos=qos, role=role)
+        self.info = TopicInfo(name=name, type=spec.type, qos=qos, role=topic.removeprefix("~/"))
         self.recorder: Recorder | None = None
 
     @property
@@ -45,16 +64,43 @@ class Channel:
         """Whether anybody listens or a bag is written; otherwise no message need be built."""
         return self.recorder is not None or self._publisher.get_subscription_count() > 0
 
-    def send(self, message: Any, log_time: int) -> None:
+    def due(self, step: Step) -> bool:
+        """Tell whether a step is to be published: one that is told again only where somebody has not been told."""
+        if step.again:
+            untold = self._newcomers or self.latest < step.record.step
+            return untold and self._publisher.get_subscription_count() > 0
+        return step.first or self.wanted
+
+    def missed(self) -> bool:
+        """Look again for who has begun to listen, where the graph did not show it at once; tell whether one has."""
+        if self._unsure:
+            self._greet()
+        return self._newcomers
+
+    def _greet(self) -> None:
+        """Note who has begun to listen. What was published last reaches them by itself, but for volatile ones."""
+        listeners = self._node.get_subscriptions_info_by_topic(self.info.name)
+        self._unsure = len(listeners) < self._publisher.get_subscription_count()
+        volatile = (each for each in listeners if each.qos_profile.durability is DurabilityPolicy.VOLATILE)
+        before, self._greeted = self._greeted, {bytes(each.endpoint_gid) for each in volatile}
+        self._newcomers |= bool(self._greeted - before)
+
+    def send_step(self, step: Step, message: Any) -> None:
+        """Send a message of a step; one that is told again is in the bag, or was made before it was begun."""
+        self._newcomers, self.latest = False, step.record.step
+        self.send(message, step.log_time, recorded=not step.again)
+
+    def send(self, message: Any, log_time: int, *, recorded: bool = True) -> None:
         """Serialise, publish and record a message.
 
         Args:
             message: of the topic's type, or bytes that are serialised already.
             log_time: for the bag [ns].
+            recorded: whether the bag in progress takes it.
         """
         data = message if isinstance(message, bytes) else serialize_message(message)
         self._publisher.publish(data)
-        if self.recorder is not None:
+        if recorded and self.recorder is not None:
             self.recorder.record(self.info.name, data, log_time)
 
     def destroy(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""/diagnostics: how the node is doing, once a second."""
+"""/diagnostics: how the node is doing, once a second, as a whole and in parts."""
 
 from __future__ import annotations
 
@@ -8,77 +8,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.lifecycle import LifecycleNode
 
 from gdfe_ros.node import interface
 from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.session import Session
+from gdfe_ros.node.strays import Doubles
+
+_OK, _WARN, _ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
-class Diagnostics:
-    """Publishes one status about the node; nothing is built while nobody listens.
+@dataclass(frozen=True)
+class _Part:
+    """What is reported of one part of the node; the reason is that of the level."""
 
-    Args:
-        node: that it is about.
-        refusals: counts of commands.
-    """
-
-    def __init__(self, node: LifecycleNode, refusals: RefusalLog) -> None:
-        self._node, self._refusals = node, refusals
-        self._channel = Channel(node, interface.DIAGNOSTICS)
-        self._mark = _Mark()
-
-    def publish(self, session: Session | None, state: str, problem: str) -> None:
-        """Publish the status.
-
-        Args:
-            session: what runs, or None.
-            state: of the lifecycle.
-            problem: why configuring, activating or stepping failed last; empty: nothing did.
-        """
-        # Before anything is read: who waits for a later stamp than now reads nothing that is older.
-        now = self._node.get_clock().now()
-        values: dict[str, object] = {"state": state}
-        level, message = DiagnosticStatus.OK, state
-        before = self._mark
-        if session is not None:
-            values |= self._session_values(session)
-            level, message = _judge(session, state, self._mark.overruns - before.overruns)
-        if problem:
-            level, message = DiagnosticStatus.ERROR, problem
-        if not self._channel.wanted:
-            return
-        values |= self._refusals.counts()
-        status = DiagnosticStatus(
-            level=level,
-            name=f"{self._node.get_fully_qualified_name().lstrip('/')}: simulation",
-            message=message,
-            hardware_id=session.scene.name if session else "",
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
-        array = DiagnosticArray(status=[status])
-        array.header.stamp = now.to_msg()
-        self._channel.send(array, now.nanoseconds)
-
-    def _session_values(self, session: Session) -> Mapping[str, object]:
-        """Collect counts and figures of the run; rates are over the time since the last call."""
-        last, mark = self._mark, _Mark.of(session)
-        self._mark = mark
-        span, steps = max(mark.wall - last.wall, 1e-9), mark.steps - last.steps
-        values: dict[str, object] = {
-            "scene": session.scene.name,
-            "clock": "paused" if session.stepper.paused else session.mode.value,
-            "steps": mark.steps,
-            "simulation time [s]": f"{mark.simulation:.9g}",
-            "real-time factor": f"{max(0.0, mark.simulation - last.simulation) / span:.4g}",
-            "steps per second": f"{max(0, steps) / span:.4g}",
-            "overruns": mark.overruns,
-        }
-        if steps > 0:
-            values["solve time per step [ms]"] = f"{1e3 * (mark.solving - last.solving) / steps:.3f}"
-            values["other time per step [ms]"] = f"{1e3 * (mark.other - last.other) / steps:.3f}"
-        return values | _step_values(session) | _bag_values(session)
+    values: Mapping[str, object]
+    level: bytes = _OK
+    reason: str = "ok"
 
 
 @dataclass(frozen=True)
@@ -101,11 +49,108 @@ class _Mark:
         return cls(time.monotonic(), session.simulation.time, stepper.count, stepper.solving, other, overruns)
 
 
-def _step_values(session: Session) -> Mapping[str, object]:
+class Diagnostics:
+    """Publishes a status of the node and one of each part: solver, commands, recording, clock.
+
+    The first status has the worst level of all and its reason; nothing is built while nobody listens.
+
+    Args:
+        node: that it is about.
+        refusals: counts of commands.
+    """
+
+    def __init__(self, node: ManagedNode, refusals: RefusalLog) -> None:
+        self._node, self._refusals = node, refusals
+        self._channel = Channel(node, interface.DIAGNOSTICS)
+        self._doubles = Doubles(node)
+        self._mark, self._refused, self._faults = _Mark(), 0, 0
+
+    def publish(self, session: Session | None, state: str, problem: str) -> None:
+        """Publish the statuses.
+
+        Args:
+            session: what runs, or None.
+            state: of the lifecycle.
+            problem: why configuring, activating or stepping failed last; empty: nothing did.
+        """
+        # Before anything is read: who waits for a later stamp than now reads nothing that is older.
+        now = self._node.get_clock().now()
+        self._doubles.look()
+        parts = self._parts(session)
+        if not self._channel.wanted:
+            return
+        worst = max(parts.values(), key=lambda part: part.level[0])
+        level, message = (worst.level, worst.reason) if worst.level != _OK else (_OK, state)
+        if problem:
+            level, message = _ERROR, problem
+        whole = _Part(self._whole(session, state), level, message)
+        name = self._node.get_fully_qualified_name().lstrip("/")
+        array = DiagnosticArray(
+            status=[
+                DiagnosticStatus(
+                    level=part.level,
+                    name=f"{name}: {title}",
+                    message=part.reason,
+                    hardware_id=session.scene.name if session else "",
+                    values=[KeyValue(key=key, value=str(value)) for key, value in part.values.items()],
+                )
+                for title, part in {"simulation": whole, **parts}.items()
+            ]
+        )
+        array.header.stamp = now.to_msg()
+        self._channel.send(array, now.nanoseconds)
+
+    def _whole(self, session: Session | None, state: str) -> Mapping[str, object]:
+        values: dict[str, object] = {"state": state}
+        if session is not None:
+            values |= {"scene": session.scene.name, **_work(session)}
+        values |= {"exceptions in callbacks": self._node.faults.count}
+        return values | ({"last exception": self._node.faults.last} if self._node.faults.count else {})
+
+    def _parts(self, session: Session | None) -> dict[str, _Part]:
+        parts = {"commands": self._commands(session)}
+        if session is not None:
+            last, self._mark = self._mark, _Mark.of(session)
+            parts = {"solver": _solver(session, last, self._mark), **parts, "recording": _recording(session)}
+            parts["clock"] = _clock(session, last, self._mark)
+        if self._doubles.found:
+            values = parts["clock"].values if "clock" in parts else {}
+            parts["clock"] = _Part(values, _WARN, self._doubles.found)
+        return parts
+
+    def _commands(self, session: Session | None) -> _Part:
+        """Tell of refusals and exceptions since the last report, and what a step in lockstep waits for."""
+        counts: dict[str, object] = dict(self._refusals.counts())
+        refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
+        self._refused, self._faults = self._refused + refused, self._faults + faults
+        reason = "ok"
+        if session is not None and session.mode is ClockMode.LOCKSTEP and session.pace is not None:
+            counts["waits for"] = reason = f"waits for {session.waiting()}"
+        if faults > 0:
+            return _Part(counts, _ERROR, f"a callback failed: {self._node.faults.last}")
+        if refused > 0:
+            return _Part(counts, _WARN, f"{refused} commands refused since the last report; the log says why")
+        return _Part(counts, _OK, reason)
+
+
+def _work(session: Session) -> dict[str, object]:
+    """Tell what takes long at the moment."""
+    work, walk = session.stepper.work, session.walk
+    if work is not None:
+        return {"working on": f"{work[0]}, for {time.monotonic() - work[1]:.1f} s"}
+    return {"working on": f"~/step: {walk}"} if walk is not None and walk.going else {}
+
+
+def _solver(session: Session, last: _Mark, mark: _Mark) -> _Part:
+    steps = mark.steps - last.steps
+    values: dict[str, object] = {"steps": mark.steps}
+    if steps > 0:
+        values["solve time per step [ms]"] = f"{1e3 * (mark.solving - last.solving) / steps:.3f}"
+        values["other time per step [ms]"] = f"{1e3 * (mark.other - last.other) / steps:.3f}"
     if session.last is None:
-        return {}
+        return _Part(values, _OK, "no step yet")
     result = session.last.result
-    return {
+    values |= {
         "converged": result.converged,
         "iterations": result.iterations,
         "residual": f"{result.residual:.3e}",
@@ -115,30 +160,39 @@ def _step_values(session: Session) -> Mapping[str, object]:
         "factorisation": result.factorisation,
         **{f"skipped: {name}": count for name, count in result.skipped.items()},
     }
+    if result.converged or session.arrived():
+        return _Part(values)
+    return _Part(values, _WARN, f"not converged: {result.message or 'cut by the deadline'}")
 
 
-def _bag_values(session: Session) -> Mapping[str, object]:
+def _recording(session: Session) -> _Part:
     if session.bags.recorder is None:
-        return {}
+        return _Part({}, _OK, "no bag")
     status = session.bags.recorder.status
-    return {
+    values = {
         "bag": session.bags.recorder.path,
         "messages written": status.written,
         "messages dropped": status.dropped_total,
         "bag error": status.error or "none",
     }
+    if status.error is not None:
+        return _Part(values, _ERROR, str(status.error))
+    if status.dropped_total:
+        return _Part(values, _WARN, f"{status.dropped_total} messages are not in the bag")
+    return _Part(values, _OK, "recording" if session.bags.active else "finished")
 
 
-def _judge(session: Session, state: str, overruns: int) -> tuple[bytes, str]:
-    """Choose level and message: an error of the bag, a state that is not converged, drops, overruns since the last."""
-    status = session.bags.recorder.status if session.bags.recorder else None
-    if status is not None and status.error is not None:
-        return DiagnosticStatus.ERROR, str(status.error)
-    if session.last is not None and not session.last.result.converged:
-        return DiagnosticStatus.WARN, f"not converged: {session.last.result.message or 'cut by the deadline'}"
-    if status is not None and status.dropped_total:
-        return DiagnosticStatus.WARN, f"{status.dropped_total} messages are not in the bag"
-    if overruns > 0:
+def _clock(session: Session, last: _Mark, mark: _Mark) -> _Part:
+    """Tell of the pace; rates are over the time since the last report."""
+    span, steps = max(mark.wall - last.wall, 1e-9), mark.steps - last.steps
+    values: dict[str, object] = {
+        "clock": "paused" if session.stepper.paused else session.mode.value,
+        "simulation time [s]": f"{mark.simulation:.9g}",
+        "real-time factor": f"{max(0.0, mark.simulation - last.simulation) / span:.4g}",
+        "steps per second": f"{max(0, steps) / span:.4g}",
+        "overruns": mark.overruns,
+    }
+    if (overruns := mark.overruns - last.overruns) > 0:
         text = f"{overruns} overruns since the last report: steps take longer than 1/rate, simulation time falls behind"
-        return DiagnosticStatus.WARN, text
-    return DiagnosticStatus.OK, state
+        return _Part(values, _WARN, text)
+    return _Part(values, _OK, str(values["clock"]))

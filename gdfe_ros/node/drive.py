@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node.handle_orders import require_near
@@ -17,8 +19,7 @@ from gdfe_ros.simulation import Command, Simulation
 class Drive:
     """Turns orders into one command a step; used by the stepping thread only.
 
-    A pose ends the velocity of its plate, an actuator's command ends its trajectory, a trajectory replaces the one
-    before it.
+    A pose ends the velocity of its plate, a command of an actuator ends that actuator's trajectory and no other's.
 
     Args:
         simulation: that is driven.
@@ -38,14 +39,12 @@ class Drive:
     def clear(self) -> None:
         """Forget every velocity and trajectory."""
         self._twists: dict[str, tuple[TwistOrder, float]] = {}
-        self._trajectory: TrajectoryOrder | None = None
-        self._start = 0.0
-        self._before: dict[str, float] = {}
+        self._courses: dict[str, _Course] = {}
 
     @property
     def moving(self) -> bool:
         """Whether the next step changes a command without a new order."""
-        return bool(self._twists) or self._trajectory is not None
+        return bool(self._twists) or bool(self._courses)
 
     def command(self, orders: Iterable[Order], *, time: float, dt: float) -> Command:
         """Give what a step consumes.
@@ -66,12 +65,15 @@ class Drive:
                     self._twists[order.handle] = (order, time - dt + self._timeout())
                 case ActuatorOrder():
                     actuators.update(order.values)
+                    for name in order.values:
+                        self._courses.pop(name, None)
                 case TrajectoryOrder():
-                    self._trajectory = order
-                    self._start = time - dt if order.start is None else order.start
-                    self._before = {name: self.simulation.commands[name] for name in order.names}
+                    start = time - dt if order.start is None else order.start
+                    for name, column in zip(order.names, order.values.T, strict=True):
+                        before = actuators.get(name, self.simulation.commands[name])
+                        self._courses[name] = _Course(start, before, order.times, column)
         poses |= self._moved(time, dt)
-        values, loads = self._followed(time, actuators), {load.name for load in self.simulation.scene.loads}
+        values, loads = actuators | self._followed(time), {load.name for load in self.simulation.scene.loads}
         return Command(
             handles=poses,
             actuators={name: value for name, value in values.items() if name not in loads},
@@ -94,22 +96,34 @@ class Drive:
             poses[name] = pose
         return poses
 
-    def _followed(self, time: float, given: dict[str, float]) -> dict[str, float]:
-        """Add what the trajectory says to the commands given, which win."""
-        trajectory = self._trajectory
-        if trajectory is None:
-            return given
-        elapsed = time - self._start
-        if given or elapsed >= trajectory.times[-1]:
-            self._trajectory = None
-        if given or elapsed < 0.0:
-            return given
-        columns = zip(trajectory.names, trajectory.values.T, strict=True)
-        return {name: float(self._at(name, elapsed, trajectory.times, column)) for name, column in columns}
+    def _followed(self, time: float) -> dict[str, float]:
+        """Give what the trajectories say; those that are over say it once more."""
+        begun = {name: course for name, course in self._courses.items() if time >= course.start}
+        for name, course in begun.items():
+            if time - course.start >= course.times[-1]:
+                del self._courses[name]
+        return {name: course.at(time) for name, course in begun.items()}
 
-    def _at(self, name: str, elapsed: float, times: np.ndarray, column: np.ndarray) -> float:
+
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """The trajectory of one actuator.
+
+    Attributes:
+        start: simulation time of its time 0 [s].
+        before: command in force then.
+        times: (k,) of the points, from the start [s].
+        values: (k,) commands.
+    """
+
+    start: float
+    before: float
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+    def at(self, time: float) -> float:
         """Interpolate; before the first point from the command that was in force."""
-        if elapsed < times[0]:
-            start = self._before[name]
-            return start + (column[0] - start) * elapsed / times[0]
-        return np.interp(elapsed, times, column)
+        elapsed = time - self.start
+        if elapsed < self.times[0]:
+            return float(self.before + (self.values[0] - self.before) * elapsed / self.times[0])
+        return float(np.interp(elapsed, self.times, self.values))

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stamps of commands: neither older than allowed nor before the last one's."""
+"""Stamps of commands: neither ahead, nor older than allowed, nor before the last one's."""
 
 from __future__ import annotations
+
+from collections.abc import Collection
 
 from builtin_interfaces.msg import Time
 
@@ -9,40 +11,54 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 
 class Freshness:
-    """Remembers the last stamp of each input. A stamp of zero means "now" and is always taken."""
+    """Remembers the last stamp of each plate and actuator. A stamp of zero means "now" and is always taken.
+
+    When the clock goes back, as at the start of a bag that is played again, all stamps are forgotten.
+    """
 
     def __init__(self) -> None:
         self._last: dict[str, int] = {}
+        self._now = 0
 
-    def check(self, source: str, stamp: Time, *, now: int, max_age: float) -> None:
+    def check(self, sources: Collection[str], stamp: Time, *, now: int, max_age: float, max_lead: float) -> None:
         """Check a stamp and remember it.
 
         Args:
-            source: the input.
-            stamp: of its command.
+            sources: what is commanded, with its topic.
+            stamp: of the command.
             now: time on the clock that stamps are measured on [ns].
             max_age: of a command [s]; 0: any.
+            max_lead: how far ahead a stamp may be [s].
 
         Raises:
-            Refusal: the stamp is too old, or before the last one that was taken.
+            Refusal: the stamp is ahead, too old, or before the last one that was taken.
         """
+        if now < self._now:
+            self.reset()
+        self._now = now
         moment = stamp.sec * 10**9 + stamp.nanosec
         if moment == 0:
             return
-        last = self._last.get(source, moment)
+        age = (now - moment) * 1e-9
+        if -age > max_lead:
+            raise Refusal(
+                Reason.AHEAD,
+                f"its stamp {moment * 1e-9:.9f} s is {-age:.3f} s ahead of the node's clock, {now * 1e-9:.9f} s; "
+                f"command_max_lead is {max_lead:g} s: do both use the same clock (use_sim_time)?",
+            )
+        if max_age and age > max_age:
+            raise Refusal(
+                Reason.STALE,
+                f"its stamp {moment * 1e-9:.9f} s is {age:.3f} s old; command_max_age is {max_age:g} s",
+            )
+        last = max((self._last.get(source, moment) for source in sources), default=moment)
         if moment < last:
             raise Refusal(
                 Reason.OUT_OF_ORDER,
                 f"its stamp {moment * 1e-9:.9f} s is before the last one's, {last * 1e-9:.9f} s; "
                 "a stamp of 0 is always taken, and ~/reset forgets the last one",
             )
-        age = (now - moment) * 1e-9
-        if max_age and age > max_age:
-            raise Refusal(
-                Reason.STALE,
-                f"its stamp {moment * 1e-9:.9f} s is {age:.3f} s old; command_max_age is {max_age:g} s",
-            )
-        self._last[source] = moment
+        self._last |= dict.fromkeys(sources, moment)
 
     def reset(self) -> None:
         """Forget all stamps, e.g. because time goes back to zero."""

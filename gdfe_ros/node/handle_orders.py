@@ -8,6 +8,7 @@ import math
 from geometry_msgs.msg import PoseStamped, TwistStamped
 
 from gdfe_ros.constraints import Handle
+from gdfe_ros.node.interface import rest_frame
 from gdfe_ros.node.orders import PoseOrder, TwistOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
@@ -18,19 +19,21 @@ FASTEST_TURN = 1e3
 """Fastest turn [rad/s]."""
 
 
-def pose_order(message: PoseStamped, handle: Handle, *, size: float) -> PoseOrder:
+def pose_order(message: PoseStamped, handle: Handle, *, size: float, frame_id: str) -> PoseOrder:
     """Check a target message.
 
     Args:
         message: of the handle.
         handle: that is commanded.
         size: of the body [m].
+        frame_id: of the node.
 
     Raises:
-        Refusal: the handle is fixed, a number is not finite, the quaternion is not of unit length, or the
-            translation is over ten times the body's size.
+        Refusal: the handle is fixed, the header names another frame, a number is not finite, the quaternion is not of
+            unit length, or the translation is over ten times the body's size.
     """
     _require_movable(handle)
+    _require_frame(message.header.frame_id, handle, frame_id)
     position, orientation = message.pose.position, message.pose.orientation
     translation = (position.x, position.y, position.z)
     quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
@@ -43,13 +46,15 @@ def pose_order(message: PoseStamped, handle: Handle, *, size: float) -> PoseOrde
     return PoseOrder(handle.name, translation, quaternion)
 
 
-def twist_order(message: TwistStamped, handle: Handle, *, size: float) -> TwistOrder:
+def twist_order(message: TwistStamped, handle: Handle, *, size: float, frame_id: str) -> TwistOrder:
     """Check a velocity message; arguments as for ``pose_order``.
 
     Raises:
-        Refusal: the handle is fixed, a number is not finite, or the velocity is out of all proportion.
+        Refusal: the handle is fixed, the header names another frame, a number is not finite, or the velocity is out of
+            all proportion.
     """
     _require_movable(handle)
+    _require_frame(message.header.frame_id, handle, frame_id)
     linear = (message.twist.linear.x, message.twist.linear.y, message.twist.linear.z)
     angular = (message.twist.angular.x, message.twist.angular.y, message.twist.angular.z)
     _require_finite(linear=linear, angular=angular)
@@ -79,6 +84,17 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
 def _require_movable(handle: Handle) -> None:
     if handle.fixed:
         raise Refusal(Reason.FIXED, f"handle {handle.name!r} is fixed in the scene and takes no commands")
+
+
+def _require_frame(given: str, handle: Handle, frame_id: str) -> None:
+    """Take the frames whose axes are the node's; the node knows no others."""
+    allowed = (frame_id, rest_frame(handle.name))
+    if given and given not in allowed:
+        text = (
+            f"header.frame_id is {given!r}; allowed: empty, {allowed[0]!r} or {allowed[1]!r}, as a target is relative "
+            "to the plate's rest pose in these axes: transform it before it is sent"
+        )
+        raise Refusal(Reason.FRAME, text)
 
 
 def _require_finite(**vectors: tuple[float, ...]) -> None:

@@ -7,7 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Collection
 
-from gdfe_ros.node.orders import Order
+from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.refusals import Reason, Refusal
 
 _LIMIT = 10_000
@@ -16,8 +16,9 @@ _LIMIT = 10_000
 class Inbox:
     """Commands that wait for their step.
 
-    Under the clocks wall and fast the latest command of an input counts. In lockstep none is left out: those
-    of one input wait in the order received, and a step takes one of each (or, without a command set, one).
+    In lockstep none is left out: those of one input wait in the order received, and a step takes one of each (or,
+    without a command set, one). Under the other clocks the latest command of each plate and of each actuator counts,
+    whoever sent it and on whichever topic.
 
     Args:
         changed: notified when a command arrives; its lock guards the inbox.
@@ -30,6 +31,7 @@ class Inbox:
         self._queued = queued
         self._set = frozenset(command_set)
         self._waiting: dict[str, deque[tuple[int, Order]]] = {}
+        self._latest: list[Order] = []
         self._count = self._number = 0
 
     def put(self, name: str, order: Order) -> None:
@@ -39,27 +41,39 @@ class Inbox:
             Refusal: ten thousand commands wait already.
         """
         with self._changed:
-            queue = self._waiting.setdefault(name, deque())
-            if queue and not self._queued:
-                queue.pop()
-                self._count -= 1
-            if self._count >= _LIMIT:
-                raise Refusal(Reason.QUEUE_FULL, f"{_LIMIT} commands wait for their step; send slower")
-            queue.append((self._number, order))
-            self._number += 1
-            self._count += 1
+            if self._queued:
+                self._append(name, order)
+            else:
+                left = [old.without(order) for old in self._latest]
+                self._latest = [old for old in left if old is not None]
+                if order != ActuatorOrder({}):
+                    self._latest.append(order)
             self._changed.notify_all()
+
+    def _append(self, name: str, order: Order) -> None:
+        if self._count >= _LIMIT:
+            raise Refusal(Reason.QUEUE_FULL, f"{_LIMIT} commands wait for their step; send slower")
+        self._waiting.setdefault(name, deque()).append((self._number, order))
+        self._number += 1
+        self._count += 1
 
     def ready(self) -> bool:
         """Tell whether a step has something to consume: in lockstep, a whole command set. Needs the lock."""
         if self._queued and self._set:
-            return all(self._waiting.get(name) for name in self._set)
-        return self._count > 0
+            return not self.missing()
+        return self._count > 0 or bool(self._latest)
+
+    def missing(self) -> list[str]:
+        """Name the inputs of the command set that have no command yet, sorted. Needs the lock."""
+        return sorted(name for name in self._set if not self._waiting.get(name))
 
     def take(self) -> list[Order]:
         """Remove and return what the next step consumes, in the order received. Needs the lock."""
+        if not self._queued:
+            latest, self._latest = self._latest, []
+            return latest
         queues = sorted((queue for queue in self._waiting.values() if queue), key=lambda queue: queue[0][0])
-        if self._queued and not self._set:
+        if not self._set:
             queues = queues[:1]
         self._count -= len(queues)
         return [queue.popleft()[1] for queue in queues]
@@ -68,4 +82,5 @@ class Inbox:
         """Drop everything, e.g. at a reset."""
         with self._changed:
             self._waiting.clear()
+            self._latest.clear()
             self._count = 0

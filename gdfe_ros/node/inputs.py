@@ -16,7 +16,7 @@ from gdfe_ros.node.actuator_orders import ActuatorOrders
 from gdfe_ros.node.freshness import Freshness
 from gdfe_ros.node.handle_orders import pose_order, twist_order
 from gdfe_ros.node.inbox import Inbox
-from gdfe_ros.node.orders import Order
+from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
 from gdfe_ros.node.specification import TopicSpec
@@ -48,15 +48,17 @@ class Times:
 
     Attributes:
         stamp: gives the time on the clock of the commands' stamps [ns].
-        simulation: gives simulation time [s].
+        simulation: converts a time on that clock [ns] to simulation time [s].
         log: gives the time for the bag [ns].
         max_age: gives the age that a command may have [s]; 0: any.
+        max_lead: gives how far ahead its stamp may be [s].
     """
 
     stamp: Callable[[], int]
-    simulation: Callable[[], float]
+    simulation: Callable[[int], float]
     log: Callable[[], int]
     max_age: Callable[[], float]
+    max_lead: Callable[[], float]
 
 
 class Inputs:
@@ -67,6 +69,7 @@ class Inputs:
     Args:
         node: that subscribes.
         scene: that is commanded.
+        frame_id: of the node.
         refusals: counts and warns.
         times: that commands are measured by.
 
@@ -76,12 +79,12 @@ class Inputs:
         freshness: of the commands' stamps.
     """
 
-    def __init__(self, node: LifecycleNode, scene: Scene, refusals: RefusalLog, times: Times) -> None:
+    def __init__(self, node: LifecycleNode, scene: Scene, frame_id: str, refusals: RefusalLog, times: Times) -> None:
         self._node, self._refusals, self._times = node, refusals, times
         self.inbox: Inbox | None = None
         self.recorder: Recorder | None = None
         self.freshness = Freshness()
-        self._inputs = {item.key: item for item in _inputs(scene, times)}
+        self._inputs = {item.key: item for item in _inputs(scene, frame_id, times)}
         self._subscriptions = {key: self._subscribe(item) for key, item in self._inputs.items()}
 
     @property
@@ -133,17 +136,24 @@ class Inputs:
         order = item.check(message)
         if item.stamped:
             times = self._times
-            self.freshness.check(topic, message.header.stamp, now=times.stamp(), max_age=times.max_age())
+            names = order.values if isinstance(order, ActuatorOrder) else ("",)
+            self.freshness.check(
+                [f"{topic} {name}" for name in names],
+                message.header.stamp,
+                now=times.stamp(),
+                max_age=times.max_age(),
+                max_lead=times.max_lead(),
+            )
         self.inbox.put(item.key, order)
 
 
-def _inputs(scene: Scene, times: Times) -> Iterator[Input]:
+def _inputs(scene: Scene, frame_id: str, times: Times) -> Iterator[Input]:
     """List what a scene can be commanded by; fixed handles refuse, so that who commands one is told."""
     size = scene.mesh.size
     for handle in scene.handles:
         for spec, check in ((interface.TARGET, pose_order), (interface.VELOCITY, twist_order)):
             key = spec.name.removeprefix("~/").format(handle=handle.name)
-            yield Input(key, spec, partial(check, handle=handle, size=size), stamped=True)
+            yield Input(key, spec, partial(check, handle=handle, size=size, frame_id=frame_id), stamped=True)
     if scene.actuators or scene.loads:
         orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads])
         yield Input("actuation", interface.ACTUATION, orders.from_joint_state, stamped=True)
@@ -151,6 +161,6 @@ def _inputs(scene: Scene, times: Times) -> Iterator[Input]:
             yield Input("commands", interface.ACTUATOR_COMMANDS, orders.from_array, stamped=False)
 
         def follow(message: Any) -> Order:
-            return orders.from_trajectory(message, now=times.simulation())
+            return orders.from_trajectory(message, now=times.simulation(times.stamp()), convert=times.simulation)
 
         yield Input("trajectory", interface.TRAJECTORY, follow, stamped=False)

@@ -10,6 +10,17 @@ from gdfe_ros.node.specification import Change, Delivery, ParameterSpec, Service
 
 NODE_NAME = "gdfe_sim"
 
+
+def rest_frame(handle: str) -> str:
+    """Name the frame at the centre of a plate at rest, in which its pose and its target are given."""
+    return f"{handle}_rest"
+
+
+def centre_frame(handle: str) -> str:
+    """Name the frame at the present centre of a plate, with the axes of the node's frame: that of its wrench."""
+    return f"{handle}_centre"
+
+
 PARAMETERS = (
     ParameterSpec(
         name="scene",
@@ -32,9 +43,9 @@ PARAMETERS = (
     ParameterSpec(
         name="clock",
         default="wall",
-        choices=("wall", "fast", "lockstep"),
+        choices=("wall", "fast", "lockstep", "external"),
         meaning="what makes a step begin: the wall clock at `rate`; nothing, the last one's end is enough; "
-        "a command set or the service ~/step",
+        "a command set or the service ~/step; another's /clock, one step each `dt` (needs `use_sim_time`)",
         change=Change.INACTIVE,
     ),
     ParameterSpec(name="rate", default=100.0, unit="Hz", least=0.01, most=10e3, meaning="steps a second, clock wall"),
@@ -61,19 +72,19 @@ PARAMETERS = (
         unit="s",
         least=0.0,
         most=3600.0,
-        meaning="interval of the steps that only publish, while nothing is commanded, clocks wall and fast; 0: none",
+        meaning="interval of the steps that only publish, while nothing is commanded, but in lockstep; 0: none",
     ),
     ParameterSpec(
         name="publish_clock",
         default=False,
-        meaning="publish /clock, and keep stepping while nothing is commanded (clocks wall and fast); "
-        "for one node of a system",
+        meaning="publish /clock, stamp with simulation time, and keep stepping while nothing is commanded (clocks wall "
+        "and fast); for one node of a system",
         change=Change.INACTIVE,
     ),
     ParameterSpec(
         name="frame_id",
         default="base_link",
-        meaning="REP-105 frame of the rest shape, in the header of every output",
+        meaning="REP-105 frame of the rest shape, in the header of every output but poses and wrenches of plates",
         change=Change.UNCONFIGURED,
     ),
     ParameterSpec(name="record", default=False, meaning="write a bag while active", change=Change.INACTIVE),
@@ -97,6 +108,14 @@ PARAMETERS = (
         most=3600.0,
         meaning="commands with an older stamp are refused, measured on the node's clock (the simulation's, "
         "where it publishes /clock); 0: no limit",
+    ),
+    ParameterSpec(
+        name="command_max_lead",
+        default=0.5,
+        unit="s",
+        least=0.0,
+        most=3600.0,
+        meaning="commands whose stamp lies farther ahead of the node's clock are refused",
     ),
     ParameterSpec(
         name="velocity_timeout",
@@ -137,14 +156,15 @@ MODULUS = ParameterSpec(
 TARGET = TopicSpec(
     name="~/handles/{handle}/target",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="target of the plate relative to its rest pose [m], rotation about its own centre by the nearest turn",
+    meaning="target of the plate relative to its rest pose [m], rotation about its own centre by the nearest turn; "
+    "`frame_id` empty, the node's or `<handle>_rest`, others are refused",
     delivery=Delivery.COMMAND,
 )
 VELOCITY = TopicSpec(
     name="~/handles/{handle}/velocity",
     type="geometry_msgs/msg/TwistStamped",
-    meaning="velocity of the plate's target [m/s], [rad/s], world axes, in force for `velocity_timeout`; turns add up "
-    "beyond 180 degrees",
+    meaning="velocity of the plate's target [m/s], [rad/s], axes of the node's frame, in force for `velocity_timeout`; "
+    "turns add up beyond 180 degrees; `frame_id` as for the target",
     delivery=Delivery.COMMAND,
 )
 ACTUATION = TopicSpec(
@@ -164,7 +184,7 @@ TRAJECTORY = TopicSpec(
     name="~/trajectory",
     type="trajectory_msgs/msg/JointTrajectory",
     meaning="commands of actuators over simulation time: `positions` in the unit of each mode, linear in between; "
-    "stamp 0 starts at once",
+    "stamp 0 starts at once, another one on the node's clock, at most 60 s ahead",
     delivery=Delivery.COMMAND,
 )
 COMMANDS = (TARGET, VELOCITY, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
@@ -179,22 +199,25 @@ MESH = TopicSpec(
     name="~/mesh",
     type="sensor_msgs/msg/PointCloud2",
     meaning="x, y, z, ux, uy, uz of each vertex [m], float32",
+    delivery=Delivery.CLOUD,
 )
 STRAIN = TopicSpec(
     name="~/strain",
     type="sensor_msgs/msg/PointCloud2",
     meaning="x, y, z [m] of each cell's centroid, eps_eq, J, omega, tangent [Pa], energy_density [J/m^3], float32",
+    delivery=Delivery.CLOUD,
 )
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where the plate is, relative to its rest pose [m]",
+    meaning="where the plate is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the plate's centre at "
+    "rest with the axes of the node's frame",
 )
 HANDLE_WRENCH = TopicSpec(
     name="~/handles/{handle}/wrench",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] about the plate's deformed centre that the handle exerts on the body, axes of "
-    "`frame_id`",
+    meaning="force [N] and moment [N m] that the handle exerts on the body, about the plate's present centre: "
+    "`frame_id` is `<handle>_centre`, which moves with the plate and keeps the axes of the node's frame",
 )
 PROBE = TopicSpec(
     name="~/probe/{probe}",
@@ -204,8 +227,8 @@ PROBE = TopicSpec(
 JOINT_STATES = TopicSpec(
     name="~/joint_states",
     type="sensor_msgs/msg/JointState",
-    meaning="of each actuator: `position` length [m], volume [m^3] or growth [1], `velocity` its rate, `effort` "
-    "tension [N] or pressure [Pa]",
+    meaning="of each actuator: `position` length or shortening [m], volume [m^3] or growth [1], as it is commanded; "
+    "`velocity` its rate; `effort` tension [N] or pressure [Pa]",
 )
 JACOBIAN = TopicSpec(
     name="~/jacobian",
@@ -223,6 +246,7 @@ MARKERS = TopicSpec(
     type="visualization_msgs/msg/Marker",
     meaning="the surface as triangles in the colours of `marker_field`, at most `marker_rate`; not recorded",
     recorded=False,
+    delivery=Delivery.CLOUD,
 )
 TOPOLOGY = TopicSpec(
     name="~/topology",
@@ -239,7 +263,8 @@ SCENE = TopicSpec(
 DIAGNOSTICS = TopicSpec(
     name="/diagnostics",
     type="diagnostic_msgs/msg/DiagnosticArray",
-    meaning="once a second: state, time and real-time factor, solver, skipped work, commands taken and refused, bag",
+    meaning="once a second, as a whole and in parts, each with level and reason: solver and skipped work, commands "
+    "taken and refused, bag, clock",
     recorded=False,
 )
 OUTPUTS = (

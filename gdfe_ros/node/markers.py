@@ -54,18 +54,18 @@ class SurfaceMarker:
         self._points = self._template.view(struct.pack("<d", _PROBE), (count, 3), "<f8")
         self._colours = self._template.view(struct.pack("<f", _COLOUR_PROBE), (count, 4), "<f4")
 
-    def pack(self, seconds: float, positions: NDArray[np.float64], values: NDArray[np.float64]) -> bytes:
+    def pack(self, stamp: int, positions: NDArray[np.float64], values: NDArray[np.float64]) -> bytes:
         """Serialise the marker.
 
         Args:
-            seconds: simulation time [s].
+            stamp: of its header [ns].
             positions: of the vertices (n, 3) [m].
             values: of the cells (m,), shown by colour from the least to the largest.
         """
         self._points[:] = positions[self._corners]
         self._colours[:, :3] = colour(values)[self._cells]
         self._colours[:, 3] = 1.0
-        return self._template.stamped(seconds)
+        return self._template.stamped(stamp)
 
 
 def colour(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -36,9 +36,8 @@ MESH_FIELDS = ("x", "y", "z", "ux", "uy", "uz")
 STRAIN_FIELDS = ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "energy_density")
 
 
-def stamp(seconds: float) -> Time:
-    """Round simulation time [s] to nanoseconds."""
-    nanoseconds = to_nanoseconds(seconds)
+def to_time(nanoseconds: int) -> Time:
+    """Make a stamp."""
     return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
@@ -47,9 +46,9 @@ def to_nanoseconds(seconds: float) -> int:
     return round(seconds * 1e9)
 
 
-def header(seconds: float, frame_id: str) -> Header:
-    """Make a header with simulation time [s]."""
-    return Header(stamp=stamp(seconds), frame_id=frame_id)
+def header(stamp: int, frame_id: str) -> Header:
+    """Make a header with a stamp [ns]."""
+    return Header(stamp=to_time(stamp), frame_id=frame_id)
 
 
 def mesh_cloud(head: Header, positions: NDArray[np.float64], rest: NDArray[np.float64]) -> PointCloud2:

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checked commands on their way to the step that consumes them."""
+"""Checked commands on their way to the step that consumes them.
+
+Each tells what is left of it once a later one has come (``without``), None for nothing: what commands another plate or
+another actuator takes nothing away.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +30,10 @@ class PoseOrder:
     handle: str
     translation: tuple[float, float, float]
     quaternion: tuple[float, float, float, float]
+
+    def without(self, later: Order) -> PoseOrder | None:
+        """Stay, but for another pose of the plate; a velocity goes on from here."""
+        return None if isinstance(later, PoseOrder) and later.handle == self.handle else self
 
     def after(self, last: Pose) -> Pose:
         """Choose the turn nearest to the last target's."""
@@ -51,6 +59,10 @@ class TwistOrder:
         """Whether it stops the plate."""
         return not any((*self.linear, *self.angular))
 
+    def without(self, later: Order) -> TwistOrder | None:
+        """Stay, but for another pose or velocity of the plate."""
+        return None if isinstance(later, (PoseOrder, TwistOrder)) and later.handle == self.handle else self
+
     def after(self, last: Pose, dt: float) -> Pose:
         """Move the last target on for a time ``dt`` [s]; turns add up beyond 180 degrees."""
         translation = np.array(last.translation) + dt * np.array(self.linear)
@@ -62,9 +74,16 @@ class TwistOrder:
 
 @dataclass(frozen=True)
 class ActuatorOrder:
-    """Commands of actuators by name, in the unit of each one's mode, and factors of loads."""
+    """Commands of actuators by name, in the unit of each one's mode, and factors of loads; none changes nothing."""
 
     values: Mapping[str, float]
+
+    def without(self, later: Order) -> ActuatorOrder | None:
+        """Keep what a later order does not command; a trajectory begins with what is commanded before it."""
+        if not isinstance(later, ActuatorOrder):
+            return self
+        values = {name: value for name, value in self.values.items() if name not in later.values}
+        return ActuatorOrder(values) if values else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +101,20 @@ class TrajectoryOrder:
     start: float | None
     times: NDArray[np.float64]
     values: NDArray[np.float64]
+
+    def without(self, later: Order) -> TrajectoryOrder | None:
+        """Keep the actuators that a later order does not command."""
+        match later:
+            case ActuatorOrder():
+                taken = set(later.values)
+            case TrajectoryOrder():
+                taken = set(later.names)
+            case _:
+                return self
+        kept = [place for place, name in enumerate(self.names) if name not in taken]
+        if not kept:
+            return None
+        return replace(self, names=tuple(self.names[place] for place in kept), values=self.values[:, kept])
 
 
 Order = PoseOrder | TwistOrder | ActuatorOrder | TrajectoryOrder

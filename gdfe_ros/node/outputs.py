@@ -6,21 +6,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
-from rclpy.lifecycle import LifecycleNode
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from gdfe_ros.node import interface, messages
 from gdfe_ros.node.actuator_messages import ActuatorStates, jacobian
 from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.markers import SurfaceMarker
 from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, WrenchPacker
 from gdfe_ros.node.step import Demand, Step
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.elements.fields import ElementFields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,35 +44,37 @@ class Outputs:
         frame_id: of the rest shape.
         publish_clock: whether this node gives the time on /clock.
         markers: gives what markers show.
+        matched: called when somebody begins to listen to what each step publishes.
     """
 
     def __init__(
         self,
-        node: LifecycleNode,
+        node: ManagedNode,
         scene: Scene,
         *,
         frame_id: str,
         publish_clock: bool,
         markers: Callable[[], MarkerChoice],
+        matched: Callable[[], object],
     ) -> None:
         self._scene, self._frame_id, self._choice = scene, frame_id, markers
-        self._mesh = Channel(node, interface.MESH)
-        self._strain = Channel(node, interface.STRAIN)
-        self._record = Channel(node, interface.STEP_RECORD)
-        self._topology = Channel(node, interface.TOPOLOGY)
-        self._scene_text = Channel(node, interface.SCENE)
-        self._markers = Channel(node, interface.MARKERS)
+        each_step = partial(Channel, node, matched=matched)
+        self._mesh, self._strain = each_step(interface.MESH), each_step(interface.STRAIN)
+        self._record, self._markers = each_step(interface.STEP_RECORD), each_step(interface.MARKERS)
+        self._topology, self._scene_text = Channel(node, interface.TOPOLOGY), Channel(node, interface.SCENE)
         names = [handle.name for handle in scene.handles]
-        self._poses = {name: Channel(node, interface.HANDLE_POSE, handle=name) for name in names}
-        self._wrenches = {name: Channel(node, interface.HANDLE_WRENCH, handle=name) for name in names}
-        self._probes = {name: Channel(node, interface.PROBE, probe=name) for name in scene.probes}
-        self._joints = Channel(node, interface.JOINT_STATES) if scene.actuators else None
+        self._poses = {name: each_step(interface.HANDLE_POSE, handle=name) for name in names}
+        self._wrenches = {name: each_step(interface.HANDLE_WRENCH, handle=name) for name in names}
+        self._probes = {name: each_step(interface.PROBE, probe=name) for name in scene.probes}
+        self._joints = each_step(interface.JOINT_STATES) if scene.actuators else None
         self._jacobian = Channel(node, interface.JACOBIAN) if scene.actuators and scene.probes else None
-        self._clock = Channel(node, interface.CLOCK) if publish_clock else None
+        self._clock = each_step(interface.CLOCK) if publish_clock else None
         self._mesh_packer = MeshPacker(scene.mesh.vertices, frame_id)
-        self._pose_packer, self._wrench_packer = PosePacker(frame_id), WrenchPacker(frame_id)
+        self._pose_packers = {name: PosePacker(interface.rest_frame(name)) for name in names}
+        self._wrench_packers = {name: WrenchPacker(interface.centre_frame(name)) for name in names}
+        self._probe_packer = PosePacker(frame_id)
         self._strain_packer: StrainPacker | None = None
-        self._actuator_states = ActuatorStates()
+        self._actuator_states = ActuatorStates(scene)
         self._next_marker = 0.0
 
     @property
@@ -98,6 +99,10 @@ class Outputs:
             actuators=self._joints is not None and self._joints.wanted,
         )
 
+    def missed(self) -> bool:
+        """Tell whether somebody listens who has not been told the present state."""
+        return any([channel.missed() for channel in self.channels])
+
     def attach(self, recorder: Recorder | None) -> None:
         """Record every topic that bags hold from now on, or none."""
         for channel in self.channels:
@@ -120,25 +125,26 @@ class Outputs:
 
     def publish_step(self, step: Step) -> None:
         """Publish and record a step."""
-        moment, seconds = step.log_time, step.record.time
-        if self._clock is not None and (step.first or self._clock.wanted):
-            self._clock.send(Clock(clock=messages.stamp(seconds)), moment)
-        if step.first or self._mesh.wanted:
-            self._mesh.send(self._mesh_packer.pack(seconds, step.result.positions), moment)
-        if step.first or self._record.wanted:
-            self._record.send(String(data=step.record.to_json()), moment)
-        for name, channel in _wanted(self._wrenches, step):
-            channel.send(self._wrench_packer.pack(seconds, step.result.reactions[name]), moment)
-        for name, channel in _wanted(self._poses, step):
+        stamp = step.record.stamp
+        if self._clock is not None and self._clock.due(step):
+            self._clock.send_step(step, Clock(clock=messages.to_time(messages.to_nanoseconds(step.record.time))))
+        if self._mesh.due(step):
+            self._mesh.send_step(step, self._mesh_packer.pack(stamp, step.result.positions))
+        if self._record.due(step):
+            self._record.send_step(step, String(data=step.record.to_json()))
+        for name, channel in _due(self._wrenches, step):
+            channel.send_step(step, self._wrench_packers[name].pack(stamp, step.result.reactions[name]))
+        for name, channel in _due(self._poses, step):
             if name in step.poses:
-                channel.send(self._pose_packer.pack(seconds, step.poses[name]), moment)
-        for name, channel in _wanted(self._probes, step):
+                channel.send_step(step, self._pose_packers[name].pack(stamp, step.poses[name]))
+        for name, channel in _due(self._probes, step):
             pose = messages.material_pose(self._scene.probes[name], self._scene.mesh.vertices, step.result.positions)
-            channel.send(self._pose_packer.pack(seconds, pose), moment)
-        if step.actuators:
-            self._joints.send(self._actuator_states.message(messages.header(seconds, self._frame_id), step), moment)
+            channel.send_step(step, self._probe_packer.pack(stamp, pose))
+        if step.actuators and self._joints.due(step):
+            message = self._actuator_states.message(messages.header(stamp, self._frame_id), step)
+            self._joints.send_step(step, message)
         if step.fields is not None:
-            self._publish_fields(step, step.fields())
+            self._publish_fields(step)
 
     def destroy(self) -> None:
         """Take the topics off the graph."""
@@ -152,16 +158,20 @@ class Outputs:
     def _marker_due(self) -> bool:
         return time.monotonic() >= self._next_marker and self._markers.wanted
 
-    def _publish_fields(self, step: Step, fields: ElementFields) -> None:
-        if step.first or self._strain.wanted:
+    def _publish_fields(self, step: Step) -> None:
+        marker = self._markers.due(step) if step.again else self._marker_due()
+        if not marker and not self._strain.due(step):
+            return
+        fields = step.fields()
+        if self._strain.due(step):
             self._strain_packer = self._strain_packer or StrainPacker(fields, self._frame_id)
-            self._strain.send(self._strain_packer.pack(step.record.time, fields), step.log_time)
-        if self._marker_due():
+            self._strain.send_step(step, self._strain_packer.pack(step.record.stamp, fields))
+        if marker:
             choice = self._choice()
             self._next_marker = time.monotonic() + 1.0 / choice.rate
             values = getattr(fields, choice.field)
-            self._markers.send(self._surface.pack(step.record.time, step.result.positions, values), step.log_time)
+            self._markers.send_step(step, self._surface.pack(step.record.stamp, step.result.positions, values))
 
 
-def _wanted(channels: Mapping[str, Channel], step: Step) -> Iterator[tuple[str, Channel]]:
-    return ((name, channel) for name, channel in channels.items() if step.first or channel.wanted)
+def _due(channels: Mapping[str, Channel], step: Step) -> Iterator[tuple[str, Channel]]:
+    return ((name, channel) for name, channel in channels.items() if channel.due(step))

@@ -16,6 +16,7 @@ class ClockMode(str, Enum):
     WALL = "wall"
     FAST = "fast"
     LOCKSTEP = "lockstep"
+    EXTERNAL = "external"
 
 
 @dataclass(frozen=True)
@@ -40,9 +41,11 @@ class Pace(Protocol):
 
     Attributes:
         overruns: steps that should have begun while an earlier one was still running.
+        moment: time on another's clock at the end of the step that began last [ns]; 0: no such clock is followed.
     """
 
     overruns: int
+    moment: int
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Give the wall time to wait [s]: 0 to step now, None to wait for something to happen."""
@@ -67,7 +70,7 @@ class WallPace:
 
     def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
         self._timing, self._now = timing, now
-        self.overruns = 0
+        self.overruns = self.moment = 0
         self.restart()
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
@@ -107,7 +110,7 @@ class FastPace:
 
     def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
         self._timing, self._now = timing, now
-        self.overruns = 0
+        self.overruns = self.moment = 0
         self.restart()
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
@@ -136,7 +139,7 @@ class LockstepPace:
 
     def __init__(self, timing: Callable[[], Timing]) -> None:
         self._timing = timing
-        self.overruns = 0
+        self.overruns = self.moment = 0
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Wait for a command set, whatever the last step came to."""
@@ -150,7 +153,57 @@ class LockstepPace:
         """Do nothing: wall time plays no part."""
 
 
-def make_pace(mode: ClockMode, timing: Callable[[], Timing]) -> Pace:
-    """Make the pace of a clock mode."""
+class ExternalPace:
+    """Steps as another's clock goes: one dt each time that the clock has gone on by one, none while it stands.
+
+    While there is something to do, no dt is skipped and none is longer, so that a run follows from the clock and the
+    commands, however fast this machine is; where it is too slow, steps fall behind and are counted as overruns. While
+    there is nothing to do, a step covers all that has passed. When the clock goes back, its new time is gone on from.
+
+    Args:
+        timing: gives the values in force.
+        now: gives the time of the clock [ns]; 0 before it is known.
+    """
+
+    def __init__(self, timing: Callable[[], Timing], now: Callable[[], int]) -> None:
+        self._timing, self._now = timing, now
+        self.overruns = self.moment = 0
+        self._idle = False
+        self.restart()
+
+    def delay(self, *, pending: bool, settled: bool) -> float | None:
+        """Step where a dt is due, or the heartbeat where nothing is to be done; else wait for the clock."""
+        timing, due = self._timing(), self._due()
+        if pending or not settled or timing.ticking:
+            return 0.0 if due else None
+        self._idle = True
+        return 0.0 if due and timing.heartbeat and due * timing.dt >= timing.heartbeat else None
+
+    def begin(self) -> float:
+        """Cover one dt, or all that passed in idleness."""
+        due = max(1, self._due())
+        count = due if self._idle else 1
+        self.overruns += due - 1 > 0 and not self._idle
+        self._idle = False
+        dt = self._timing().dt
+        self.moment += round(1e9 * dt) * count
+        return count * dt
+
+    def restart(self) -> None:
+        """Go on from the present time of the clock."""
+        self.moment = self._now()
+
+    def _due(self) -> int:
+        """Give the number of whole dt that the clock is ahead."""
+        now = self._now()
+        if self.moment == 0 or now < self.moment - round(1e9 * self._timing().dt):
+            self.restart()
+        return max(0, (now - self.moment) // round(1e9 * self._timing().dt))
+
+
+def make_pace(mode: ClockMode, timing: Callable[[], Timing], now: Callable[[], int]) -> Pace:
+    """Make the pace of a clock mode; ``now`` gives the time of the node's clock [ns]."""
+    if mode is ClockMode.EXTERNAL:
+        return ExternalPace(timing, now)
     kinds = {ClockMode.WALL: WallPace, ClockMode.FAST: FastPace, ClockMode.LOCKSTEP: LockstepPace}
     return kinds[mode](timing)

@@ -31,14 +31,14 @@ class MeshPacker:
 
     def __init__(self, rest: NDArray[np.float64], frame_id: str) -> None:
         self._rest = rest
-        cloud = messages.mesh_cloud(messages.header(0.0, frame_id), rest, rest)
+        cloud = messages.mesh_cloud(messages.header(0, frame_id), rest, rest)
         self._template, self._values = _cloud_template(cloud, (len(rest), len(MESH_FIELDS)))
 
-    def pack(self, seconds: float, positions: NDArray[np.float64]) -> bytes:
-        """Serialise positions (n, 3) [m] at a simulation time [s]."""
+    def pack(self, stamp: int, positions: NDArray[np.float64]) -> bytes:
+        """Serialise positions (n, 3) [m] with a stamp [ns]."""
         self._values[:, :3] = positions
         np.subtract(positions, self._rest, out=self._values[:, 3:], casting="same_kind")
-        return self._template.stamped(seconds)
+        return self._template.stamped(stamp)
 
 
 class StrainPacker:
@@ -50,15 +50,15 @@ class StrainPacker:
     """
 
     def __init__(self, fields: ElementFields, frame_id: str) -> None:
-        cloud = messages.strain_cloud(messages.header(0.0, frame_id), fields)
+        cloud = messages.strain_cloud(messages.header(0, frame_id), fields)
         self._template, self._values = _cloud_template(cloud, (len(fields.J), len(STRAIN_FIELDS)))
 
-    def pack(self, seconds: float, fields: ElementFields) -> bytes:
-        """Serialise fields at a simulation time [s]."""
+    def pack(self, stamp: int, fields: ElementFields) -> bytes:
+        """Serialise fields with a stamp [ns]."""
         self._values[:, :3] = fields.centroids
         for column, name in enumerate(STRAIN_FIELDS[3:], start=3):
             self._values[:, column] = getattr(fields, name)
-        return self._template.stamped(seconds)
+        return self._template.stamped(stamp)
 
 
 class PosePacker:
@@ -69,16 +69,16 @@ class PosePacker:
     """
 
     def __init__(self, frame_id: str) -> None:
-        message = messages.pose_stamped(messages.header(0.0, frame_id), Pose())
+        message = messages.pose_stamped(messages.header(0, frame_id), Pose())
         message.pose.position.x = _MARK
         self._template = Template(message)
         self._values = self._template.view(struct.pack("<d", _MARK), (7,), "<f8")
 
-    def pack(self, seconds: float, pose: Pose) -> bytes:
-        """Serialise a pose at a simulation time [s]."""
+    def pack(self, stamp: int, pose: Pose) -> bytes:
+        """Serialise a pose with a stamp [ns]."""
         self._values[:3] = pose.translation
         self._values[3:] = Rotation.from_rotvec(pose.rotation).as_quat() if any(pose.rotation) else _NO_TURN
-        return self._template.stamped(seconds)
+        return self._template.stamped(stamp)
 
 
 class WrenchPacker:
@@ -90,13 +90,13 @@ class WrenchPacker:
 
     def __init__(self, frame_id: str) -> None:
         reaction = np.array([_MARK, 0.0, 0.0, 0.0, 0.0, 0.0])
-        self._template = Template(messages.wrench_stamped(messages.header(0.0, frame_id), reaction))
+        self._template = Template(messages.wrench_stamped(messages.header(0, frame_id), reaction))
         self._values = self._template.view(struct.pack("<d", _MARK), (6,), "<f8")
 
-    def pack(self, seconds: float, reaction: NDArray[np.float64]) -> bytes:
-        """Serialise a reaction (6,), force [N] then moment [N m], at a simulation time [s]."""
+    def pack(self, stamp: int, reaction: NDArray[np.float64]) -> bytes:
+        """Serialise a reaction (6,), force [N] then moment [N m], with a stamp [ns]."""
         self._values[:] = reaction
-        return self._template.stamped(seconds)
+        return self._template.stamped(stamp)
 
 
 def _cloud_template(cloud: PointCloud2, shape: tuple[int, int]) -> tuple[Template, NDArray[np.float32]]:

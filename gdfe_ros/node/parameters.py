@@ -21,7 +21,6 @@ from gdfe_ros.node.interface import PARAMETERS
 from gdfe_ros.node.specification import Change, ParameterSpec
 
 _OPEN = {
-    Change.ALWAYS: ("unconfigured", "inactive", "active"),
     Change.INACTIVE: ("unconfigured", "inactive"),
     Change.UNCONFIGURED: ("unconfigured",),
     Change.START: (),
@@ -72,7 +71,7 @@ class Parameters:
                 require_allowed(spec, change.value)
             except GdfeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
-            if state not in _OPEN[spec.change] and change.value != self[spec.name]:
+            if spec.change is not Change.ALWAYS and state not in _OPEN[spec.change] and change.value != self[spec.name]:
                 reason = f"{spec.name} can be changed {spec.change.value}; the node is {state}"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import sys
 import threading
@@ -17,13 +18,27 @@ from typing import Any
 import rclpy
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, ExternalShutdownException, MultiThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.managed import Faults, ManagedNode
 
 _WAIT = 0.5
 """Longest wait of the executor [s]; a signal ends it at once."""
 _BAD_START = 2
+_START_ERRORS = (
+    GdfeError,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    rclpy_implementation.RCLError,
+    rclpy_implementation.RCLInvalidROSArgsError,
+    rclpy_implementation.UnknownROSArgsError,
+)
+_PLACES = re.compile(r"\s*, at \S+:\d+")
+"""Where in its own sources rcl noticed that something is wrong."""
+_MOST_FAULTS = 1000
+"""Exceptions in a row, with nothing done in between, after which the executor is taken for broken."""
 _INSIST = 2.0
 """Time after the first signal [s] from which on another one ends the process at once."""
 
@@ -60,20 +75,19 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
     """
     stopping = threading.Event()
     _catch_signals(stopping)
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         nodes = make_nodes(stopping)
-    except (GdfeError, InvalidParameterTypeException, InvalidParameterValueException) as error:
-        print(f"{Path(sys.argv[0]).stem}: {error}", file=sys.stderr)
+    except _START_ERRORS as error:
+        text = _PLACES.sub("", str(error))
+        print(f"{Path(sys.argv[0]).stem}: {text}", file=sys.stderr)
         rclpy.try_shutdown()
         return _BAD_START
     executor = make_executor()
     for node in nodes:
         executor.add_node(node)
     try:
-        # EventsExecutor.spin never returns; spin_once in a loop costs no more.
-        while rclpy.ok() and not stopping.is_set():
-            executor.spin_once(timeout_sec=_WAIT)
+        _spin(executor, nodes, stopping)
     except ExternalShutdownException:
         pass
     finally:
@@ -85,6 +99,26 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -> None:
+    """Spin, and go on after what gets out of the executor: a request whose bytes rclpy cannot read, for one."""
+    faults = [node.faults for node in nodes if isinstance(node, ManagedNode)]
+    faults = faults or [Faults(lambda text: nodes[0].get_logger().error(text))]
+    in_a_row = 0
+    while rclpy.ok() and not stopping.is_set():
+        try:
+            # EventsExecutor.spin never returns; spin_once in a loop costs no more.
+            executor.spin_once(timeout_sec=_WAIT)
+            in_a_row = 0
+        except ExternalShutdownException:
+            raise
+        except Exception as error:
+            in_a_row += 1
+            if in_a_row > _MOST_FAULTS:
+                raise
+            for each in faults:
+                each.note("the executor", error)
 
 
 def _catch_signals(stopping: threading.Event) -> None:

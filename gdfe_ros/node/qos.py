@@ -13,6 +13,8 @@ from gdfe_ros.node.specification import Delivery
 _PROFILES = {
     # Transient local: who asks for it misses no step while discovery is under way; others notice nothing.
     Delivery.STATE: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 10),
+    # Ten clouds of a large body would be much for who comes late, and wants the present one only.
+    Delivery.CLOUD: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
     Delivery.COMMAND: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 1000),
     Delivery.LATCHED: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
     Delivery.CLOCK: (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE, 1),

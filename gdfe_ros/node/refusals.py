@@ -4,15 +4,15 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import Counter
 from collections.abc import Callable
 from enum import Enum
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.throttle import Throttle
 
-_INTERVAL = 5.0
-"""Shortest time between two warnings about one input for one reason [s]."""
+_LONGEST = 400
+"""Most characters of a refusal that are logged."""
 
 
 class Reason(Enum):
@@ -28,7 +28,9 @@ class Reason(Enum):
     FIXED = "handle is fixed"
     UNKNOWN = "unknown name"
     INACTIVE = "node is not active"
+    FRAME = "other frame"
     STALE = "stale"
+    AHEAD = "stamp ahead"
     OUT_OF_ORDER = "out of order"
     QUEUE_FULL = "queue is full"
 
@@ -54,11 +56,10 @@ class RefusalLog:
     """
 
     def __init__(self, warn: Callable[[str], object]) -> None:
-        self._warn = warn
+        self._warn, self._throttle = warn, Throttle()
         self._lock = threading.Lock()
         self._taken = 0
         self._refused: Counter[Reason] = Counter()
-        self._quiet: dict[tuple[str, Reason], tuple[float, int]] = {}
 
     def take(self) -> None:
         """Count a command that was taken."""
@@ -67,19 +68,21 @@ class RefusalLog:
 
     def refuse(self, source: str, refusal: Refusal) -> None:
         """Count a refused command from ``source`` (a topic), and say so if it is time to."""
-        key, now = (source, refusal.reason), time.monotonic()
         with self._lock:
             self._refused[refusal.reason] += 1
-            until, unsaid = self._quiet.get(key, (0.0, 0))
-            if now < until:
-                self._quiet[key] = (until, unsaid + 1)
-                return
-            self._quiet[key] = (now + _INTERVAL, 0)
-        more = f" ({unsaid} more like it since the last warning)" if unsaid else ""
-        self._warn(f"command on {source} refused: {refusal}{more}")
+        if (more := self._throttle.due((source, refusal.reason))) is not None:
+            self._warn(f"command on {source} refused: {shortened(str(refusal))}{more}")
 
     def counts(self) -> dict[str, int]:
         """Give what /diagnostics shows: commands taken, refused, and refused for each reason so far."""
         with self._lock:
             by_reason = {f"refused: {reason.value}": count for reason, count in self._refused.items()}
             return {"commands taken": self._taken, "commands refused": self._refused.total(), **by_reason}
+
+
+def shortened(text: str) -> str:
+    """Cut the middle out of a text that a message may have made as long as it likes."""
+    if len(text) <= _LONGEST:
+        return text
+    half = _LONGEST // 2
+    return f"{text[:half]} [... {len(text) - 2 * half} characters ...] {text[-half:]}"

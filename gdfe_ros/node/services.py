@@ -1,23 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's services: each carries something out between two steps and says how it went."""
+"""The node's services: each carries something out between two steps and says how it went.
+
+None blocks the node's other callbacks: an answer that has to wait for a step is sent when it is there.
+"""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-from rclpy.lifecycle import LifecycleNode
 from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import interface
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.node.session import Session
+from gdfe_ros.node.walk import Walk
 from gdfe_ros.recording.step_record import Begin
 
 
@@ -33,7 +38,7 @@ class Services:
 
     def __init__(
         self,
-        node: LifecycleNode,
+        node: ManagedNode,
         parameters: Parameters,
         session: Callable[[], Session | None],
         interrupted: threading.Event,
@@ -49,7 +54,7 @@ class Services:
             interface.COMPUTE_JACOBIAN: self._compute_jacobian,
         }
         for spec, action in actions.items():
-            node.create_service(interface_class(spec.type), spec.name, _answer(action))
+            node.offer(interface_class(spec.type), spec.name, self._answer(spec.name, action))
 
     def _session(self) -> Session:
         session = self._find()
@@ -63,85 +68,110 @@ class Services:
             raise GdfeError("the node is not active; call the transition `activate` first")
         return session
 
-    def _reset(self, request: Trigger.Request) -> str:
+    def _reset(self, request: Trigger.Request) -> Future[str]:
         session = self._session()
-        session.stepper.reset()
-        session.inputs.freshness.reset()
-        session.flush()
-        return "at rest, time 0"
+        session.interrupt("~/reset ended it")
+
+        def reset() -> str:
+            session.stepper.reset()
+            session.inputs.freshness.reset()
+            session.flush()
+            return "at rest, time 0"
+
+        return session.stepper.post(reset)
 
     def _pause(self, request: SetBool.Request) -> str:
         session = self._active()
+        if request.data:
+            session.interrupt("~/pause ended it")
         session.stepper.pause(request.data)
         return "paused" if request.data else "running"
 
-    def _step(self, request: Trigger.Request) -> str:
+    def _step(self, request: Trigger.Request) -> Future[str]:
         session = self._active()
         if session.mode is not ClockMode.LOCKSTEP and not session.stepper.paused:
             raise GdfeError(f"clock {session.mode.value} is running; pause it with ~/pause, or use clock lockstep")
-        count = self._parameters["step_count"]
-        for done in range(count):
-            if self._interrupted.is_set():
-                raise GdfeError(f"the node is ending; {done} of {count} steps were made")
-            session.stepper.advance()
-        session.flush()
-        return f"{count} steps, time {session.simulation.time:.9g} s"
+        if session.walk is not None and session.walk.going:
+            raise GdfeError(f"a call is at {session.walk}; ~/pause or ~/reset ends it")
+        session.walk = Walk(session.stepper, session.flush, self._parameters["step_count"], self._interrupted)
+        return session.walk.begin(lambda: f"time {session.simulation.time:.9g} s")
 
-    def _record(self, request: SetBool.Request) -> str:
-        return self._active().record(request.data)
+    def _record(self, request: SetBool.Request) -> Future[str]:
+        session = self._active()
+        return session.stepper.post(lambda: session.record(request.data), "beginning or finishing a bag")
 
-    def _save_state(self, request: Trigger.Request) -> str:
+    def _save_state(self, request: Trigger.Request) -> Future[str]:
         session, path = self._session(), self._state_path()
-        data = session.stepper.call(lambda: save_state(session.simulation))
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
-        except OSError as error:
-            raise GdfeError(f"state_path {path} cannot be written: {error}") from error
-        return f"state at time {session.simulation.time:.9g} s in {path}"
 
-    def _load_state(self, request: Trigger.Request) -> str:
+        def save() -> str:
+            data = save_state(session.simulation)
+            try:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(data)
+            except OSError as error:
+                raise GdfeError(f"state_path {path} cannot be written: {error}") from error
+            return f"state at time {session.simulation.time:.9g} s in {path}"
+
+        return session.stepper.post(save, "saving the state")
+
+    def _load_state(self, request: Trigger.Request) -> Future[str]:
         session, path = self._session(), self._state_path()
-        if session.bags.active:
-            raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise GdfeError(f"state_path {path} cannot be read: {error}") from error
+        session.interrupt("~/load_state ended it")
 
-        def load() -> None:
+        def load() -> str:
+            if session.bags.active:
+                raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+            try:
+                data = path.read_bytes()
+            except OSError as error:
+                raise GdfeError(f"state_path {path} cannot be read: {error}") from error
             load_state(session.simulation, data)
             session.stepper.restart(Begin.LOADED)
+            session.flush()
+            return f"state of {path}, time {session.simulation.time:.9g} s"
 
-        session.stepper.call(load)
-        session.flush()
-        return f"state of {path}, time {session.simulation.time:.9g} s"
+        return session.stepper.post(load, "loading a state")
 
     def _state_path(self) -> Path:
         if not self._parameters["state_path"]:
             raise GdfeError("parameter state_path is empty; set it to the file of the state")
         return Path(self._parameters["state_path"])
 
-    def _compute_jacobian(self, request: Trigger.Request) -> str:
+    def _compute_jacobian(self, request: Trigger.Request) -> Future[str]:
         session = self._active()
         scene = session.scene
         if not scene.actuators or not scene.probes:
             missing = "actuators" if not scene.actuators else "probes"
             raise GdfeError(f"scene {scene.name!r} has no {missing}; ~/jacobian is d probe / d actuator")
-        values = session.stepper.call(session.simulation.jacobian)
-        session.outputs.publish_jacobian(values, session.stepper.log_time)
-        return f"{len(scene.probes)} probes, {len(scene.actuators)} actuators"
 
+        def compute() -> str:
+            session.outputs.publish_jacobian(session.simulation.jacobian(), session.stepper.log_time)
+            return f"{len(scene.probes)} probes, {len(scene.actuators)} actuators"
 
-def _answer(action: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
-    """Make a service callback of an action that returns a message or raises."""
+        return session.stepper.post(compute, "computing the Jacobian")
 
-    def callback(request: Any, response: Any) -> Any:
-        try:
-            response.message = action(request)
-            response.success = True
-        except GdfeError as error:
-            response.message, response.success = str(error), False
-        return response
+    def _answer(self, name: str, action: Callable[[Any], str | Future[str]]) -> Callable[[Any, Any], Any]:
+        """Make a service callback of an action that gives a message, now or later, or raises."""
 
-    return callback
+        def respond(response: Any, done: Future[str]) -> Any:
+            error = done.exception()
+            if error is not None and not isinstance(error, GdfeError):
+                self._node.faults.note(f"the service {name}", error)
+            response.success = error is None
+            response.message = done.result() if error is None else str(error) or repr(error)
+            return response
+
+        def callback(request: Any, response: Any) -> Any:
+            try:
+                outcome = action(request)
+            except GdfeError as error:
+                response.success, response.message = False, str(error)
+                return response
+            if isinstance(outcome, str):
+                response.success, response.message = True, outcome
+                return response
+            answer: Future = Future()
+            outcome.add_done_callback(lambda done: answer.set_result(respond(response, done)))
+            return answer
+
+        return callback

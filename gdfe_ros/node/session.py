@@ -4,28 +4,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
-from rclpy.lifecycle import LifecycleNode
+from rclpy.clock import JumpHandle
 
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.bag import Bags
+from gdfe_ros.node.clock import NodeClock
 from gdfe_ros.node.courier import Courier
 from gdfe_ros.node.drive import Drive
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.inputs import Inputs, Times
 from gdfe_ros.node.interface import MODULUS
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.messages import to_nanoseconds
 from gdfe_ros.node.moduli import Moduli
 from gdfe_ros.node.outputs import MarkerChoice, Outputs
 from gdfe_ros.node.pace import ClockMode, Pace, Timing, make_pace
 from gdfe_ros.node.parameters import Parameters
-from gdfe_ros.node.preparation import prepare
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
-from gdfe_ros.node.step import Step
+from gdfe_ros.node.step import Demand, Step, observe, plate_error
 from gdfe_ros.node.stepper import Hooks, Stepper
 from gdfe_ros.node.strays import Strays
+from gdfe_ros.node.walk import Walk
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
@@ -41,11 +44,9 @@ class Session:
     Args:
         node: owns the topics.
         parameters: of the node.
+        simulation: ready to step.
         refusals: counts refused commands.
         failed: called in a background thread with an exception that stepping or publishing ended with.
-
-    Raises:
-        GdfeError: the scene cannot be simulated.
 
     Attributes:
         simulation: touched by the stepper's thread only while active.
@@ -58,28 +59,31 @@ class Session:
         pace: of the steps; None while not active.
         courier: publishes; None while not active.
         last: the step made last, or None.
+        walk: steps that ~/step was asked for last, or None.
     """
 
     def __init__(
         self,
-        node: LifecycleNode,
+        node: ManagedNode,
         parameters: Parameters,
+        simulation: Simulation,
         refusals: RefusalLog,
         *,
         failed: Callable[[Exception], None],
     ) -> None:
         self._node, self._parameters, self._refusals, self._failed = node, parameters, refusals, failed
-        self.simulation = prepare(node, parameters)
+        self._clock, self.simulation = NodeClock(node, parameters), simulation
         timeout = partial(parameters.__getitem__, "velocity_timeout")
         drive = Drive(self.simulation, timeout=timeout, refuse=refusals.refuse)
         self.stepper = Stepper(self.simulation, drive, self._hooks())
-        self.inputs = Inputs(node, self.scene, refusals, self._times())
+        self.inputs = Inputs(node, self.scene, parameters["frame_id"], refusals, self._times())
         self.outputs = Outputs(
             node,
             self.scene,
             frame_id=parameters["frame_id"],
             publish_clock=parameters["publish_clock"],
             markers=lambda: MarkerChoice(rate=parameters["marker_rate"], field=parameters["marker_field"]),
+            matched=self._tell_again,
         )
         self.bags = Bags(node, parameters, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, locked=self._locked, changed=self._change_moduli)
@@ -88,6 +92,9 @@ class Session:
         self.pace: Pace | None = None
         self.courier: Courier | None = None
         self.last: Step | None = None
+        self.walk: Walk | None = None
+        self._telling = False
+        self._jumps: JumpHandle | None = None
         self.outputs.publish_scene(0)
 
     @property
@@ -101,10 +108,13 @@ class Session:
         Raises:
             GdfeError: the bag cannot be begun, or ``command_set`` names something that cannot be commanded.
         """
+        self._telling = False
         self.mode, command_set = ClockMode(self._parameters["clock"]), self._command_set()
+        if self.mode is ClockMode.EXTERNAL:
+            self._jumps = self._jumps or self._clock.follow(self.stepper.wake)
         if self._parameters["record"]:
             self._begin_bag()
-        self.pace = make_pace(self.mode, self._timing)
+        self.pace = make_pace(self.mode, self._timing, self._clock.read)
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
         self.courier = Courier(self.outputs.publish_step, self._failed)
         # Before the first state is published: who has seen it may command.
@@ -117,7 +127,9 @@ class Session:
         self.stepper.stop()
         if self.courier is not None:
             self.courier.stop()
-        self.courier = self.pace = None
+        if self._jumps is not None:
+            self._jumps.unregister()
+        self.courier = self.pace = self._jumps = None
         if self.bags.active:
             self.bags.finish()
 
@@ -128,22 +140,46 @@ class Session:
         self.inputs.destroy()
         self.outputs.destroy()
 
+    def look(self) -> None:
+        """Look for commands to nobody, and for those who listen and were not told the present state."""
+        self.strays.look()
+        if self.outputs.missed():
+            self._tell_again()
+
+    def waiting(self) -> str:
+        """Say what a step in lockstep waits for."""
+        with self.stepper.changed:
+            missing = self.inputs.inbox.missing() if self.inputs.inbox is not None else []
+        return ", ".join(f"~/{key}" for key in missing) or "any command"
+
+    def arrived(self) -> bool:
+        """Tell whether the last step is within its tolerance, every plate where it was commanded.
+
+        A deadline may end a solve that has nothing left to do but to say so.
+        """
+        result, solver, mesh = self.last.result, self.scene.solver, self.scene.mesh
+        reach, targets = solver.tolerance * mesh.size, self.simulation.targets
+        off = (plate_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
+        return result.residual <= solver.tolerance and max(off, default=0.0) <= reach
+
+    def interrupt(self, why: str) -> None:
+        """End the steps that ~/step is making."""
+        if self.walk is not None:
+            self.walk.interrupt(why)
+
     def flush(self) -> None:
         """Wait until every step made so far is published and recorded."""
         if self.courier is not None:
             self.courier.flush()
 
     def record(self, wanted: bool) -> str:
-        """Begin or finish a bag while active, and say where it is or how it went.
+        """Begin or finish, between steps, a bag while active, and say where it is or how it went.
 
         Raises:
             GdfeError: it is so already, or the bag cannot be begun.
         """
         if wanted == self.bags.active:
             raise GdfeError(f"the node is {'recording' if wanted else 'not recording'} already")
-        return self.stepper.call(self._switch_bag)
-
-    def _switch_bag(self) -> str:
         self.flush()
         if self.bags.active:
             text = self.bags.finish()
@@ -168,6 +204,17 @@ class Session:
         if step.wanted:
             self.courier.put(step)
 
+    def _tell_again(self) -> None:
+        """Have the present state published to those that have just begun to listen, where no step will soon."""
+        if self.stepper.running and not self._telling:
+            self._telling = True
+            self.stepper.post(self._node.guarded(self._deliver_again, "publishing to who came late"))
+
+    def _deliver_again(self) -> None:
+        self._telling = False
+        again = observe(self.simulation, Demand()) | {"wanted": True}
+        self.courier.put(replace(self.last, first=False, again=True, **again))
+
     def _locked(self) -> str:
         """Say why the body cannot be changed now."""
         return "a bag is being written, and a replay could not follow; finish it first" if self.bags.active else ""
@@ -175,9 +222,9 @@ class Session:
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Go on with a simulation of other moduli, under the commands in force."""
         overrides = {MODULUS.name.format(material=name): young for name, young in moduli.items()}
-        changed = Simulation(scene_from_text(self.scene.source, origin=self.scene.name, overrides=overrides))
 
         def swap() -> None:
+            changed = Simulation(scene_from_text(self.scene.source, origin=self.scene.name, overrides=overrides))
             old = self.simulation
             handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
             actuators = {name: old.commands[name] for name in old.actuator_names}
@@ -188,7 +235,9 @@ class Session:
             self.outputs.replace(changed.scene, self.stepper.log_time)
             self.stepper.replace(changed)
 
-        self.stepper.call(swap)
+        # Commands that come after this are consumed after it: the steps wait, the node's other callbacks do not.
+        what = f"going to the equilibrium with {', '.join(f'{key}={young:g}' for key, young in overrides.items())}"
+        self.stepper.post(self._node.guarded(swap, "a change of moduli"), what)
 
     def _hooks(self) -> Hooks:
         value = self._parameters.__getitem__
@@ -196,6 +245,7 @@ class Session:
             deadline=partial(value, "deadline"),
             cut_after=partial(value, "cut_after"),
             stride=partial(value, "dt"),
+            stamp=self._stamp,
             demand=lambda: self.outputs.demand(),
             deliver=self._deliver,
             refused=lambda error: self._refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error))),
@@ -205,19 +255,33 @@ class Session:
     def _times(self) -> Times:
         return Times(
             stamp=self._now,
-            simulation=lambda: self.simulation.time,
+            simulation=self._simulation_time,
             log=lambda: self.stepper.log_time,
             max_age=partial(self._parameters.__getitem__, "command_max_age"),
+            max_lead=partial(self._parameters.__getitem__, "command_max_lead"),
         )
 
     def _timing(self) -> Timing:
         values = self._parameters
         return Timing(values["rate"], values["dt"], values["heartbeat"], values["publish_clock"])
 
+    def _stamp(self, ending: float) -> int:
+        """Give the stamp [ns] of a step that begins now and ends at a simulation time [s]."""
+        if self._parameters["publish_clock"]:
+            return to_nanoseconds(ending)
+        return self.pace.moment or self._clock.read()
+
+    def _simulation_time(self, stamp: int) -> float:
+        """Convert a time on the clock of the stamps [ns] to simulation time [s], by the last step's."""
+        if self.last is None:
+            return self.simulation.time + 1e-9 * (stamp - self._now())
+        return self.last.record.time + 1e-9 * (stamp - self.last.record.stamp)
+
     def _now(self) -> int:
+        """Give the time on the clock of the stamps [ns]."""
         if self._parameters["publish_clock"]:
             return to_nanoseconds(self.simulation.time)
-        return self._node.get_clock().now().nanoseconds
+        return self._clock.read()
 
     def _command_set(self) -> list[str]:
         keys = self._parameters.entries("command_set")

@@ -3,26 +3,30 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.diagnostics import Diagnostics
-from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface import NODE_NAME, PARAMETERS
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.preparation import prepare
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.services import Services
 from gdfe_ros.node.session import Session
+from gdfe_ros.simulation import Simulation
 
 _DIAGNOSTICS_PERIOD = 1.0
 
 
-class SimNode(LifecycleNode):
+class SimNode(ManagedNode):
     """A soft-robot simulation on topics.
 
     Add it to any executor of rclpy; one of several threads runs its callbacks one at a time. ``close`` before
@@ -40,6 +44,7 @@ class SimNode(LifecycleNode):
         super().__init__(NODE_NAME, **options)
         self._session: Session | None = None
         self._problem = ""
+        self._prepared: Simulation | Exception | None = None
         self._settings = Parameters(self)
         logger = self.get_logger()
         self._refusals = RefusalLog(logger.warning)
@@ -53,11 +58,6 @@ class SimNode(LifecycleNode):
         self._starter = None
         if self._settings["autostart"]:
             self._starter = self.create_timer(0.0, self._autostart, clock=self._steady)
-
-    @property
-    def lifecycle_state(self) -> str:
-        """Label of the lifecycle state, e.g. ``active``."""
-        return self._state_machine.current_state[1]
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the scene, factor, compile, open the topics; where it fails, log everything that is wrong."""
@@ -94,16 +94,31 @@ class SimNode(LifecycleNode):
 
     def close(self) -> None:
         """End the threads, finish the bag, drop the simulation; safe to call at any time."""
+        self.await_preparation()
         session, self._session = self._session, None
         if session is not None:
             session.destroy()
 
-    def _configure(self) -> None:
+    def prepare(self) -> None:
+        """Load, factor and compile for the transition ``configure``."""
+        self._prepared = self._try_to_prepare()
+
+    def _try_to_prepare(self) -> Simulation | Exception:
+        """Make a simulation ready to step, or give the reason why not."""
         self.get_logger().info(
             f"configuring scene {self._settings['scene']!r}; kernels that no scene has used before are compiled first, "
             "which may take a minute"
         )
-        self._session = Session(self, self._settings, self._refusals, failed=self._fail)
+        try:
+            return prepare(self, self._settings)
+        except Exception as error:
+            return error
+
+    def _configure(self) -> None:
+        prepared, self._prepared = self._prepared or self._try_to_prepare(), None
+        if isinstance(prepared, Exception):
+            raise prepared
+        self._session = Session(self, self._settings, prepared, self._refusals, failed=self._fail)
         mesh = self._session.scene.mesh
         self.get_logger().info(
             f"scene {self._session.scene.name!r}: {mesh.n_vertices} vertices, {mesh.n_cells} cells, "
@@ -136,7 +151,11 @@ class SimNode(LifecycleNode):
         if starter is None:  # EventsExecutor may have queued the timer's callback more than once
             return
         self.destroy_timer(starter)
-        if self.trigger_configure() is not TransitionCallbackReturn.SUCCESS:
+        if self.lifecycle_state == "unconfigured":  # somebody may have been faster
+            self.configure_later().add_done_callback(lambda done: self._activate_after(done.result()))
+
+    def _activate_after(self, configured: TransitionCallbackReturn) -> None:
+        if configured is not TransitionCallbackReturn.SUCCESS:
             self.get_logger().error(
                 "autostart failed; the node stays up, unconfigured. Set the parameters right, then: "
                 f"ros2 lifecycle set {self.get_fully_qualified_name()} configure (and activate)"
@@ -159,15 +178,44 @@ class SimNode(LifecycleNode):
     def _report(self) -> None:
         session = self._session  # `close` may come from another thread
         if session is not None:
-            session.strays.look()
+            session.look()
         self._diagnostics.publish(session, self.lifecycle_state, self._problem)
+
+
+_HELP = """usage: sim_node [--help] [--ros-args ...]
+
+The soft-robot simulation gdfe_sim, a ROS 2 lifecycle node. It takes ROS arguments only:
+
+  sim_node --ros-args -p scene:=tendon_finger -p clock:=lockstep -r __ns:=/robot --params-file my.yaml
+
+parameters (ros2 param describe /gdfe_sim NAME says more):
+"""
 
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; the entry point of ``sim_node``."""
     from gdfe_ros.node.process import run
 
+    others = _without_ros(sys.argv[1:] if args is None else args)
+    if {"-h", "--help"} & set(others):
+        lines = [f"  {spec.name:<18}{spec.meaning} [{spec.default!r}]" for spec in PARAMETERS]
+        print(_HELP + "\n".join(lines))
+        return 0
+    if others:
+        print(f"sim_node: unknown arguments {' '.join(others)}; see sim_node --help", file=sys.stderr)
+        return 2
     return run(SimNode, args)
+
+
+def _without_ros(args: Iterable[str]) -> list[str]:
+    """Give the arguments that are not ROS's; rclpy's own function raises where a file of parameters is bad."""
+    others, ours = [], True
+    for argument in args:
+        if argument == "--ros-args" or (argument == "--" and not ours):
+            ours = argument == "--"
+        elif ours and ":=" not in argument:  # a remap of old times stands by itself
+            others.append(argument)
+    return others
 
 
 if __name__ == "__main__":

@@ -20,8 +20,9 @@ class Delivery(Enum):
     """Quality of service, by purpose."""
 
     STATE = "reliable, transient local, last 10"
+    CLOUD = "reliable, transient local, the last"
     COMMAND = "reliable, volatile, last 1000"
-    LATCHED = "reliable, transient local, last 1"
+    LATCHED = "reliable, transient local, last 1, while not active, too"
     CLOCK = "best effort, volatile, last 1"
 
 

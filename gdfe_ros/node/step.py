@@ -6,8 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
 from gdfe_ros.actuators import ActuatorState
-from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints import Axis, Handle, Pose
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.elements.fields import ElementFields
@@ -46,6 +50,7 @@ class Step:
         log_time: simulation time that never goes back, for the bag [ns].
         first: the state that the node was activated with or reset to: published whether anybody listens or not,
             so that a subscriber that is still being discovered gets it, too.
+        again: told before; for those that have begun to listen since.
         wanted: whether anything of it is to be published or recorded.
         fields: evaluates the element fields, in the thread that publishes; None where nobody wants them.
         poses: where each plate is; empty where nobody wants it, like the following.
@@ -56,19 +61,21 @@ class Step:
     result: StepResult
     log_time: int
     first: bool = False
+    again: bool = False
     wanted: bool = True
     fields: Callable[[], ElementFields] | None = None
     poses: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, ActuatorState] = field(default_factory=dict)
 
 
-def make_record(result: StepResult, command: Command, *, step: int, begin: Begin, dt: float) -> StepRecord:
+def make_record(result: StepResult, command: Command, *, step: int, begin: Begin, dt: float, stamp: int) -> StepRecord:
     """Write down what a step consumed and how it went."""
     return StepRecord(
         step=step,
         begin=begin,
         time=result.time,
         dt=dt,
+        stamp=stamp,
         handles=command.handles,
         actuators=command.actuators,
         loads=command.loads,
@@ -85,3 +92,13 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
         "poses": {name: simulation.handle_pose(name) for name in simulation.handle_names if demand.poses},
         "actuators": simulation.actuator_states() if demand.actuators else {},
     }
+
+
+def plate_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
+    """Give how far a plate is from its target along the axes that it has not free [m]; vertices are all (n, 3) [m]."""
+    before, now = rest[handle.vertices], positions[handle.vertices]
+    centre = before.mean(axis=0)
+    wanted = Rotation.from_rotvec(target.rotation).apply(before - centre) + centre + target.translation
+    error = np.abs((now - wanted).mean(axis=0) if handle.turning else now - wanted)
+    held = [place for place, axis in enumerate(Axis) if axis not in handle.free]
+    return float(error[..., held].max(initial=0.0))

@@ -39,6 +39,7 @@ class Hooks:
         deadline: gives the wall time allowed for a step [s]; 0: any.
         cut_after: gives the place where a step is ended instead (``StepRecord.cut_after``); -1: nowhere.
         stride: gives the simulation time of a step [s]: the longest time over which velocities act.
+        stamp: gives the stamp [ns] of what is published of a step that begins now and ends at a simulation time [s].
         demand: tells, before a step, what is wanted of it.
         deliver: takes each step; it may block to hold the stepping back.
         refused: called with the reason why the simulation did not take a command; the step goes on without it.
@@ -48,6 +49,7 @@ class Hooks:
     deadline: Callable[[], float]
     cut_after: Callable[[], int]
     stride: Callable[[], float]
+    stamp: Callable[[float], int]
     demand: Callable[[], Demand]
     deliver: Callable[[Step], None]
     refused: Callable[[CommandError], None]
@@ -67,6 +69,7 @@ class Stepper:
         count: steps made.
         begin: what the next step starts from.
         log_time: of the last step [ns].
+        work: what is done between two steps, and since when (monotonic) [s]; None: nothing that takes long.
         solving: wall time spent in solves so far [s].
         spent: wall time spent on steps so far, solves included [s].
     """
@@ -76,6 +79,7 @@ class Stepper:
         self.changed = threading.Condition()
         self.count = self.log_time = 0
         self.begin = Begin.REST
+        self.work: tuple[str, float] | None = None
         self.solving = self.spent = 0.0
         self._origin = 0
         self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
@@ -101,6 +105,11 @@ class Stepper:
         self._thread = threading.Thread(target=self._run, name=STEPPER, daemon=True)
         self._thread.start()
 
+    def wake(self) -> None:
+        """Have the thread look again whether a step is due."""
+        with self.changed:
+            self.changed.notify_all()
+
     def stop(self) -> None:
         """End the thread after the step in progress; nothing happens where it does not run."""
         if self._thread is None:
@@ -113,15 +122,32 @@ class Stepper:
 
     def call(self, function: Callable[[], _Value]) -> _Value:
         """Run a function between two steps and return what it returns, or raise what it raises."""
-        if self._thread is None:
-            return function()
+        return self.post(function).result()
+
+    def post(self, function: Callable[[], _Value], what: str = "") -> Future[_Value]:
+        """Have a function run between two steps, after those that wait; where the thread does not run, at once.
+
+        While it runs, ``work`` says ``what`` it does, for those who wonder why no step is made.
+        """
         future: Future = Future()
+
+        def tell_and_run() -> _Value:
+            self.work = (what, time.monotonic()) if what else None
+            try:
+                return function()
+            finally:
+                self.work = None
+
+        if self._thread is None:
+            _carry_out(tell_and_run, future)
+            return future
         with self.changed:
             if self._stopping:
-                raise GdfeError("the stepping has ended")
-            self._jobs.append((function, future))
-            self.changed.notify_all()
-        return future.result()
+                future.set_exception(GdfeError("the stepping has ended"))
+            else:
+                self._jobs.append((tell_and_run, future))
+                self.changed.notify_all()
+        return future
 
     def pause(self, paused: bool) -> None:
         """Hold the stepping, or let it go on."""
@@ -132,12 +158,19 @@ class Stepper:
             self.changed.notify_all()
 
     def advance(self) -> None:
-        """Make one step at once, whatever the pace or a pause says; it consumes what waits for it."""
-        self.call(self._extra_turn)
+        """Make, between steps, one more, whatever the pace or a pause says; it consumes what waits for it."""
+        with self.changed:
+            orders = self._inbox.take()
+            self._pace.restart()
+        self._step(orders, dt=self._hooks.stride())
 
     def reset(self) -> None:
-        """Go back to rest at time 0 and, where the thread runs, deliver that state; waiting orders are dropped."""
-        self.call(self._reset)
+        """Go back, between steps, to rest at time 0 and, where the thread runs, deliver that state.
+
+        Orders that wait are dropped.
+        """
+        self._simulation.reset()
+        self.restart(Begin.REST)
 
     def replace(self, simulation: Simulation) -> None:
         """Go on, between steps, with another simulation, and deliver its state."""
@@ -163,10 +196,6 @@ class Stepper:
         """Deliver, between steps, the present state again, as what the next step starts from."""
         self.begin = begin
         self._step((), dt=0.0, first=True)
-
-    def _reset(self) -> None:
-        self._simulation.reset()
-        self.restart(Begin.REST)
 
     def _run(self) -> None:
         show_name()
@@ -202,12 +231,6 @@ class Stepper:
             orders, dt = self._inbox.take(), self._pace.begin()
         self._step(orders, dt=dt)
 
-    def _extra_turn(self) -> None:
-        with self.changed:
-            orders = self._inbox.take()
-            self._pace.restart()
-        self._step(orders, dt=self._hooks.stride())
-
     def _settled(self) -> bool:
         """Tell whether the state stays as it is without a new order."""
         if self._drive.moving:
@@ -228,7 +251,7 @@ class Stepper:
         command = Command()
         if not first:
             command = self._drive.command(orders, time=simulation.time + dt, dt=min(dt, hooks.stride()))
-        place = hooks.cut_after()
+        stamp, place = hooks.stamp(simulation.time + dt), hooks.cut_after()
         limits = {"deadline": hooks.deadline() or None, "cut_after": place if place >= 0 else None}
         try:
             result = simulation.step(command, dt=dt, **limits)
@@ -238,7 +261,7 @@ class Stepper:
             result = simulation.step(command, dt=dt, **limits)
         if not np.isfinite(result.positions).all():
             raise GdfeError(f"step {self.count} gave positions that are not finite numbers: {result.message}")
-        record = make_record(result, command, step=self.count, begin=self.begin, dt=dt)
+        record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
         self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
         self.log_time = self._origin + to_nanoseconds(result.time)
         step = Step(record=record, result=result, log_time=self.log_time, first=first, **observe(simulation, demand))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands to names that the scene does not have: nobody subscribes, so only the graph shows them."""
+"""What only the graph shows: commands to names that the scene does not have, a second node or clock of one name."""
 
 from __future__ import annotations
 
@@ -45,3 +45,33 @@ class Strays:
         hint = f"did you mean {close[0]!r}? " if close else ""
         text = f"the scene has no handle {name!r}; {hint}handles: {', '.join(self._handles) or 'none'}"
         self._refusals.refuse(topic, Refusal(Reason.UNKNOWN, text))
+
+
+class Doubles:
+    """Looks for a second node of this node's name, and for a second publisher of /clock beside it; says each once.
+
+    Args:
+        node: that should be alone.
+
+    Attributes:
+        found: what there is more than one of; empty where all is well.
+    """
+
+    def __init__(self, node: LifecycleNode) -> None:
+        self._node, self.found = node, ""
+
+    def look(self) -> None:
+        """Look at the graph once."""
+        node, own = self._node, (self._node.get_name(), self._node.get_namespace())
+        found = []
+        if (count := node.get_node_names_and_namespaces().count(own)) > 1:
+            name = node.get_fully_qualified_name()
+            found.append(f"{count} nodes are called {name}: commands reach them all; remap __node or __ns")
+        clock = node.resolve_topic_name(interface.CLOCK.name)
+        giving = any(info.node_name == own[0] for info in node.get_publishers_info_by_topic(clock))
+        if giving and (count := node.count_publishers(clock)) > 1:
+            found.append(f"{count} publishers of {clock}: time jumps to and fro; set publish_clock false but for one")
+        text = "; ".join(found)
+        if text and text != self.found:
+            node.get_logger().warning(text)
+        self.found = text

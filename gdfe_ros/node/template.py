@@ -14,8 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 
-from gdfe_ros.node.messages import to_nanoseconds
-
 _STAMP_AT = 4
 """CDR has a head of four bytes; the messages below begin with their header, and that with its stamp."""
 
@@ -35,8 +33,7 @@ class Template:
         count = int(np.prod(shape))
         return np.frombuffer(self._bytes, kind, count, self._bytes.index(mark)).reshape(shape)
 
-    def stamped(self, seconds: float) -> bytes:
-        """Give the message with its present numbers and a stamp of simulation time [s]."""
-        nanoseconds = to_nanoseconds(seconds)
-        struct.pack_into("<iI", self._bytes, _STAMP_AT, nanoseconds // 10**9, nanoseconds % 10**9)
+    def stamped(self, stamp: int) -> bytes:
+        """Give the message with its present numbers and a stamp [ns]."""
+        struct.pack_into("<iI", self._bytes, _STAMP_AT, stamp // 10**9, stamp % 10**9)
         return bytes(self._bytes)

@@ -37,6 +37,7 @@ class StepRecord:
         begin: the last step's state, or after a reset the rest shape, or a state that was loaded.
         time: simulation time at the end of the step [s].
         dt: by how much it was advanced [s].
+        stamp: of the headers of its messages, on the node's clock [ns]; None in old bags: the simulation time.
         handles: targets consumed by this step, by handle: translation [m] and rotation vector [rad].
         actuators: commands consumed by this step, by actuator, in the unit of its mode.
         loads: factors of loads consumed by this step, by load.
@@ -57,6 +58,7 @@ class StepRecord:
     begin: Begin
     time: float
     dt: float
+    stamp: int | None = None
     handles: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, float] = field(default_factory=dict)
     loads: Mapping[str, float] = field(default_factory=dict)

@@ -84,7 +84,7 @@ def _topics(scene: Scene) -> dict[str, type]:
 
 def _messages(scene: Scene, moment: float) -> dict[str, Any]:
     """Give one message for each topic, with what the program commands at a moment [s]."""
-    program, head = scene.program, Header(frame_id="base_link")
+    program, head = scene.program, Header()
     messages = {target_key(name): pose_stamped(head, pose) for name, pose in program.handle_poses(moment).items()}
     if values := program.actuator_values(moment) | program.load_factors(moment):
         messages[ACTUATION] = actuation({actuator.name: actuator for actuator in scene.actuators}, values)

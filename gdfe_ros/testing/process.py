@@ -26,12 +26,19 @@ class NodeProcess:
     Args:
         parameters: of the node, by name.
         namespace: of the node.
+        remaps: other names of topics, e.g. ``{"/clock": "clock"}``.
 
     Attributes:
         status: exit status; None while it runs.
     """
 
-    def __init__(self, parameters: Mapping[str, Any] | None = None, *, namespace: str = "/") -> None:
+    def __init__(
+        self,
+        parameters: Mapping[str, Any] | None = None,
+        *,
+        namespace: str = "/",
+        remaps: Mapping[str, str] | None = None,
+    ) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="gdfe_node_")
         folder = Path(self._folder.name)
         values = {"/**": {"ros__parameters": dict(parameters or {})}}
@@ -40,6 +47,8 @@ class NodeProcess:
         self._log = folder / "log.txt"
         command = [sys.executable, "-m", "gdfe_ros.node", "--ros-args"]
         command += ["--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:={namespace}"]
+        for before, after in (remaps or {}).items():
+            command += ["-r", f"{before}:={after}"]
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(command, stdout=log, stderr=log, env=_environment())
         self.status: int | None = None

@@ -80,12 +80,15 @@ class Simulator:
                 "scene_overrides": [f"{key}={value}" for key, value in (overrides or {}).items()] or [""],
                 "autostart": False,
                 "clock": "lockstep",
+                # Stamps in simulation time: every run is the same, and a controller reads the time from any message.
+                "publish_clock": "clock" not in (parameters or {}),
                 "command_set": list(self._inputs() if inputs is None else inputs) or [""],
                 "record": bag is not None,
                 "bag_path": str(bag or ""),
                 **(parameters or {}),
             },
             namespace=namespace,
+            remaps={"/clock": f"{namespace}/clock"},
         )
 
     def step(self, command: Command | None = None) -> State:

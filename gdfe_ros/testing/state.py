@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import interface
-from gdfe_ros.node.messages import stamp
+from gdfe_ros.node.messages import to_time
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.scene.scene import Scene
 
@@ -64,8 +64,8 @@ def state_topics(scene: Scene) -> dict[str, str]:
 
 
 def moment_of(message: Any) -> Moment:
-    """Give the simulation time that a message of ``state_topics`` is of, in seconds and nanoseconds."""
-    given = message.header.stamp if hasattr(message, "header") else stamp(StepRecord.from_json(message.data).time)
+    """Give the stamp of the step that a message of ``state_topics`` is of, in seconds and nanoseconds."""
+    given = message.header.stamp if hasattr(message, "header") else to_time(StepRecord.from_json(message.data).stamp)
     return given.sec, given.nanosec
 
 

@@ -61,7 +61,8 @@ class BagMaker:
             step=self._count, begin=self._begin, time=result.time, dt=dt, handles=handles, cut=False, **outcome
         )
         self._count, self._begin = self._count + 1, Begin.LAST
-        head, moment = messages.header(result.time, "base_link"), messages.to_nanoseconds(result.time)
+        moment = messages.to_nanoseconds(result.time)
+        head = messages.header(moment, "base_link")
         self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)
         self._send("step_record", String(data=record.to_json()), moment)
         self._send("strain", messages.strain_cloud(head, self.simulation.fields()), moment)
@@ -77,7 +78,8 @@ class BagMaker:
             outcome = {name: getattr(result, name) for name in _OUTCOMES}
             record = StepRecord(step=self._count, begin=Begin.LAST, time=time, dt=dt, **outcome)
             self._count += 1
-            head, moment = messages.header(time, "base_link"), messages.to_nanoseconds(time)
+            moment = messages.to_nanoseconds(time)
+            head = messages.header(moment, "base_link")
             self._send("step_record", String(data=record.to_json()), moment)
             self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)
             self._send("strain", messages.strain_cloud(head, fields), moment)

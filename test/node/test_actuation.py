@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,10 +15,10 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from gdfe_ros.node.messages import stamp
+from gdfe_ros.node.messages import to_time
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import Simulator
 
@@ -65,6 +67,51 @@ def test_actuators_are_commanded_by_name_and_over_time(
     np.testing.assert_allclose(tensions, 2.0 - np.abs(2.0 - 0.2 * np.arange(1, 21)), atol=1e-6)
 
 
+def test_two_publishers_of_one_topic_lose_no_command(client: Any, start: Callable) -> None:
+    """Command two tendons by two publishers of ~/actuation before one step: the step consumes both, and the next."""
+    start(**{**FINGER, "clock": "wall", "heartbeat": 0.0})
+    client.wait(client.records)
+    publishers = [client.node.create_publisher(JointState, client.full("actuation"), 100) for _ in range(2)]
+    client.wait(lambda: all(publisher.get_subscription_count() for publisher in publishers))
+    assert client.call(SetBool, "pause", SetBool.Request(data=True)).success
+    for count in range(1, 4):
+        for _ in range(5):
+            for publisher, name in zip(publishers, ("flexor", "extensor"), strict=True):
+                message = JointState(name=["flexor", "extensor"], effort=[math.nan] * 2)
+                message.effort[message.name.index(name)] = float(count)
+                publisher.publish(message if count == 2 else JointState(name=[name], effort=[float(count)]))
+        client.wait_taken(10 * count)
+        assert client.call(Trigger, "step", Trigger.Request()).success
+        client.wait(lambda count=count: client.records()[-1].actuators == {"flexor": count, "extensor": count})
+    assert client.diagnostics()["commands refused"] == "0"
+
+
+def test_a_command_of_one_tendon_leaves_the_course_of_another(client: Any, start: Callable) -> None:
+    """Send the flexor on a course of ten steps, and command the extensor at each of them: the flexor arrives."""
+    start(**FINGER)
+    points = [JointTrajectoryPoint(positions=[2.0], time_from_start=Duration(sec=1))]
+    client.publish("trajectory", JointTrajectory(joint_names=["flexor"], points=points))
+    for count in range(1, 10):
+        client.wait_steps(count + 1)
+        client.publish("actuation", JointState(name=["extensor"], effort=[0.1 * count]))
+    client.wait_steps(11)
+    records = client.records()[1:]
+    np.testing.assert_allclose([record.actuators["flexor"] for record in records], 0.2 * np.arange(1, 11))
+    np.testing.assert_allclose([record.actuators["extensor"] for record in records[1:]], 0.1 * np.arange(1, 10))
+
+
+def test_a_course_that_starts_too_far_ahead_is_refused(client: Any, start: Callable) -> None:
+    """Send a course that starts in a million seconds under the wall clock: it is refused, the node stays idle."""
+    process = start(**{**FINGER, "clock": "wall", "heartbeat": 0.0})
+    points = [JointTrajectoryPoint(positions=[2.0], time_from_start=Duration(sec=1))]
+    message = JointTrajectory(joint_names=["flexor"], points=points)
+    message.header.stamp.sec = int(time.time()) + 1_000_000
+    client.publish("trajectory", message)
+    client.wait(lambda: int(client.diagnostics()["commands refused"]) == 1)
+    assert "allowed: 60 s ahead" in process.log
+    assert client.diagnostics()["steps"] == client.diagnostics()["steps"]
+
+
 def test_the_jacobian_predicts_the_motion_of_the_tip(client: Any, start: Callable) -> None:
     """Ask for d tip / d tension: a small change of tension moves the tip by as much; labels name both."""
     tips: list[PoseStamped] = []
@@ -89,6 +136,6 @@ def _tip_at(client: Any, tips: list[PoseStamped], tension: float) -> np.ndarray:
     client.publish("commands", Float64MultiArray(data=[tension, 0.0]))
     client.wait(lambda: len(client.records()) > count)
     assert client.records()[-1].actuators["flexor"] == tension
-    moment = stamp(client.records()[-1].time)
+    moment = to_time(client.records()[-1].stamp)
     tip = client.wait(lambda: [tip.pose.position for tip in tips if tip.header.stamp == moment])[0]
     return np.array([tip.x, tip.z])

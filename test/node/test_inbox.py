@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import threading
 
+import numpy as np
 import pytest
 
 from gdfe_ros.node.inbox import Inbox
-from gdfe_ros.node.orders import ActuatorOrder
+from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TrajectoryOrder, TwistOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
 
@@ -24,13 +25,41 @@ def _values(orders: list) -> list[float]:
     return [order.values["a"] for order in orders]
 
 
-def test_the_latest_order_of_each_input_counts() -> None:
-    """Put three orders of two inputs: one step takes the last of each."""
+def _taken(*orders: Order) -> list[Order]:
+    """Put orders of one input, and take what a step of the clocks wall and fast gets."""
     inbox = _inbox(queued=False)
-    for name, value in (("a", 1), ("b", 2), ("a", 3)):
-        inbox.put(name, _order(value))
-    assert _values(inbox.take()) == [2, 3]
+    for order in orders:
+        inbox.put("in", order)
+    taken = inbox.take()
     assert not inbox.ready()
+    return taken
+
+
+def test_the_latest_command_of_each_actuator_counts_whoever_sent_it() -> None:
+    """Put commands of two actuators by two inputs: one step takes the last of each actuator."""
+    inbox = _inbox(queued=False)
+    for name, values in (("x", {"a": 1, "b": 1}), ("y", {"a": 2}), ("x", {"b": 3}), ("x", {})):
+        inbox.put(name, ActuatorOrder(values))
+    assert [order.values for order in inbox.take()] == [{"a": 2}, {"b": 3}]
+    assert not inbox.ready()
+
+
+def test_the_latest_command_of_each_plate_counts() -> None:
+    """Put poses and velocities: a pose ends what came before, a velocity goes on from the pose before it."""
+    there, back = (PoseOrder("tip", (0.0, 0.0, z), (0.0, 0.0, 0.0, 1.0)) for z in (0.1, 0.0))
+    slow, fast = (TwistOrder("tip", (v, 0.0, 0.0), (0.0, 0.0, 0.0)) for v in (0.1, 0.2))
+    other = TwistOrder("other", (0.1, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert _taken(there, other, slow, fast) == [there, other, fast]
+    assert _taken(other, there, slow, back) == [other, back]
+
+
+def test_a_trajectory_keeps_the_actuators_that_nobody_else_commands() -> None:
+    """Put a trajectory of two actuators, then a command of one: the other's course stays."""
+    both = TrajectoryOrder(("a", "b"), None, np.array([1.0]), np.array([[1.0, 2.0]]))
+    rest, single = _taken(both, _order(5.0))
+    assert (rest.names, rest.values.tolist(), single.values) == (("b",), [[2.0]], {"a": 5.0})
+    assert _taken(both, both) == [both]
+    assert [type(order) for order in _taken(_order(5.0), both)] == [ActuatorOrder, TrajectoryOrder]
 
 
 def test_lockstep_takes_one_order_a_step_in_the_order_received() -> None:
@@ -49,6 +78,7 @@ def test_a_command_set_waits_until_it_is_whole() -> None:
     inbox.put("a", _order(2))
     inbox.put("c", _order(3))
     assert not inbox.ready()
+    assert inbox.missing() == ["b"]
     inbox.put("b", _order(4))
     assert inbox.ready()
     assert _values(inbox.take()) == [1, 3, 4]

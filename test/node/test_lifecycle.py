@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gdfe_ros.node.messages import stamp
+from gdfe_ros.node.messages import to_time
 from gdfe_ros.scene import scene_names
 
 DEFECTS = """
@@ -62,7 +62,7 @@ def test_parameters_are_changed_when_they_may(client: Any, start: Callable, coar
     )
     assert fine.successful
     assert scene.reason == "scene can be changed while unconfigured; the node is active"
-    assert clock.reason == "parameter clock is 'sundial'; allowed: wall, fast, lockstep"
+    assert clock.reason == "parameter clock is 'sundial'; allowed: wall, fast, lockstep, external"
     assert "dt" in low.reason
     assert "deadline" in nan.reason
     assert "autostart" in autostart.reason
@@ -85,7 +85,7 @@ def test_the_state_outlives_deactivate_but_not_cleanup(client: Any, start: Calla
     made = int(client.diagnostics()["steps"])
     assert client.transition("activate")
     client.wait(lambda: client.records()[-1].step >= made)
-    lifted = stamp(client.records()[-1].time)
+    lifted = to_time(client.records()[-1].stamp)
     assert np.frombuffer(client.arrived("mesh", lifted).data, "<f4").reshape(-1, 6)[:, 5].max() > 0.09
     assert all(client.transition(label) for label in ("deactivate", "cleanup", "configure"))
     client.received["mesh"].clear()

@@ -21,7 +21,7 @@ MESH = bar((0.3, 0.1, 0.1), (3, 1, 1))
 
 def test_the_surface_is_closed_and_looks_outwards() -> None:
     """Unpack a marker: 28 triangles that enclose the bar's volume; stamp and frame are right."""
-    data = SurfaceMarker(MESH, "robot/base_link").pack(12.25, MESH.vertices, np.arange(3.0))
+    data = SurfaceMarker(MESH, "robot/base_link").pack(12_250_000_000, MESH.vertices, np.arange(3.0))
     marker = deserialize_message(data, Marker)
     assert (marker.header.frame_id, marker.header.stamp.sec, marker.header.stamp.nanosec) == (
         "robot/base_link",
@@ -37,7 +37,7 @@ def test_the_surface_is_closed_and_looks_outwards() -> None:
 
 def test_each_cell_has_its_colour() -> None:
     """Give the cells rising values: the first is viridis' violet, the last its yellow."""
-    data = SurfaceMarker(MESH, "base_link").pack(0.0, MESH.vertices, np.array([1.0, 2.0, 3.0]))
+    data = SurfaceMarker(MESH, "base_link").pack(0, MESH.vertices, np.array([1.0, 2.0, 3.0]))
     marker = deserialize_message(data, Marker)
     for point, found in zip(marker.points, marker.colors, strict=True):
         if point.x == 0.0:

@@ -67,13 +67,13 @@ def _refused(make: Callable[[], Any]) -> Reason:
 )
 def test_bad_poses_are_refused(changes: dict, reason: Reason) -> None:
     """Refuse numbers that are not finite, quaternions that are not of unit length, and leaps."""
-    assert _refused(lambda: pose_order(_pose(**changes), TIP, size=0.5)) is reason
+    assert _refused(lambda: pose_order(_pose(**changes), TIP, size=0.5, frame_id="base_link")) is reason
 
 
 def test_a_fixed_handle_takes_no_commands() -> None:
     """Command a fixed handle: the refusal says that it is fixed, before anything else."""
-    assert _refused(lambda: pose_order(_pose(x=math.nan), BASE, size=0.5)) is Reason.FIXED
-    assert _refused(lambda: twist_order(_twist(), BASE, size=0.5)) is Reason.FIXED
+    assert _refused(lambda: pose_order(_pose(x=math.nan), BASE, size=0.5, frame_id="base_link")) is Reason.FIXED
+    assert _refused(lambda: twist_order(_twist(), BASE, size=0.5, frame_id="base_link")) is Reason.FIXED
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_a_fixed_handle_takes_no_commands() -> None:
 )
 def test_bad_velocities_are_refused(changes: dict, reason: Reason) -> None:
     """Refuse velocities that are not finite or out of all proportion."""
-    assert _refused(lambda: twist_order(_twist(**changes), TIP, size=0.5)) is reason
+    assert _refused(lambda: twist_order(_twist(**changes), TIP, size=0.5, frame_id="base_link")) is reason
 
 
 def test_velocities_turn_a_plate_on_and_on() -> None:
@@ -99,6 +99,9 @@ def test_joint_states_command_by_name_and_mode() -> None:
     message = JointState(name=["right", "left"], position=[0.1, math.nan], effort=[math.nan, 3.0])
     assert ORDERS.from_joint_state(message).values == {"right": 0.1, "left": 3.0}
     assert ORDERS.from_joint_state(JointState(name=["left"], effort=[2.0])).values == {"left": 2.0}
+    message = JointState(name=["right", "left"], position=[math.nan] * 2, effort=[math.nan, 3.0])
+    assert ORDERS.from_joint_state(message).values == {"left": 3.0}
+    assert ORDERS.from_joint_state(JointState(name=["left"], effort=[math.nan])).values == {}
 
 
 @pytest.mark.parametrize(
@@ -109,7 +112,7 @@ def test_joint_states_command_by_name_and_mode() -> None:
         (JointState(name=["left", "left"], effort=[1.0, 1.0]), Reason.MALFORMED),
         (JointState(name=["left"], position=[1.0]), Reason.WRONG_SIZE),
         (JointState(name=["left"], effort=[1.0, 2.0]), Reason.WRONG_SIZE),
-        (JointState(name=["left"], effort=[math.nan]), Reason.NOT_FINITE),
+        (JointState(name=["left"], effort=[math.inf]), Reason.NOT_FINITE),
         (JointState(name=["left"], effort=[-1.0]), Reason.OUT_OF_RANGE),
     ],
 )
@@ -125,8 +128,8 @@ def test_arrays_command_all_actuators() -> None:
     assert _refused(lambda: ORDERS.from_array(Float64MultiArray(data=[1.0, 9.0]))) is Reason.OUT_OF_RANGE
 
 
-def _trajectory(*points: tuple[float, list[float]], start: int = 0) -> JointTrajectory:
-    message = JointTrajectory(joint_names=["left"])
+def _trajectory(*points: tuple[float, list[float]], start: int = 0, name: str = "left") -> JointTrajectory:
+    message = JointTrajectory(joint_names=[name])
     message.header.stamp.sec = start
     for moment, positions in points:
         nanoseconds = round(moment * 1e9)
@@ -136,11 +139,16 @@ def _trajectory(*points: tuple[float, list[float]], start: int = 0) -> JointTraj
 
 
 def test_trajectories_are_taken_point_by_point() -> None:
-    """Read times and values; a stamp is simulation time."""
-    order = ORDERS.from_trajectory(_trajectory((0.5, [1.0]), (1.5, [3.0]), start=2), now=1.0)
-    assert (order.names, order.start) == (("left",), 2.0)
+    """Read times and values; the stamp becomes simulation time."""
+    order = ORDERS.from_trajectory(_trajectory((0.5, [1.0]), (1.5, [3.0]), start=2), now=1.0, convert=_later)
+    assert (order.names, order.start) == (("left",), 2.5)
     assert order.times.tolist() == [0.5, 1.5]
     assert order.values.tolist() == [[1.0], [3.0]]
+
+
+def _later(stamp: int) -> float:
+    """Convert a stamp [ns] to simulation time [s], which is half a second later here."""
+    return 1e-9 * stamp + 0.5
 
 
 @pytest.mark.parametrize(
@@ -151,24 +159,41 @@ def test_trajectories_are_taken_point_by_point() -> None:
         (_trajectory((1.0, [1.0]), (1.0, [2.0])), Reason.OUT_OF_ORDER),
         (_trajectory((1.0, [99.0])), Reason.OUT_OF_RANGE),
         (_trajectory((1.0, [1.0]), start=5), Reason.STALE),
+        (_trajectory((1.0, [1.0]), start=71), Reason.AHEAD),
     ],
 )
 def test_bad_trajectories_are_refused(message: JointTrajectory, reason: Reason) -> None:
     """Refuse what is empty, of wrong size, not ascending, out of range, or over."""
-    assert _refused(lambda: ORDERS.from_trajectory(message, now=10.0)) is reason
+    assert _refused(lambda: ORDERS.from_trajectory(message, now=10.0, convert=_later)) is reason
 
 
-def test_stamps_must_not_be_old_or_go_back() -> None:
-    """Take rising stamps and zeros; refuse an earlier one and an old one; a reset forgets them."""
+def test_stamps_must_not_be_old_or_ahead_or_go_back() -> None:
+    """Take rising stamps and zeros; refuse an earlier one, an old one, one ahead; a reset forgets them."""
     freshness = Freshness()
 
-    def check(seconds: int, max_age: float = 0.0) -> None:
-        freshness.check("in", Time(sec=seconds), now=100 * 10**9, max_age=max_age)
+    def check(seconds: int, max_age: float = 0.0, source: str = "in", now: int = 100) -> None:
+        freshness.check([source], Time(sec=seconds), now=now * 10**9, max_age=max_age, max_lead=0.5)
 
     for seconds in (50, 50, 0, 60):
         check(seconds)
     assert _refused(lambda: check(59)) is Reason.OUT_OF_ORDER
+    check(59, source="other")
     assert _refused(lambda: check(70, max_age=20.0)) is Reason.STALE
+    assert _refused(lambda: check(101)) is Reason.AHEAD
     check(90, max_age=20.0)
+    check(30, now=40)
+    assert _refused(lambda: check(29, now=41)) is Reason.OUT_OF_ORDER
     freshness.reset()
-    check(1)
+    check(1, now=41)
+
+
+@pytest.mark.parametrize("frame", ["odom", "/base_link", "tip"])
+def test_commands_in_other_frames_are_refused_by_name(frame: str) -> None:
+    """Name another frame in a target and in a velocity: both are refused; empty, the node's and the plate's are not."""
+    for message, order in ((_pose(), pose_order), (_twist(), twist_order)):
+        for allowed in ("", "base_link", "tip_rest"):
+            message.header.frame_id = allowed
+            order(message, TIP, size=0.5, frame_id="base_link")
+        message.header.frame_id = frame
+        with pytest.raises(Refusal, match=f"frame_id is '{frame}'; allowed: empty, 'base_link' or 'tip_rest'"):
+            order(message, TIP, size=0.5, frame_id="base_link")

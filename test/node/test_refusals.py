@@ -43,7 +43,7 @@ def test_bad_commands_change_nothing(client: Any, start: Callable, coarse: dict)
 def test_warnings_are_throttled_by_input_and_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     """Refuse often: one warning in five seconds for each input and reason, the next says how many it stands for."""
     now = [100.0]
-    monkeypatch.setattr("gdfe_ros.node.refusals.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("gdfe_ros.node.throttle.time.monotonic", lambda: now[0])
     warnings: list[str] = []
     log = RefusalLog(warnings.append)
     for _ in range(4):
@@ -60,3 +60,13 @@ def test_warnings_are_throttled_by_input_and_reason(monkeypatch: pytest.MonkeyPa
         "refused: stale": 6,
         "refused: handle is fixed": 1,
     }
+
+
+def test_a_refusal_of_any_length_makes_a_short_line() -> None:
+    """Refuse a message that names two hundred thousand actuators: the log line stays under 600 characters."""
+    warnings: list[str] = []
+    names = ", ".join(f"actuator_{k}" for k in range(200_000))
+    RefusalLog(warnings.append).refuse("/a", Refusal(Reason.UNKNOWN, f"no actuator {names}; actuators: flexor"))
+    assert len(warnings[0]) < 600
+    assert "no actuator actuator_0," in warnings[0]
+    assert warnings[0].endswith("actuators: flexor")

@@ -52,3 +52,13 @@ def test_the_text_is_plain_json() -> None:
     text = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5, handles={"tip": Pose((1, 2, 3))}).to_json()
     assert json.loads(text)["handles"] == {"tip": [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]}
     assert text.startswith('{"format": 1, "step": 1, "begin": "last"')
+
+
+def test_a_record_of_before_stamps_is_read() -> None:
+    """Read a record that has no stamp, as bags of before hold them: it is that of simulation time."""
+    record = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5)
+    entries = json.loads(record.to_json())
+    del entries["stamp"]
+    assert StepRecord.from_json(json.dumps(entries)).stamp is None
+    stamped = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5, stamp=1_795_000_000_123_456_789)
+    assert StepRecord.from_json(stamped.to_json()) == stamped

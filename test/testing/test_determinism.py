@@ -29,7 +29,10 @@ def _contents(bag: Path) -> dict[str, list[bytes]]:
     contents = defaultdict(list)
     with AnyReader([bag]) as reader:
         for connection, moment, raw in reader.messages():
-            topic, message = connection.topic.split("/gdfe_sim/")[1], reader.deserialize(raw, connection.msgtype)
+            topic, message = (
+                connection.topic.split("/", 2)[2].removeprefix("gdfe_sim/"),
+                reader.deserialize(raw, connection.msgtype),
+            )
             if topic in ("mesh", "strain", "topology"):
                 contents[topic].append((moment, message.data.tobytes()))
             elif topic != "step_record":

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A lifecycle node that outlives what its callbacks raise, and whose services may answer later."""
+
+from __future__ import annotations
+
+import threading
+import traceback
+from collections.abc import Callable
+from concurrent.futures import Future
+from functools import wraps
+from typing import Any
+
+from lifecycle_msgs.msg import Transition
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.service import Service
+
+from gdfe_ros.node.throttle import Throttle
+
+_PRIMARY = ("unconfigured", "inactive", "active")
+
+
+class Faults:
+    """Counts what callbacks raised, and logs it with its cause at most once in five seconds for each place.
+
+    Args:
+        log: takes the text of an error.
+
+    Attributes:
+        count: exceptions so far.
+        last: the last one, with its place; empty where there was none.
+    """
+
+    def __init__(self, log: Callable[[str], object]) -> None:
+        self._log, self._lock, self._throttle = log, threading.Lock(), Throttle()
+        self.count, self.last = 0, ""
+
+    def note(self, place: str, error: BaseException) -> None:
+        """Count and log an exception that ``place`` raised."""
+        with self._lock:
+            self.count += 1
+            self.last = f"{place}: {error!r}"
+        if (more := self._throttle.due(place)) is not None:
+            trace = "".join(traceback.format_exception(error))
+            self._log(f"{place} failed, the node goes on{more}: {error!r}\n{trace}")
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node none of whose callbacks can end the process.
+
+    What one raises is counted and logged; a service answers with it. rclpy itself lets such an exception out of the
+    executor, for a transition that the present state does not have, too (rclpy #1209).
+
+    A service's callback may return a ``Future`` of its response: it is sent when it is there, and the executor goes on.
+
+    Attributes:
+        faults: counts exceptions.
+    """
+
+    def __init__(self, name: str, **options: Any) -> None:
+        self._preparation: threading.Thread | None = None
+        self.faults = Faults(lambda text: self.get_logger().error(text))
+        super().__init__(name, **options)
+        self._service_change_state.callback = self._checked(self._service_change_state.callback)
+        for service in self.services:
+            self._shield(service)
+
+    @property
+    def lifecycle_state(self) -> str:
+        """Label of the lifecycle state, e.g. ``active``."""
+        return self._state_machine.current_state[1]
+
+    def offer(self, kind: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
+        """Create a service; see the class for what its callback may do."""
+        self._shield(self.create_service(kind, name, callback))
+
+    def create_timer(self, timer_period_sec: float, callback: Callable[[], None], *more: Any, **options: Any) -> Any:
+        """Create a timer, as rclpy does, that outlives what its callback raises."""
+        return super().create_timer(timer_period_sec, self.guarded(callback, "a timer"), *more, **options)
+
+    def create_subscription(
+        self, msg_type: type, topic: str, callback: Callable[..., None], *more: Any, **options: Any
+    ) -> Any:
+        """Create a subscription, as rclpy does, that outlives what its callback raises."""
+        guarded = self.guarded(callback, f"the subscription of {topic}")
+        return super().create_subscription(msg_type, topic, guarded, *more, **options)
+
+    def guarded(self, callback: Callable[..., None], place: str) -> Callable[..., None]:
+        """Make a callback that notes what it raises as a fault of ``place``."""
+
+        @wraps(callback)
+        def outliving(*arguments: Any) -> None:
+            try:
+                callback(*arguments)
+            except Exception as error:
+                self.faults.note(place, error)
+
+        return outliving
+
+    def _shield(self, service: Service) -> None:
+        """Have a service answer what its callback raises, and send a response that comes later when it comes."""
+        callback, send, place = service.callback, service.send_response, f"the service {service.srv_name}"
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except Exception as error:
+                self.faults.note(place, error)
+                return _failure(request, type(response)(), repr(error))
+
+        def send_now_or_later(response: Any, header: Any) -> None:
+            if isinstance(response, Future):
+                response.add_done_callback(lambda done: deliver(done.result(), header))
+            else:
+                deliver(response, header)
+
+        def deliver(response: Any, header: Any) -> None:
+            try:
+                send(response, header)
+            except Exception as error:  # whoever asked may be gone, or this node's context
+                self.faults.note(place, error)
+
+        service.callback, service.send_response = answer, send_now_or_later
+
+    def prepare(self) -> None:
+        """Do, in a thread of its own, the part of ``on_configure`` that takes long; it must leave ROS alone."""
+
+    def configure_later(self) -> Future[TransitionCallbackReturn]:
+        """Configure without blocking other callbacks: the state is ``configuring`` until ``prepare`` is done."""
+        before = LifecycleState(self._state_machine.current_state[1], self._state_machine.current_state[0])
+        self._state_machine.trigger_transition_by_id(Transition.TRANSITION_CONFIGURE, True)
+        future: Future = Future()
+
+        def finish() -> None:
+            self.destroy_timer(finisher)
+            if not future.done():
+                future.set_result(self._conclude(self.on_configure(before), before))
+
+        def work() -> None:
+            try:
+                self.prepare()
+            finally:
+                finisher.reset()
+
+        # A timer brings the rest back to the executor's thread.
+        finisher = self.create_timer(0.0, finish, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
+        self._preparation = threading.Thread(target=work, name="prepare", daemon=True)
+        self._preparation.start()
+        return future
+
+    def await_preparation(self) -> None:
+        """Wait for the end of ``prepare``, where it runs."""
+        if self._preparation is not None:
+            self._preparation.join()
+
+    def _configured(self, response: Any) -> Future:
+        answer: Future = Future()
+
+        def respond(done: Future[TransitionCallbackReturn]) -> None:
+            response.success = done.result() is TransitionCallbackReturn.SUCCESS
+            answer.set_result(response)
+
+        self.configure_later().add_done_callback(respond)
+        return answer
+
+    def _conclude(self, code: TransitionCallbackReturn, before: LifecycleState) -> TransitionCallbackReturn:
+        """End a transition, as rclpy does."""
+        self._state_machine.trigger_transition_by_label(code.to_label(), True)
+        if code is TransitionCallbackReturn.ERROR:
+            self._state_machine.trigger_transition_by_label(self.on_error(before).to_label(), True)
+        return code
+
+    def _checked(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        """Refuse transitions that the present state does not have."""
+
+        def answer(request: Any, response: Any) -> Any:
+            wanted, state = request.transition, self.lifecycle_state
+            primary = state in _PRIMARY  # in others, rcl offers what ends a transition, which is not for everybody
+            offered = self._state_machine.available_transitions if primary else ()
+            allowed = {label: number for number, label, *_ in offered}
+            if wanted.label in allowed or (not wanted.label and wanted.id in allowed.values()):
+                if "configure" in allowed and allowed["configure"] == (allowed.get(wanted.label) or wanted.id):
+                    return self._configured(response)
+                return change(request, response)
+            given = repr(wanted.label) if wanted.label else f"id {wanted.id}"
+            offers = ", ".join(f"{label} ({number})" for label, number in allowed.items())
+            self.get_logger().warning(f"transition {given} refused: the node is {state}; allowed: {offers or 'none'}")
+            response.success = False
+            return response
+
+        return answer
+
+
+def _failure(request: Any, response: Any, text: str) -> Any:
+    """Put the reason of a failure wherever a response has room for it."""
+    refused = SetParametersResult(successful=False, reason=text)
+    if hasattr(response, "message"):
+        response.message = text
+    if hasattr(response, "results"):
+        response.results = [refused for _ in request.parameters]
+    if hasattr(response, "result") and isinstance(response.result, SetParametersResult):
+        response.result = refused
+    return response

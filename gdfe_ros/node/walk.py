@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many steps on demand, one after the other, that leave room for others and can be ended."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, InvalidStateError
+from contextlib import suppress
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.stepper import Stepper
+
+
+class Walk:
+    """Makes a number of steps; whatever else waits for the stepper has its turn between two of them.
+
+    Args:
+        stepper: makes the steps.
+        flush: waits until they are published.
+        count: of the steps.
+        ending: set when the process is asked to end.
+
+    Attributes:
+        done: steps made so far.
+    """
+
+    def __init__(self, stepper: Stepper, flush: Callable[[], None], count: int, ending: threading.Event) -> None:
+        self._stepper, self._flush, self._count, self._ending = stepper, flush, count, ending
+        self._future: Future[str] = Future()
+        self.done = 0
+
+    def __str__(self) -> str:
+        return f"{self.done} of {self._count} steps"
+
+    @property
+    def going(self) -> bool:
+        """Whether steps are still to be made."""
+        return not self._future.done()
+
+    def begin(self, where: Callable[[], str]) -> Future[str]:
+        """Begin, and return the future answer; ``where`` tells how far the simulation has come."""
+        self._where = where
+        self._post()
+        return self._future
+
+    def end(self, reason: BaseException) -> None:
+        """End it after the step in progress; nothing happens where it is over."""
+        with suppress(InvalidStateError):  # it was over already
+            self._future.set_exception(reason)
+
+    def interrupt(self, why: str) -> None:
+        """End it on somebody's demand."""
+        self.end(GdfeError(f"{why}; {self} were made"))
+
+    def _post(self) -> None:
+        def look(step: Future[None]) -> None:
+            if (error := step.exception()) is not None:
+                self.end(error)
+
+        self._stepper.post(self._step).add_done_callback(look)
+
+    def _step(self) -> None:
+        if self._ending.is_set():
+            self.interrupt("the node is ending")
+        if not self.going:
+            return
+        self._stepper.advance()
+        self.done += 1
+        if self.done < self._count:
+            self._post()
+            return
+        self._flush()
+        with suppress(InvalidStateError):  # it was ended in its last step
+            self._future.set_result(f"{self._count} steps, {self._where()}")

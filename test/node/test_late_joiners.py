@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who begins to listen gets the present state, though no step is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import Marker
+
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.step_record import StepRecord
+
+_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+_TOPICS = {
+    "mesh": PointCloud2,
+    "strain": PointCloud2,
+    "markers": Marker,
+    "step_record": String,
+    "handles/tip/pose": PoseStamped,
+    "handles/tip/wrench": WrenchStamped,
+}
+
+
+class _Newcomer:
+    """Listens to diagnostics only, until told otherwise."""
+
+    def __init__(self, ros: Any, wait: Callable) -> None:
+        self.node, self._wait = ros.node("newcomer"), wait
+        self._status: dict[str, str] = {}
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._read, _QOS)
+
+    def _read(self, message: DiagnosticArray) -> None:
+        self._status = {value.key: value.value for status in message.status for value in status.values}
+
+    def wait_for_steps(self, count: int) -> None:
+        self._wait(lambda: int(self._status.get("steps", 0)) == count)
+
+    def publish(self, topic: str, message: Any) -> None:
+        publisher = self.node.create_publisher(type(message), f"/gdfe_sim/{topic}", 10)
+        self._wait(publisher.get_subscription_count)
+        publisher.publish(message)
+
+    def call(self, kind: type, name: str, request: Any) -> None:
+        client = self.node.create_client(kind, f"/gdfe_sim/{name}")
+        self._wait(client.service_is_ready)
+        # The answer may get lost where the node does not know this client yet; what it does is seen in diagnostics.
+        client.call_async(request)
+
+    def listen(self, topic: str, kind: type, qos: QoSProfile = _QOS) -> Any:
+        """Begin to listen, and return the first message that arrives after a whole history of the topic."""
+        got: list[Any] = []
+        self.node.create_subscription(kind, topic if topic[0] == "/" else f"/gdfe_sim/{topic}", got.append, qos)
+        return got
+
+
+@pytest.fixture
+def newcomer(ros: Any) -> _Newcomer:
+    """Give a node that listens to diagnostics only."""
+
+    def wait(done: Callable[[], Any]) -> None:
+        for _ in range(600):
+            if done():
+                return
+            ros.executor.spin_once(timeout_sec=0.05)
+        raise AssertionError("waited in vain")
+
+    return _Newcomer(ros, wait)
+
+
+def _lift(newcomer: _Newcomer, z: float) -> None:
+    message = PoseStamped()
+    message.pose.position.z = z
+    newcomer.publish("handles/tip/target", message)
+
+
+@pytest.mark.parametrize("clock", ["lockstep", "wall"])
+def test_late_joiners_get_the_present_state(newcomer: _Newcomer, start: Callable, coarse: dict, clock: str) -> None:
+    """Lift the tip with nobody listening, in lockstep and paused, then listen: every topic shows it lifted."""
+    start(**coarse, clock=clock, heartbeat=0.0)
+    newcomer.wait_for_steps(1)
+    if clock == "wall":
+        newcomer.call(SetBool, "pause", SetBool.Request(data=True))
+        newcomer._wait(lambda: newcomer._status["clock"] == "paused")
+    _lift(newcomer, 0.1)
+    newcomer._wait(lambda: newcomer._status["commands taken"] == "1")
+    if clock == "wall":
+        newcomer.call(Trigger, "step", Trigger.Request())
+    newcomer.wait_for_steps(2)
+    got = {topic: newcomer.listen(topic, kind) for topic, kind in _TOPICS.items()}
+    got["volatile"] = newcomer.listen("mesh", PointCloud2, _BEST_EFFORT)
+    newcomer._wait(lambda: all(_lifted(messages) for messages in got.values()))
+    assert newcomer._status["steps"] == "2"
+
+
+def _lifted(messages: list[Any]) -> bool:
+    if not messages:
+        return False
+    match messages[-1]:
+        case PointCloud2(point_step=24) as mesh:
+            return np.isclose(np.frombuffer(mesh.data, "<f4").reshape(-1, 6)[:, 5].max(), 0.1)
+        case PointCloud2() as strain:
+            return np.frombuffer(strain.data, "<f4").reshape(-1, 8)[:, 3].max() > 1e-3
+        case Marker() as marker:
+            return max(point.z for point in marker.points) > 0.1
+        case String() as text:
+            return StepRecord.from_json(text.data).step == 1
+        case PoseStamped() as pose:
+            return pose.pose.position.z == 0.1
+        case WrenchStamped() as wrench:
+            return wrench.wrench.force.z > 0.0
+    raise AssertionError(messages[-1])
+
+
+def test_a_late_joiner_gets_the_time_and_the_joints(newcomer: _Newcomer, start: Callable) -> None:
+    """Pull a tendon in lockstep with nobody listening, then listen to /clock and the joints: both are of the step."""
+    start(scene="tendon_finger", clock="lockstep", dt=0.25, publish_clock=True)
+    newcomer.wait_for_steps(1)
+    newcomer.publish("actuation", JointState(name=["flexor"], effort=[2.0]))
+    newcomer.wait_for_steps(2)
+    clock, joints = newcomer.listen("/clock", Clock, _BEST_EFFORT), newcomer.listen("joint_states", JointState)
+    newcomer._wait(lambda: clock and joints and joints[-1].effort[0] == 2.0)
+    assert clock[-1].clock.nanosec == 250_000_000
+
+
+def test_a_bag_holds_each_step_once_whoever_comes_late(
+    newcomer: _Newcomer, start: Callable, coarse: dict, tmp_path: Any
+) -> None:
+    """Listen late to a node that records: the bag holds one mesh for each step."""
+    process = start(**coarse, clock="lockstep", record=True, bag_path=str(tmp_path / "bag"))
+    newcomer.wait_for_steps(1)
+    _lift(newcomer, 0.1)
+    newcomer.wait_for_steps(2)
+    got = newcomer.listen("mesh", PointCloud2)
+    newcomer._wait(lambda: _lifted(got))
+    process.stop()
+    assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == 2

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node that outlives bad requests: transitions that are not there, parameters of no type, callbacks that raise."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+
+_STEPS = {"unconfigured": (), "inactive": ("configure",), "active": ("configure", "activate")}
+_INVALID = {"unconfigured": (0, 2, 3, 4, 6, 7, 99, 255), "inactive": (0, 1, 4, 5, 7, 10), "active": (0, 1, 2, 3, 6, 99)}
+
+_RAISING = """
+import sys, threading
+import rclpy
+from rclpy.node import Node
+from gdfe_ros.node import process
+
+class Raising(Node):
+    def __init__(self, stopping):
+        super().__init__("raising")
+        self.left, self._stopping = 3, stopping
+        self.create_timer(0.01, self._beat)
+
+    def _beat(self):
+        self.left -= 1
+        if self.left == 0:
+            self._stopping.set()
+        raise ZeroDivisionError("broken on purpose")
+
+    def close(self):
+        print("beats left:", self.left)
+
+sys.exit(process.run(Raising, []))
+"""
+
+
+@pytest.mark.parametrize("state", _STEPS)
+def test_transitions_that_a_state_lacks_are_refused(client: Any, start: Callable, coarse: dict, state: str) -> None:
+    """Ask for every transition that a state does not have: each is answered with false, and the node is as before."""
+    process = start(**coarse, autostart=False)
+    assert all(client.transition(label) for label in _STEPS[state])
+    for number in _INVALID[state]:
+        request = ChangeState.Request()
+        request.transition.id = number
+        assert not client.call(ChangeState, "change_state", request).success, number
+        assert client.state() == state
+    for label in ("nonsense", "transition_success"):
+        assert not client.transition(label)
+    assert f"the node is {state}; allowed: " in process.log
+    assert process.running
+    assert client.diagnostics()["state"] == state
+
+
+def test_a_manager_that_configures_an_active_node_is_answered(client: Any, start: Callable, coarse: dict) -> None:
+    """Configure and activate a node that started by itself: both are refused, it goes on, and can be taken down."""
+    start(**coarse)
+    client.wait(client.records)
+    assert [client.transition(label) for label in ("configure", "activate")] == [False, False]
+    client.target(0.05)
+    client.wait(lambda: client.meshes()[-1][:, 5].max() > 0.049)
+    assert [client.transition(label) for label in ("deactivate", "cleanup", "configure", "activate")] == [True] * 4
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [(SetParameters, "set_parameters"), (SetParametersAtomically, "set_parameters_atomically")]
+)
+def test_a_parameter_of_no_type_is_refused_and_counted(
+    client: Any, start: Callable, coarse: dict, kind: type, name: str
+) -> None:
+    """Set a parameter of type 99, on which rclpy raises: the answer gives the reason, the node counts it, goes on."""
+    process = start(**coarse)
+    bad = Parameter(name="rate", value=ParameterValue(type=99))
+    response = client.call(kind, name, kind.Request(parameters=[bad]))
+    results = [response.result] if hasattr(response, "result") else response.results
+    assert [result.successful for result in results] == [False]
+    assert "99 is not a valid" in results[0].reason
+    values = client.diagnostics()
+    assert values["exceptions in callbacks"] == "1"
+    assert "set_parameters" in values["last exception"]
+    assert process.running
+
+
+def test_an_exception_that_leaves_the_executor_ends_nothing() -> None:
+    """Let a timer of a node without guards raise three times: each is logged with its cause, the node closes well."""
+    command = [sys.executable, "-c", _RAISING]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "beats left: 0\n"
+    assert "broken on purpose" in done.stderr

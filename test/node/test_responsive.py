@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node that is busy still answers, and what takes long can be ended."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import GetParameters
+from std_srvs.srv import SetBool, Trigger
+
+from gdfe_ros.testing.discovery import await_discovery
+
+
+def _parts(client: Any) -> dict[str, DiagnosticStatus]:
+    """Give the statuses of the node by part."""
+    client.status()
+    return {status.name.partition(": ")[2]: status for status in client.received["/diagnostics"][-1].status}
+
+
+def _reasons(client: Any) -> list[str]:
+    """Give the reasons of every part in all diagnostics so far."""
+    client.spin(0.1)
+    return [status.message for message in client.received["/diagnostics"] for status in message.status]
+
+
+def _told(client: Any) -> str:
+    """Give the first reason among diagnostics so far that tells of a second node; empty where there is none."""
+    return next((reason for reason in _reasons(client) if "nodes are called" in reason), "")
+
+
+def _begin(client: Any, kind: type, name: str, request: Any) -> Any:
+    """Call a service without waiting for its answer."""
+    service = client.node.create_client(kind, client.full(name))
+    client.wait(service.service_is_ready)
+    await_discovery(client.node, "/gdfe_sim", client.wait)
+    return service.call_async(request)
+
+
+def test_many_steps_leave_the_node_responsive_and_can_be_ended(client: Any, start: Callable, coarse: dict) -> None:
+    """Ask for a million steps: other services answer while they are made, a second call is refused, ~/pause ends it."""
+    start(**coarse, clock="lockstep", step_count=1_000_000)
+    client.wait(client.records)
+    walk = _begin(client, Trigger, "step", Trigger.Request())
+    client.wait(lambda: client.records()[-1].step > 10)
+    assert client.state() == "active"
+    assert client.set(rate=50.0)[0].successful
+    second = client.call(Trigger, "step", Trigger.Request())
+    assert not second.success
+    assert "of 1000000 steps; ~/pause or ~/reset ends it" in second.message
+    assert "of 1000000 steps" in client.diagnostics()["working on"]
+    assert not walk.done()
+    assert client.call(SetBool, "pause", SetBool.Request(data=True)).success
+    client.wait(walk.done)
+    assert not walk.result().success
+    assert walk.result().message.startswith("~/pause ended it; ")
+    client.set(step_count=3)
+    assert client.call(Trigger, "step", Trigger.Request()).message.startswith("3 steps, time ")
+
+
+def test_a_node_that_ends_answers_those_who_wait(client: Any, start: Callable, coarse: dict) -> None:
+    """Deactivate in the middle of a million steps: the call is answered with the reason."""
+    start(**coarse, clock="lockstep", step_count=1_000_000)
+    client.wait(client.records)
+    walk = _begin(client, Trigger, "step", Trigger.Request())
+    client.wait(lambda: client.records()[-1].step > 10)
+    assert client.transition("deactivate")
+    client.wait(walk.done)
+    assert (walk.result().success, walk.result().message) == (False, "the stepping has ended")
+
+
+def test_a_node_that_is_being_configured_answers(client: Any, start: Callable, coarse: dict) -> None:
+    """Configure: meanwhile the state is asked for and parameters are read, and no other transition is taken."""
+    start(**coarse, autostart=False)
+    client.state()
+    client.call(GetParameters, "get_parameters", GetParameters.Request(names=["scene"]))
+    request = ChangeState.Request()
+    request.transition.label = "configure"
+    configured = _begin(client, ChangeState, "change_state", request)
+    client.wait(lambda: client.state() == "configuring")
+    assert client.call(GetParameters, "get_parameters", GetParameters.Request(names=["scene"])).values
+    assert not configured.done()
+    for label in ("configure", "transition_success"):
+        assert not client.transition(label)
+    client.wait(configured.done)
+    assert configured.result().success
+    assert client.state() == "inactive"
+    assert client.transition("activate")
+    client.wait(client.records)
+
+
+def test_diagnostics_come_in_parts(client: Any, start: Callable, coarse: dict) -> None:
+    """Refuse a command in lockstep: the part of the commands warns with the reason, and says what a step waits for."""
+    start(**coarse, clock="lockstep", command_set=["handles/tip/target", "handles/tip/velocity"])
+    client.target(0.01)
+    client.wait_taken(1)
+    parts = _parts(client)
+    assert list(parts) == ["simulation", "solver", "commands", "recording", "clock"]
+    assert parts["commands"].message == "waits for ~/handles/tip/velocity"
+    assert {part.level for part in parts.values()} == {DiagnosticStatus.OK}
+    client.target(1e9)
+    client.wait(lambda: "1 commands refused since the last report; the log says why" in _reasons(client))
+    client.wait(lambda: _parts(client)["commands"].level == DiagnosticStatus.OK)
+    assert parts["recording"].message == "no bag"
+    assert parts["clock"].message == "lockstep"
+
+
+def test_a_second_node_and_a_second_clock_are_told(client: Any, start: Callable, coarse: dict) -> None:
+    """Start two nodes of one name that both publish /clock: both warn, in the log and on /diagnostics."""
+    first = start(**coarse, clock="lockstep", publish_clock=True)
+    start(**coarse, clock="lockstep", publish_clock=True)
+    client.wait(lambda: "2 nodes are called /gdfe_sim" in first.log and "2 publishers of /clock" in first.log)
+    assert "2 nodes are called /gdfe_sim" in client.wait(lambda: _told(client))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (["--help"], 0, "usage: sim_node"),
+        (["--help"], 0, "command_set"),
+        (["bend5"], 2, "unknown arguments bend5"),
+        (["--ros-args", "--params-file", "/nonexistent.yaml"], 2, "/nonexistent.yaml"),
+        (["--ros-args", "--params-file", "BROKEN"], 2, "params file"),
+        (["--ros-args", "-p", "rate:=fast"], 2, "rate"),
+    ],
+)
+def test_bad_arguments_end_with_a_line_not_a_traceback(
+    tmp_path: Path, arguments: list[str], status: int, said: str
+) -> None:
+    """Start with help, unknown arguments, parameter files that are missing or broken: a clear text, no traceback."""
+    broken = tmp_path / "broken.yaml"
+    broken.write_text("a: [b\n c: d", encoding="utf-8")
+    given = [str(broken) if argument == "BROKEN" else argument for argument in arguments]
+    command = [sys.executable, "-m", "gdfe_ros.node", *given]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == status, done.stderr
+    assert said in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert "/project/src" not in done.stderr.replace("[ERROR]", "")

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stamps and frames: what headers say, and which the node takes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+
+from gdfe_ros.node.messages import to_time
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.simulation import Command
+from gdfe_ros.testing import Simulator
+
+
+class _Clock:
+    """Another's /clock, as Gazebo or a bag gives it."""
+
+    def __init__(self, client: Any) -> None:
+        qos = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+        self._client, self._publisher = client, client.node.create_publisher(Clock, "/clock", qos)
+        client.wait(self._publisher.get_subscription_count)
+
+    def show(self, milliseconds: int) -> None:
+        self._publisher.publish(Clock(clock=Time(sec=milliseconds // 1000, nanosec=milliseconds % 1000 * 10**6)))
+
+
+def _target(z: float, *, stamp: Time | None = None, frame: str = "") -> PoseStamped:
+    message = PoseStamped()
+    message.header.frame_id, message.header.stamp = frame, stamp or Time()
+    message.pose.position.z = z
+    return message
+
+
+def test_commands_in_other_frames_are_refused(client: Any, start: Callable, coarse: dict) -> None:
+    """Command the tip in odom and tool0: both are refused by name; poses and wrenches say whose frames theirs are."""
+    process = start(**coarse)
+    twist = TwistStamped()
+    twist.header.frame_id, twist.twist.linear.z = "tool0", 0.1
+    client.publish("handles/tip/velocity", twist)
+    client.publish("handles/tip/target", _target(0.1, frame="odom"))
+    client.wait(lambda: client.diagnostics().get("refused: other frame") == "2")
+    assert "header.frame_id is 'odom'; allowed: empty, 'base_link' or 'tip_rest'" in process.log
+    assert "header.frame_id is 'tool0'" in process.log
+    assert abs(client.meshes()[-1][:, 3:]).max() == 0.0
+    client.publish("handles/tip/target", _target(0.1, frame="base_link"))
+    client.wait(lambda: client.meshes()[-1][:, 5].max() == pytest.approx(0.1, abs=1e-6))
+    client.wait(lambda: client.received["handles/tip/pose"] and client.received["handles/tip/wrench"])
+    frames = [client.received[f"handles/tip/{name}"][-1].header.frame_id for name in ("pose", "wrench")]
+    assert frames == ["tip_rest", "tip_centre"]
+    client.publish("handles/tip/target", client.received["handles/tip/pose"][-1])
+    client.wait(lambda: client.diagnostics()["commands taken"] == "2")
+
+
+def test_one_wrong_stamp_blocks_nothing(client: Any, start: Callable, coarse: dict) -> None:
+    """Stamp a target a day ahead: it is refused with the limit, and the next one is taken."""
+    process = start(**coarse, clock="lockstep")
+    now = time.time_ns()
+    client.publish("handles/tip/target", _target(0.05, stamp=to_time(now + 86_400 * 10**9)))
+    client.publish("handles/tip/target", _target(0.1, stamp=to_time(now)))
+    client.wait_steps(2)
+    client.wait(lambda: client.diagnostics().get("refused: stamp ahead") == "1")
+    assert "command_max_lead is 0.5 s" in process.log
+    assert client.records()[-1].handles["tip"].translation[2] == 0.1
+
+
+def test_commands_are_taken_up_again_after_the_clock_went_back(client: Any, start: Callable, coarse: dict) -> None:
+    """Follow a /clock that jumps from 100 s back to 5 s, as a bag that is played again: stamps of 5 s are taken."""
+    start(**coarse, clock="lockstep", use_sim_time=True)
+    client.wait(client.records)
+    clock = _Clock(client)
+    for step, (milliseconds, seconds) in enumerate(((100_000, 100), (5_000, 5)), start=1):
+        clock.show(milliseconds)
+        client.publish("handles/tip/target", _target(0.0))
+        client.wait(lambda milliseconds=milliseconds: _shown(client, clock, milliseconds))
+        count = len(client.records())
+        client.publish("handles/tip/target", _target(0.01 * step, stamp=Time(sec=seconds)))
+        client.wait(lambda count=count: len(client.records()) > count)
+    assert client.status()["commands refused"] == "0"
+
+
+def _shown(client: Any, clock: _Clock, milliseconds: int) -> bool:
+    """Show a time, and tell whether a step that was made since is stamped with it."""
+    clock.show(milliseconds)
+    client.publish("handles/tip/target", _target(0.0))
+    client.spin(0.05)
+    return client.records()[-1].stamp == milliseconds * 10**6
+
+
+def test_headers_tell_the_nodes_time_and_records_both(client: Any, start: Callable, coarse: dict) -> None:
+    """Make a step in lockstep: its headers are stamped with the wall clock, its record has the simulation time, too."""
+    before = time.time_ns()
+    start(**coarse, clock="lockstep")
+    client.target(0.1)
+    client.wait_steps(2)
+    record = client.records()[-1]
+    assert before < record.stamp < time.time_ns()
+    assert record.time == 0.01
+    assert client.arrived("mesh", to_time(record.stamp)).header.stamp == to_time(record.stamp)
+
+
+def test_headers_tell_the_simulations_time_where_the_node_gives_it(client: Any, start: Callable, coarse: dict) -> None:
+    """Publish /clock: headers are stamped with simulation time."""
+    start(**coarse, clock="lockstep", publish_clock=True, dt=0.25)
+    client.target(0.1)
+    client.wait_steps(2)
+    assert client.received["mesh"][-1].header.stamp == Time(nanosec=250_000_000)
+    assert client.records()[-1].stamp == 250_000_000
+
+
+def test_steps_follow_anothers_clock(client: Any, start: Callable, coarse: dict) -> None:
+    """Show times at odd intervals: steps come one each dt, stamped on the clock's grid, and none while it stands."""
+    start(**coarse, clock="external", use_sim_time=True, velocity_timeout=100.0, dt=0.02)
+    clock = _Clock(client)
+    # /clock is best effort: it is shown again until a step tells that it was seen.
+    client.wait(lambda: clock.show(100_000) or _stamped(client, 100))
+    twist = TwistStamped()
+    twist.twist.linear.z = 0.1
+    client.publish("handles/tip/velocity", twist)
+    for now in (100_015, 100_050, 100_110, 100_111, 100_230):
+        wanted = 100_000 + (now - 100_000) // 20 * 20
+        client.wait(lambda now=now, wanted=wanted: _arrived(client, clock, now, wanted))
+    moving = [record for record in client.records() if record.handles]
+    # The first step covers what passed while nothing was commanded, as the velocity came; each other covers one dt.
+    stamps = [record.stamp // 10**6 for record in moving]
+    assert stamps == list(range(stamps[0], 100_221, 20))
+    assert len(stamps) >= 6
+    heights = [record.handles["tip"].translation[2] for record in moving]
+    np.testing.assert_allclose(heights, 0.002 * np.arange(1, len(moving) + 1))
+    count = client.status()["steps"]
+    assert client.status()["steps"] == count
+    client.wait(lambda: clock.show(5_000) or client.spin(0.05) or clock.show(5_100) or _is_at(client, 5_100))
+
+
+def _arrived(client: Any, clock: _Clock, now: int, wanted: int) -> bool:
+    """Show a time, and tell whether the last step is stamped as wanted [ms]."""
+    clock.show(now)
+    client.spin(0.05)
+    return wanted == 100_000 or _is_at(client, wanted)
+
+
+def _stamped(client: Any, seconds: int) -> bool:
+    """Tell whether diagnostics have seen a time on the clock [s]."""
+    client.spin(0.05)
+    return any(message.header.stamp.sec == seconds for message in client.received["/diagnostics"])
+
+
+def _is_at(client: Any, milliseconds: int) -> bool:
+    return client.records()[-1].stamp == milliseconds * 10**6
+
+
+def test_another_clock_must_be_there_to_be_followed(client: Any, start: Callable, coarse: dict) -> None:
+    """Ask for clock external without use_sim_time: activate says what is missing."""
+    process = start(**coarse, clock="external")
+    client.wait(lambda: "could not be activated" in process.log)
+    assert "set use_sim_time true and publish_clock false" in process.log
+
+
+def test_a_shortening_cable_reads_back_its_command() -> None:
+    """Shorten a tendon by 3 and 5 mm: its position is what was commanded."""
+    overrides = {"actuators.flexor.cable.command": "shortening"}
+    with Simulator("tendon_finger", overrides=overrides) as simulator:
+        states = [simulator.step(Command(actuators={"flexor": shortening})) for shortening in (0.003, 0.005)]
+    found = [state.joints["flexor"][0] for state in states]
+    np.testing.assert_allclose(found, [0.003, 0.005], atol=1e-6)
+    assert states[1].joints["flexor"][1] == pytest.approx(0.2, rel=1e-2)
+    assert isinstance(states[1].record, StepRecord)
