@@ -49,7 +49,6 @@ def generate_launch_description() -> LaunchDescription:
             {
                 "scene": LaunchConfiguration("scene"),
                 "clock": LaunchConfiguration("clock"),
-                "publish_clock": True,
                 "record": ParameterValue(LaunchConfiguration("record"), value_type=bool),
                 "publish_clock": ParameterValue(LaunchConfiguration("publish_clock"), value_type=bool),
                 "scene_overrides": ParameterValue(

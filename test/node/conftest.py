@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -209,3 +210,8 @@ def records_of() -> Callable[[Path], list[StepRecord]]:
 def coarse() -> dict[str, Any]:
     """Give parameters of a scene that is solved in a millisecond."""
     return dict(COARSE)
+
+
+def to_nanoseconds(stamp: Time) -> int:
+    """Give a stamp as a whole number."""
+    return stamp.sec * 10**9 + stamp.nanosec
