@@ -162,8 +162,10 @@ def _judge(case: Case, finding: Finding) -> tuple[Verdict, str]:
 def _flaws(results: tuple[StepResult, ...]) -> list[str]:
     flaws = []
     for i, result in enumerate(results):
-        values = [result.energy, result.residual, result.min_det, *np.concatenate([*result.reactions.values(), [0.0]])]
-        if not (np.isfinite(result.positions).all() and np.isfinite(values).all()):
+        values = [result.energy, result.min_det, *np.concatenate([*result.reactions.values(), [0.0]])]
+        # A solve that was cut knows no distance: its residual is infinite, and it has not converged.
+        known = np.isfinite(result.residual) or (result.residual == np.inf and not result.converged)
+        if not (np.isfinite(result.positions).all() and np.isfinite(values).all() and known):
             flaws.append(f"step {i} is not finite")
         if not result.converged and not result.message:
             flaws.append(f"step {i} did not converge and does not say why")

@@ -19,6 +19,8 @@ from gdfe_ros.scene import Scene
 
 LENGTHS = frozenset({"x", "y", "z", "ux", "uy", "uz"})
 _RATIOS = ("eps_eq", "J", "omega", "min_det")
+CUT = 100.0
+"""Tolerances that count for a step whose solve was cut: how far it was from the equilibrium is not known."""
 _COSTS = ("iterations", "substeps", "residual", "skipped")
 
 
@@ -145,7 +147,8 @@ class Differences:
         if "converged" not in record or record["converged"].item():
             self._open = self._tolerance
         else:
-            self._open = max(self._open, float(record["residual"].item()))
+            residual = float(record["residual"].item())
+            self._open = max(self._open, residual if np.isfinite(residual) else CUT * self._tolerance)
         return self._open
 
     def _add_topic(self, key: StepKey, topic: str, first: Values, second: Values, tolerance: float) -> None:

@@ -7,6 +7,7 @@ JSON text: Python writes a float as the shortest text that reads back as the sam
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -46,7 +47,7 @@ class StepRecord:
         converged: as in ``StepResult``, like all that follow.
         iterations: linear solves.
         substeps: increments.
-        residual: preconditioned step over the body's size.
+        residual: estimated distance to the equilibrium over the body's size; infinite where a solve was cut.
         energy: strain energy [J].
         min_det: least det F.
         wall_time: time spent solving [s]; the only entry that differs between two equal runs.
@@ -78,6 +79,8 @@ class StepRecord:
         """Give the text that is published: one object, ``format`` first, poses as six numbers."""
         entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
         entries["handles"] = {name: [*pose.translation, *pose.rotation] for name, pose in self.handles.items()}
+        # JSON has no infinity: a distance that is not known is null.
+        entries["residual"] = self.residual if math.isfinite(self.residual) else None
         return json.dumps({"format": FORMAT, **entries, "begin": self.begin.value})
 
     @classmethod
@@ -92,6 +95,7 @@ class StepRecord:
             if entries.pop("format") != FORMAT:
                 raise ValueError(f"its format is not {FORMAT}")
             entries["begin"] = Begin(entries["begin"])
+            entries["residual"] = math.inf if entries["residual"] is None else entries["residual"]
             poses = entries["handles"].items()
             entries["handles"] = {name: Pose(tuple(six[:3]), tuple(six[3:])) for name, six in poses}
             return cls(**entries)

@@ -40,7 +40,7 @@ def test_rviz_shows_topics_of_the_node() -> None:
         spec = _spec(topic["Value"])
         assert spec.type == TYPES[display["Class"].rpartition("/")[2]]
         assert topic["Durability Policy"] == "Transient Local"
-        assert spec.delivery in (Delivery.STATE, Delivery.LATCHED)
+        assert spec.delivery in (Delivery.STATE, Delivery.CLOUD, Delivery.LATCHED)
         if "Channel Name" in display:
             assert display["Channel Name"] in COLUMNS[spec.name.removeprefix("~/")]
 

@@ -38,7 +38,7 @@ def test_a_missing_scene_leaves_the_node_up_to_try_again(client: Any, start: Cal
     assert client.transition("configure")
     assert client.transition("activate")
     client.wait(lambda: client.received["mesh"])
-    assert client.diagnostics()["message"] == "active"
+    assert client.diagnostics()["state"] == "active"
 
 
 def test_all_defects_of_a_scene_are_named_at_once(client: Any, start: Callable, tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ class Minimiser:
         status["seen"] = 0 if watched else -1
         status["ended"] = End.NONE
 
-    def descend(self, task: Task, *, tolerance: float, least: int, limit: int) -> Descended:
+    def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
         """Descend until the step is short enough and no hard lump lags behind.
 
         At least one iteration is made, whatever the deadline, unless none is needed.
@@ -109,15 +109,16 @@ class Minimiser:
         Args:
             task: what to descend in; its terms have been evaluated.
             tolerance: estimated largest distance to the equilibrium over the body's size.
+            final: the tolerance of the whole solve; what is below a small share of it needs no iteration at all.
             least: iterations to make at least.
             limit: most iterations.
         """
-        target = SAFETY * tolerance * self._body.size
+        target, floor = SAFETY * tolerance * self._body.size, FLOOR * SAFETY * final * self._body.size
         run = self._run_dense if task.active.matrix.kind is Factorisation.DENSE else self._run_sparse
-        descended = run(task, target, least, limit)
+        descended = run(task, target, floor, least, limit)
         used, ended = descended.iterations, descended
         while not ended.cut and self._lag(task.active) > tolerance and used < limit and not past(task.deadline):
-            ended = run(task, target, PATIENT_ITERATIONS, limit - used)
+            ended = run(task, target, floor, PATIENT_ITERATIONS, limit - used)
             used += ended.iterations
             if not ended.iterations or task.active.workspace.status[0]["ended"] != End.NONE:
                 break
@@ -140,14 +141,14 @@ class Minimiser:
         far = not np.abs(work.x - self._body.rest).max() <= FARTHEST * self._body.size
         return bool(far or work.status[0]["ended"] == End.RUNAWAY)
 
-    def _run_dense(self, task: Task, target: float, least: int, limit: int) -> Descended:
+    def _run_dense(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
         """Iterate with the explicit inverse, many iterations in one compiled call."""
         work, done = task.active.workspace, 0
         self._show(work, begins=True)
         while done < limit:
             chunk = min(least - done if done < least else CHUNK if task.deadline else limit, limit - done)
             chunk = 1 if self.observer else chunk
-            goal = FLOOR * target if done < least else target
+            goal = floor if done < least else target
             used = quasi_newton.descend(task.problem, work, task.coupling, goal, chunk)
             self._show(work, begins=False)
             done += used
@@ -157,7 +158,7 @@ class Minimiser:
                 break
         return Descended(done, cut=True)
 
-    def _run_sparse(self, task: Task, target: float, least: int, limit: int) -> Descended:
+    def _run_sparse(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
         """Iterate with a library's factor."""
         work, matrix, rows = task.active.workspace, task.active.matrix, len(task.active.unknowns.free)
         free_gradient, free_step = work.gradient.reshape(-1, 3)[:rows], work.step.reshape(-1, 3)[:rows]
@@ -165,7 +166,7 @@ class Minimiser:
         matrix.solve(free_gradient, free_step)
         close_coupling(work.gradient, task.coupling, work.step)
         for iteration in range(limit):
-            goal = target if iteration >= least else FLOOR * target
+            goal = target if iteration >= least else floor
             ended = task.advance(goal)
             self._show(work, begins=False)
             if ended:

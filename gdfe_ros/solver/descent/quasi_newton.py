@@ -209,7 +209,7 @@ def search(problem, work, first):
             enough = inner(work.gradient, work.direction) <= (2.0 * ARMIJO - 1.0) * slope
         if enough:
             if energy - found > flat:
-                status.flat = 0
+                status.plateau = 0
             status.energy = found
             break
         curvature = found - energy - length * slope
@@ -244,7 +244,7 @@ def advance(problem, work, target, first):
     status = work.status[0]
     if first:
         status.blocked = 0
-        status.flat = 0
+        status.plateau = 0
         status.nearest = math.inf
     else:
         find_direction(work)
@@ -255,11 +255,11 @@ def advance(problem, work, target, first):
             status.ended = End.RUNAWAY
             status.count = 0
             return True
-        status.flat += 1
+        status.plateau += 1
         if status.distance < 0.5 * status.nearest:
             status.nearest = status.distance
-            status.flat = 0
-        elif status.flat > MOST_FLAT:
+            status.plateau = 0
+        elif status.plateau > MOST_FLAT:
             status.ended = End.EXHAUSTED
             status.count = 0
             return True

@@ -33,7 +33,7 @@ def way_left(work):
     It is also 0 where a window has not lowered the energy by more than its rounding: what moves there is noise.
     """
     status = work.status[0]
-    if status.seen < 2 * WINDOW or status.flat >= WINDOW:
+    if status.seen < 2 * WINDOW or status.plateau >= WINDOW:
         return 0.0
     latest, before = 0.0, 0.0
     for i in range(WINDOW):

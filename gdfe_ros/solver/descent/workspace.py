@@ -43,7 +43,7 @@ STATUS = np.dtype(
         ("serial", np.int64),  # of the newest pair ever remembered
         ("pending", np.int64),  # 1 where the newest pair's products with the older ones are still to come
         ("blocked", np.int64),  # searches in a row whose full step had infinite energy
-        ("flat", np.int64),  # iterations since the energy fell or the steps halved
+        ("plateau", np.int64),  # iterations since the energy fell or the steps halved
         ("seen", np.int64),  # steps seen in this solve; -1 where nobody watches them
         ("evaluations", np.int64),  # of all elements
         ("ended", np.int64),  # an `End`
@@ -141,5 +141,5 @@ def _with_history(rows: int, memory: int, *shared: NDArray[np.float64]) -> Works
         *(np.zeros((memory, memory)) for _ in range(2)),
         np.zeros((4, memory)),
         np.zeros(2 * WINDOW),
-        np.zeros(1, dtype=STATUS),
+        np.zeros(1, dtype=STATUS).view(np.recarray),
     )

@@ -35,6 +35,7 @@ WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
 work is even from step to step and the error stays far below the tolerance, which alone would let it build up. The third
 is for a driven body while the history is not full: it does not know the softest modes yet, which forces move most."""
 MOST_UPDATES = 60
+"""Of pressures, multipliers and scales in one solve; what has not settled by then swings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +143,10 @@ class Solve:
             active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
         self._settled, self.iterations = not updates, 0
         for _ in range(MOST_UPDATES):
-            went = self._minimiser.descend(task, tolerance=inner, least=least, limit=limit - self.iterations)
-            self.iterations, least, self._cut = self.iterations + went.iterations, 0, went.cut
+            left = limit - self.iterations
+            went = self._minimiser.descend(task, tolerance=inner, final=tolerance, least=least, limit=left)
+            self.iterations, self._cut = self.iterations + went.iterations, went.cut
+            least = max(0, least - went.iterations)
             runaway = status["ended"] == End.RUNAWAY or (status["ended"] != End.NONE and status["blocked"] > 0)
             if went.cut or runaway or not updates:
                 break

@@ -37,6 +37,7 @@ class Way:
         done: share of it behind.
         length: share of it that is attempted next.
         jumped: the body has jumped on it.
+        folded: an attempt ended in folded or inverted elements.
     """
 
     poses: Mapping[str, Pose]
@@ -46,6 +47,7 @@ class Way:
     done: float
     length: float
     jumped: bool = False
+    folded: bool = False
 
     @property
     def moves(self) -> bool:
@@ -102,7 +104,7 @@ def reason_to_withdraw(way: Way, state: State, solution: Solution, actuation: Ac
     unstable = unstable_chamber(state, solution, commands, actuation)
     if unstable:
         return inflated(unstable, state.commands, commands)
-    if solution.diverged:
+    if solution.diverged and not way.folded:
         return message
     return f"{FOLDS} beyond {way.done:.3g} of the way to the command; {message}".rstrip("; ")
 

@@ -148,7 +148,7 @@ class Stepper:
             patient = before + iterations < self.equilibrium.patience
             flags = {"jumps": jumps, "unstable": unstable, "spent": spent, "patient": patient}
             verdict = judge(way, state, solution, **flags)
-            way = replace(way, jumped=way.jumped or jumps)
+            way = replace(way, jumped=way.jumped or jumps, folded=way.folded or not solution.min_det > 0.0)
             if verdict is Verdict.HALVE:
                 way = replace(way, length=0.5 * way.length)
                 continue

@@ -9,7 +9,7 @@ for those that it lacks. `docs/terms.md` shows how to add one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,17 +29,24 @@ _REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int32)
 _ENTRY = types.float64(_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.intp, _REALS, _REALS)
 
 
-term_kernel = cfunc(_ENTRY, cache=True)
-"""Decorator of a term's entry, which solves call by its address:
+def term_kernel(function: Callable[..., float]) -> Any:
+    """Decorate a term's entry, which solves call by its address.
 
-    @term_kernel
-    def spring_entry(x, n, reals, k, integers, i, force, size):
-        return spring_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+    Where the entry is
 
-where ``spring_energy(x, reals, integers, force, size)``, a `gdfe_ros.compiled.kernel`, gets the positions ``x`` (n, 3)
-[m] and the term's two arrays, adds dE/dx to ``force`` (n, 3) [N], adds to ``size[0]`` [J] what bounds the rounding of
-its energy (the absolute values that it sums) and returns the energy [J], infinite where positions are out of bounds.
-"""
+        @term_kernel
+        def spring_entry(x, n, reals, k, integers, i, force, size):
+            return spring_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+    ``spring_energy(x, reals, integers, force, size)``, a `gdfe_ros.compiled.kernel`, gets the positions ``x`` (n, 3)
+    [m] and the term's two arrays, adds dE/dx to ``force`` (n, 3) [N], adds to ``size[0]`` [J] what bounds the rounding
+    of its energy (the absolute values that it sums) and returns the energy [J], infinite where positions are out of
+    bounds.
+    """
+    try:
+        return cfunc(_ENTRY, cache=True)(function)
+    except RuntimeError:  # typed at a prompt: there is no file beside which a cache could lie
+        return cfunc(_ENTRY)(function)
 
 
 @inlined

@@ -65,7 +65,8 @@ class Bed(Term):
 
 def _simulation(stiffness: float | None) -> Simulation:
     terms = () if stiffness is None else [lambda body: Bed(body, stiffness)]
-    return Simulation(load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}), terms=terms)
+    keys = {"mesh.bar.cells": [10, 2, 2], "solver.tolerance": 1e-7}
+    return Simulation(load_scene("bend5", overrides=keys), terms=terms)
 
 
 def test_a_term_from_outside_carries_its_share() -> None:
