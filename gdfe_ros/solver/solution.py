@@ -49,7 +49,7 @@ class Solution:
         cut: the limit or the deadline ended it.
         diverged: the energy has no lower bound.
         exhausted: it is as near as double precision allows: a shorter way would not lead nearer.
-        largest_motion: of a vertex from where the solve began [m].
+        began: (n, 3) where the solve began [m].
         balance: of an equilibrium; None where it is none, or has no energy.
         tolerance: that was asked for.
         active: what was moved.
@@ -61,7 +61,7 @@ class Solution:
     cut: bool = False
     diverged: bool = False
     exhausted: bool = False
-    largest_motion: float = 0.0
+    began: NDArray[np.float64]
     balance: Balance | None = None
     tolerance: float
     active: Movable

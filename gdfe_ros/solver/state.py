@@ -9,7 +9,7 @@ depends on.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,8 +224,18 @@ class State:
     anchor: State | None = None
 
     def with_(self, **changes: object) -> State:
-        """Return a state that differs in the named attributes."""
-        return replace(self, **changes)
+        """Return a state that differs in the named attributes.
+
+        Raises:
+            TypeError: there is no such attribute.
+        """
+        unknown = changes.keys() - self.__dict__.keys()
+        if unknown:
+            raise TypeError(f"a state has no {', '.join(sorted(unknown))}")
+        # dataclasses.replace takes ten times as long, a tenth of a step of a small body.
+        state = object.__new__(State)
+        state.__dict__.update(self.__dict__, **changes)
+        return state
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

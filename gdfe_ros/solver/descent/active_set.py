@@ -122,12 +122,14 @@ class ActiveSet(Movable):
         """
         work, unknowns = self.workspace, self.unknowns
         count = len(unknowns.free)
-        work.x[unknowns.free], work.x[self.held] = positions[unknowns.free], positions[self.held]
+        work.x[...] = positions
         work.x[unknowns.prescribed] = base[unknowns.prescribed]
         u = work.u.reshape(-1, 3)
-        u[:count] = positions[unknowns.free]
+        np.take(positions, unknowns.free, axis=0, out=u[:count], mode="clip")
         u[count : count + len(slides)] = slides * unknowns.slides
         turning = unknowns.turn_row >= 0
+        if not turning.any():
+            return
         u[unknowns.turn_row[turning]] = (turns * unknowns.turns * unknowns.radius[:, None])[turning]
 
     def rigid_motion(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

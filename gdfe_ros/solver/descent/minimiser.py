@@ -27,6 +27,8 @@ PATIENT_ITERATIONS = 20
 """Iterations before the moments of hard lumps are looked at again."""
 FLOOR = 1e-3
 """Share of the tolerance at which even the least iterations are left out."""
+LEAST_FLOOR = 1e-9
+"""Of the body's size: below, iterations follow rounding, and leave an unstable equilibrium for it."""
 FARTHEST = 3000.0
 """Of the body's size: where a vertex or a step goes farther, the body runs away."""
 CHUNK = 20
@@ -113,7 +115,8 @@ class Minimiser:
             least: iterations to make at least.
             limit: most iterations.
         """
-        target, floor = SAFETY * tolerance * self._body.size, FLOOR * SAFETY * final * self._body.size
+        target = SAFETY * tolerance * self._body.size
+        floor = min(target, max(FLOOR * SAFETY * final, LEAST_FLOOR) * self._body.size)
         run = self._run_dense if task.active.matrix.kind is Factorisation.DENSE else self._run_sparse
         descended = run(task, target, floor, least, limit)
         used, ended = descended.iterations, descended

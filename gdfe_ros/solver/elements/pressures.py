@@ -42,7 +42,8 @@ class Pressures:
     def __init__(self, body: Body, state: ElementState, elements: NDArray[np.int32], ratio: float) -> None:
         self._body, self.stiffened = body, 0
         self.values = state.pressures.copy()
-        self.values[elements] += ratio * (state.pressures - state.pressures_before)[elements]
+        if ratio != 0.0 and state.pressures is not state.pressures_before:
+            self.values[elements] += ratio * (state.pressures - state.pressures_before)[elements]
         self.table = with_bulk(body.table, state.bulk)
         self.begin()
 

@@ -212,6 +212,7 @@ class EnergyEquilibrium:
                 state=solve.start.with_(summary=summary),
                 iterations=solve.iterations,
                 diverged=True,
+                began=solve.start.positions,
                 run=self._run,
                 active=active,
                 tolerance=solve.problem.tolerance,

@@ -15,6 +15,8 @@ from gdfe_ros.solver.state import Motion, State
 
 LARGEST_RATIO = 2.0
 """Share of the last step that is repeated at most."""
+STILL = 1e-12
+"""Of the body's size: motion of handles that is rounding, and not worth a solve."""
 SMOOTH = 0.5
 """Part of a motion that may be new for it to count as going on."""
 
@@ -44,7 +46,7 @@ class Predictor:
     """
 
     def __init__(self, body: Body, handles: HandleMotions) -> None:
-        self._held, self._handles = body.unknowns.prescribed, handles
+        self._held, self._handles, self._size = body.unknowns.prescribed, handles, body.size
         self._turning = handles.turning_vertices()
 
     def predict(
@@ -66,8 +68,8 @@ class Predictor:
         if self._handles.turn:
             target = self._handles.placed(base, slides, turns)[held]
             rest = np.where(self._turning[:, None], target - start[held], rest)
-        if rest.any():
-            start[held] += rest
+        start[held] += rest
+        if np.abs(rest).max(initial=0.0) > STILL * self._size:
             start[movable.unknowns.free] += movable.matrix.extend(rest)
         return Prediction(start, slides, turns, ratio)
 

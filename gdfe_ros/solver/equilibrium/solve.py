@@ -199,8 +199,9 @@ class Solve:
             terms=self._actuation.reports(positions),
             message=message,
         )
+        carried = len(active.carried) > 0
         elements = ElementState(
-            pressures=self.pressures.values.copy(),
+            pressures=self.pressures.values.copy() if carried else start.elements.pressures,
             pressures_before=start.elements.pressures,
             bulk=self.pressures.bulk,
             hourglass_scale=self._scale.copy(),
@@ -223,7 +224,7 @@ class Solve:
             iterations=self.iterations,
             cut=self._cut and not converged,
             exhausted=bool(work.status[0]["ended"] == End.EXHAUSTED) and not converged,
-            largest_motion=float(np.linalg.norm(positions - self._prediction.positions, axis=1).max()),
+            began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
             run=run,
             active=active,

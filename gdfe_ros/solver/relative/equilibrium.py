@@ -136,12 +136,11 @@ class RelativeEquilibrium:
             operators=operators,
             summary=self._summary(x, operators, problem, converged=converged, residual=residual, message=message),
         )
-        motion = float(np.linalg.norm(x - prediction.positions, axis=1).max())
         return Solution(
             state=found,
             iterations=iteration,
             cut=late and not converged,
-            largest_motion=motion,
+            began=prediction.positions,
             tolerance=problem.tolerance,
             active=self._movable,
         )

@@ -50,13 +50,15 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
 
     It did where energy is lost on the way and it ends far from where the motion pointed.
     """
-    if old.balance is None or new.balance is None or new.largest_motion <= LEAST_MOTION * size:
+    if old.balance is None or new.balance is None:
         return False
     work, doubt = work_between(old, new, handles)
     before, after = old.summary.energy, new.state.summary.energy
     lost = before + old.balance.potential + work - after - new.balance.potential
     scale = max(before, after, abs(work), abs(new.balance.potential - old.balance.potential))
-    return lost > LOST * scale or lost > doubt + PROVEN * scale
+    if not (lost > LOST * scale or lost > doubt + PROVEN * scale):
+        return False
+    return bool(np.linalg.norm(new.positions - new.began, axis=1).max() > LEAST_MOTION * size)
 
 
 def _way(begin: Pose, end: Pose) -> NDArray[np.float64]:

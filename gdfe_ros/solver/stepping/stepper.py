@@ -83,15 +83,21 @@ class Stepper:
         tolerance = tolerance or self._settings.tolerance * (FINER if self.equilibrium.handles.turn else 1.0)
         doubtful = state.suspect or not (state.tried or np.array_equal(state.positions, self.body.rest))
         march, suspect, tried = self._march(state, targets, commands, tolerance, deadline), state.suspect, state.tried
+        given_up = state.anchor is not None and not march.sound and march.state.unfinished is None
+        if given_up and not past(deadline):
+            # What a cut solve left behind leads nowhere: the last equilibrium may.
+            again = self._march(state.anchor, targets, commands, tolerance, deadline)
+            march = _after(again if again.sound else march, march, again)
         if (suspect or (march.inverted and doubtful)) and not past(deadline):
             march = self._better_from_rest(march, targets, commands, tolerance, deadline)
             suspect, tried = False, True
         if march.inverted:
             text = f"folded or inverted elements, least volume ratio {march.state.summary.min_det:.3g}; {UNFOLD}"
             march = replace(march, converged=False, message=f"{march.message}; {text}".lstrip("; "))
-        summary = replace(march.state.summary, converged=march.converged, message=march.message)
-        flags = {"suspect": suspect, "tried": tried and not march.sound}
-        return replace(march, state=march.state.with_(summary=summary, **flags))
+        summary, tried = march.state.summary, tried and not march.sound
+        if (summary.converged, summary.message) != (march.converged, march.message):
+            summary = replace(summary, converged=march.converged, message=march.message)
+        return replace(march, state=march.state.with_(summary=summary, suspect=suspect, tried=tried))
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay where they are commanded.
@@ -148,7 +154,8 @@ class Stepper:
             patient = before + iterations < self.equilibrium.patience
             flags = {"jumps": jumps, "unstable": unstable, "spent": spent, "patient": patient}
             verdict = judge(way, state, solution, **flags)
-            way = replace(way, jumped=way.jumped or jumps, folded=way.folded or not solution.min_det > 0.0)
+            if jumps or not solution.min_det > 0.0:
+                way = replace(way, jumped=way.jumped or jumps, folded=way.folded or not solution.min_det > 0.0)
             if verdict is Verdict.HALVE:
                 way = replace(way, length=0.5 * way.length)
                 continue
@@ -200,14 +207,16 @@ class Stepper:
     ) -> March:
         """Go to the commands again from rest; return the better of the two and say so."""
         again = self._march(self.at_rest(), targets, commands, tolerance, deadline)
-        spent = {
-            "iterations": march.iterations + again.iterations,
-            "increments": march.increments + again.increments,
-        }
         if not again.is_better(march, NEAR * tolerance * self.body.size):
-            return replace(march, **spent)
+            return _after(march, march, again)
         message = f"restarted from rest: the other way ended in {march.flaw}; {again.message}".rstrip("; ")
-        return replace(again, message=message, restarts=1, **spent)
+        return replace(_after(again, march, again), message=message, restarts=1)
+
+
+def _after(chosen: March, first: March, second: March) -> March:
+    """Return one of two marches with the work of both."""
+    iterations, increments = first.iterations + second.iterations, first.increments + second.increments
+    return replace(chosen, iterations=iterations, increments=increments)
 
 
 def _snapped(state: State) -> State:

@@ -43,6 +43,8 @@ class Growths:
 
     def at(self, commands: Mapping[str, float], last: Operators) -> Operators:
         """Return the operators at these commands; ``last`` itself where it is at them already."""
+        if not self.growths:
+            return last
         stretch = self._stretch(commands)
         if np.array_equal(stretch, last.stretch):
             return last
