@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from gdfe_ros.constraints import Pose
@@ -38,6 +38,8 @@ class Way:
         length: share of it that is attempted next.
         jumped: the body has jumped on it.
         folded: an attempt ended in folded or inverted elements.
+        leap: length of the first attempt from here that jumped to a sound equilibrium; 0 for none.
+        leaping: shorter attempts led nowhere, and that jump is taken.
     """
 
     poses: Mapping[str, Pose]
@@ -48,6 +50,8 @@ class Way:
     length: float
     jumped: bool = False
     folded: bool = False
+    leap: float = 0.0
+    leaping: bool = False
 
     @property
     def moves(self) -> bool:
@@ -63,6 +67,14 @@ class Way:
     def next(self) -> float:
         """Share of the way at which the next attempt ends."""
         return 1.0 if self.done + self.length > 1.0 - ROUNDING else self.done + self.length
+
+    def after(self, solution: Solution, *, jumps: bool) -> Way:
+        """Return the way with what an attempt on it has shown."""
+        sound = solution.min_det > 0.0
+        if sound and not jumps:
+            return self
+        leap = self.leap or (self.length if jumps and sound and solution.converged else 0.0)
+        return replace(self, jumped=self.jumped or jumps, folded=self.folded or not sound, leap=leap)
 
     def at(self, share: float) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
         """Return poses and commands at a share of the way."""
@@ -90,7 +102,8 @@ def judge(
     """
     sound = solution.min_det > 0.0
     failed = not (solution.converged or solution.exhausted) or solution.min_det <= 0.0
-    shortened = (failed and not way.shortest) or (jumps and way.length > SHORTEST_JUMP)
+    avoidable = jumps and way.length > SHORTEST_JUMP and not way.leaping
+    shortened = (failed and not way.shortest) or avoidable
     if shortened and not spent:
         return Verdict.HALVE
     once_sound = state.sound or state.anchor is not None

@@ -154,15 +154,17 @@ class Stepper:
             patient = before + iterations < self.equilibrium.patience
             flags = {"jumps": jumps, "unstable": unstable, "spent": spent, "patient": patient}
             verdict = judge(way, state, solution, **flags)
-            if jumps or not solution.min_det > 0.0:
-                way = replace(way, jumped=way.jumped or jumps, folded=way.folded or not solution.min_det > 0.0)
+            way = way.after(solution, jumps=jumps)
             if verdict is Verdict.HALVE:
                 way = replace(way, length=0.5 * way.length)
+                continue
+            if verdict is Verdict.WITHDRAW and way.leap and not (way.leaping or spent):
+                way = replace(way, length=way.leap, leaping=True)
                 continue
             if verdict is Verdict.WITHDRAW:
                 message = reason_to_withdraw(way, state, solution, self.actuation)
                 return self._end(self._withdrawn(state, message), way, solution, iterations, attempts)
-            state, way = self._accepted(state, solution), replace(way, done=way.next)
+            state, way = self._accepted(state, solution), replace(way, done=way.next, leap=0.0, leaping=False)
             snapped = jumps or (way.jumped and not solution.converged)
             if snapped or spent or way.done == 1.0:
                 return self._end(_snapped(state) if snapped else state, way, solution, iterations, attempts)
