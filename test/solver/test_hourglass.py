@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hourglass stiffness: no zero-energy modes, and bending and torsion of bars one element thick (DESIGN 4)."""
+"""Hourglass stiffness: no zero-energy modes, and bending and torsion of bars one element thick."""
 
 from __future__ import annotations
 

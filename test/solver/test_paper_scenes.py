@@ -151,7 +151,7 @@ def test_measured_curves_have_one_equilibrium() -> None:
 
 
 def test_calibration_reproduces_its_given_factors() -> None:
-    """Play Sec. 4.2.1's bar: omega 0.9 and 0.03 as given, the soft half at least eight times as strained (DESIGN 4)."""
+    """Play Sec. 4.2.1's bar: omega 0.9 and 0.03 as given, the soft half at least eight times as strained."""
     run = play("calibration", "relative")
     fields = run.simulation.fields()
     right = run.simulation.mesh.centroids[:, 0] > 0.1

@@ -20,7 +20,7 @@ def test_equation_seven_as_printed() -> None:
     ("mechanical", "geometric"), [(1.69, 2.0), (3.79, 5.0), (7.26, 10.0), (20.9, 30.0), (59.4, 90.0)]
 )
 def test_equation_seven_at_the_calibrated_ratios(mechanical: float, geometric: float) -> None:
-    """Map the ratios of moduli that DESIGN 4 lists: the ratios of shape factors of Sec. 4.2.1."""
+    """Map the ratios of moduli beside Sec. 4.2.1's: its ratios of shape factors."""
     assert geometric_ratio(mechanical) == pytest.approx(geometric, rel=5e-3)
     assert geometric <= CALIBRATED_TO
 
