@@ -182,7 +182,8 @@ def test_reactions_are_in_newtons_and_balance(simulate: MakeSimulation) -> None:
 def test_work_of_the_plate_is_the_energy_stored(simulate: MakeSimulation, law: str) -> None:
     """Lift the tip in forty steps: force times way adds up to the strain energy within half a percent.
 
-    The linear law does so on any mesh; elsewhere the hourglass stiffness follows the tangent modulus, which costs 1 % of the energy with two elements over the thickness and falls with their square.
+    The linear law does so on any mesh; elsewhere the hourglass stiffness follows the tangent modulus, which costs 1 %
+    of the energy with two elements over the thickness and falls with their square.
     """
     soft, hard = (f"{{law: {law}, young: {young}, poisson: 0.45}}" for young in ("1.0e5", "2.0e5"))
     simulation = simulate(

@@ -10,7 +10,8 @@ for those that it lacks. `docs/terms.md` shows how to add one.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -29,7 +30,27 @@ _REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int32)
 _ENTRY = types.float64(_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.intp, _REALS, _REALS)
 
 
-def term_kernel(function: Callable[..., float]) -> Any:
+class TermKernel:
+    """The compiled entry of a term; compiled, or loaded from its cache, when a body first has the term.
+
+    Args:
+        entry: takes the arguments of `as_arrays` and returns the energy.
+    """
+
+    def __init__(self, entry: Callable[..., float]) -> None:
+        self._entry = entry
+
+    @cached_property
+    def address(self) -> int:
+        """Where the machine code is."""
+        try:
+            self._compiled = cfunc(_ENTRY, cache=True)(self._entry)
+        except RuntimeError:  # typed at a prompt: there is no file beside which a cache could lie
+            self._compiled = cfunc(_ENTRY)(self._entry)
+        return self._compiled.address
+
+
+def term_kernel(entry: Callable[..., float]) -> TermKernel:
     """Decorate a term's entry, which solves call by its address.
 
     Where the entry is
@@ -43,10 +64,7 @@ def term_kernel(function: Callable[..., float]) -> Any:
     of its energy (the absolute values that it sums) and returns the energy [J], infinite where positions are out of
     bounds.
     """
-    try:
-        return cfunc(_ENTRY, cache=True)(function)
-    except RuntimeError:  # typed at a prompt: there is no file beside which a cache could lie
-        return cfunc(_ENTRY)(function)
+    return TermKernel(entry)
 
 
 @inlined
@@ -66,7 +84,7 @@ class Term:
         updates: whether `update` has anything to do.
     """
 
-    kernel: Any = None
+    kernel: TermKernel | None = None
     updates = False
 
     def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
