@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+import numbers
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -74,6 +76,8 @@ class Orders:
         """
         targets = dict(last)
         for name, pose in (command.handles if command else {}).items():
+            if not isinstance(pose, Pose):
+                raise CommandError(f"handle {name!r}: the target is {pose!r}; allowed: a Pose(translation, rotation)")
             if self.handle(name).fixed:
                 movable = [handle.name for handle in self._scene.handles if not handle.fixed]
                 raise CommandError(f"handle {name!r} is fixed; handles that move: {_list(movable)}")
@@ -96,6 +100,7 @@ class Orders:
         values = dict(last)
         for name, value in (command.actuators if command else {}).items():
             actuator = self.actuator(name)
+            _require_number(f"actuator {name!r}", value)
             if not actuator.low <= value <= actuator.high:
                 unit = f" {actuator.mode.unit}".rstrip()
                 allowed = f"{actuator.low:g} to {actuator.high:g}{unit}"
@@ -104,6 +109,7 @@ class Orders:
         for name, value in (command.loads if command else {}).items():
             if name not in self._loads:
                 raise CommandError(f"no load {name!r} in scene {self._scene.name!r}; loads: {_list(self._loads)}")
+            _require_number(f"load {name!r}", value)
             if not np.isfinite(value):
                 raise CommandError(f"load {name!r}: factor {value!r}; allowed: finite numbers")
             values[name] = float(value)
@@ -117,6 +123,21 @@ class Orders:
                 reach = actuator.rate * dt
                 limited[name] = float(np.clip(limited[name], present[name] - reach, present[name] + reach))
         return limited
+
+
+def require_time(name: str, value: object) -> None:
+    """Refuse what is no time.
+
+    Raises:
+        CommandError: it is no finite number of seconds, or below zero.
+    """
+    if not (isinstance(value, numbers.Real) and math.isfinite(value) and value >= 0.0):
+        raise CommandError(f"{name} is {value!r}; allowed: finite, 0 or more [s]")
+
+
+def _require_number(what: str, value: object) -> None:
+    if not isinstance(value, numbers.Real):
+        raise CommandError(f"{what}: the command is {value!r}; allowed: a number")
 
 
 def _list(names: Iterable[str]) -> str:

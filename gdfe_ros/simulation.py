@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import math
+import numbers
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators import ActuatorState
-from gdfe_ros.command import Command, Orders
+from gdfe_ros.command import Command, Orders, require_time
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh import HexMesh
@@ -153,11 +153,14 @@ class Simulation:
 
         Raises:
             CommandError: an unknown or fixed handle is commanded, an unknown actuator or load, a command is out of
-                range, or ``dt`` is negative or not finite; the state is unchanged.
+                range, or a time is negative or not finite; the state is unchanged.
         """
         started = time.perf_counter()
-        if not (math.isfinite(dt) and dt >= 0.0):
-            raise CommandError(f"dt is {dt!r}; allowed: finite, 0 or more [s]")
+        require_time("dt", dt)
+        if deadline is not None:
+            require_time("deadline", deadline)
+        if cut_after is not None and not (isinstance(cut_after, numbers.Integral) and cut_after >= 0):
+            raise CommandError(f"cut_after is {cut_after!r}; allowed: whole numbers, 0 or more")
         targets = self._orders.targets(command, self.targets)
         commands = self._orders.values(command, self.commands)
         self.time += dt
@@ -193,7 +196,10 @@ class Simulation:
         Raises:
             CommandError: the shape is another, or a value is not finite; the state is unchanged.
         """
-        given = np.ascontiguousarray(positions, dtype=np.float64)
+        try:
+            given = np.array(positions, dtype=np.float64, order="C")
+        except (TypeError, ValueError) as error:
+            raise CommandError(f"positions are no array of numbers: {error}") from error
         expected = self.mesh.vertices.shape
         if given.shape != expected:
             raise CommandError(f"positions have the shape {given.shape}; allowed: {expected}, one row for each vertex")

@@ -27,8 +27,8 @@ class Handle:
         vertices: sorted vertex ids (k,) int32.
         fixed: the plate stays at rest and takes no commands.
         free: world axes along which the plate slides unloaded; its position there is an unknown.
-        turning: world axes, through the plate's centre, about which it turns without a moment; the components of its
-            rotation vector there are unknowns.
+        turning: world axes, through the plate's centre, about which it turns freely; the components of its rotation
+            vector there are unknowns. No moment is left where one or three are free; two end at the least energy.
     """
 
     name: str

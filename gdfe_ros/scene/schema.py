@@ -51,7 +51,8 @@ class HandleModel(Entry):
     free: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = Field(
         (),
         description="x, y, z: axes along which it slides without a force; rx, ry, rz: axes of the world, through the "
-        "plate's centre, about which it turns without a moment",
+        "plate's centre, about which it turns freely: "
+        "without a moment where one or three are free; of two, to the least energy of all rotation vectors along them",
     )
 
     @model_validator(mode="after")

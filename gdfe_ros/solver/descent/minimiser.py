@@ -100,7 +100,7 @@ class Minimiser:
         """Begin a solve; with ``watched`` it ends only when its steps have shrunk."""
         status = work.status[0]
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
-        status["seen"] = 0 if watched else -1
+        status["seen"], work.recent[...] = 0 if watched else -1, 0.0
         status["ended"] = End.NONE
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:

@@ -264,9 +264,9 @@ class Solve:
             )
             return False, np.inf, f"{text}; the next step goes on from here"
         if residual <= tolerance:
-            reason = f"pressures and shape factors have not settled in {MOST_UPDATES} updates"
-        else:
-            reason = "no further descent is possible at the precision of the energy"
+            text = "pressures, commanded lengths and volumes, or hourglass scales have not settled"
+            return False, residual, f"{text} in {MOST_UPDATES} updates, though the positions hardly move any more"
+        reason = "no further descent is possible at the precision of the energy"
         message = f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
         return False, residual, message
 

@@ -83,8 +83,9 @@ class Stepper:
         tolerance = tolerance or self._settings.tolerance * (FINER if self.equilibrium.handles.turn else 1.0)
         doubtful = state.suspect or not (state.tried or np.array_equal(state.positions, self.body.rest))
         march, suspect, tried = self._march(state, targets, commands, tolerance, deadline), state.suspect, state.tried
-        given_up = state.anchor is not None and not march.sound and march.state.unfinished is None
-        if given_up and not past(deadline):
+        unfinished = march.state.unfinished
+        given_up = unfinished is None or unfinished.iterations >= self.equilibrium.patience
+        if given_up and state.anchor is not None and not march.sound and not past(deadline):
             # What a cut solve left behind leads nowhere: the last equilibrium may.
             again = self._march(state.anchor, targets, commands, tolerance, deadline)
             march = _after(again if again.sound else march, march, again)
