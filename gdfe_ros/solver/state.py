@@ -223,6 +223,10 @@ class State:
     tried: bool = False
     anchor: State | None = None
 
+    def change_to(self, commands: Mapping[str, float]) -> Array:
+        """Return by how much each command changes to ``commands``, (c,), each in its own unit."""
+        return np.array([commands[name] - value for name, value in self.commands.items()])
+
     def with_(self, **changes: object) -> State:
         """Return a state that differs in the named attributes.
 

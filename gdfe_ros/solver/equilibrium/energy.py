@@ -129,7 +129,7 @@ class EnergyEquilibrium:
         self._run += 1
         base = self.handles.base(problem.poses, start.poses, start.base)
         active = self._dormancy.choose(start, base)
-        prediction = self._predictor.predict(start, base, self._change(problem, start), active)
+        prediction = self._predictor.predict(start, base, start.change_to(problem.commands), active)
         near = LEAP * problem.tolerance * self.body.size
         motion = np.abs(prediction.positions - start.positions).max(initial=0.0)
         solve = Solve(
@@ -176,7 +176,7 @@ class EnergyEquilibrium:
         if solution.run != self._run:
             raise RuntimeError("only the solution of the last solve can be accepted")
         found, active = solution.state, solution.active
-        change = np.array([found.commands[name] - value for name, value in previous.commands.items()])
+        change = previous.change_to(found.commands)
         part = self._dormancy.is_part(active)
         exported = active.keeper.export()
         sleep = found.sleep
@@ -230,10 +230,6 @@ class EnergyEquilibrium:
         now = self.handles.rotations(solve.problem.poses, solve.turns)
         cosine = 0.5 * (np.einsum("pij,pij->p", now, kept) - 1.0)
         return kept if (cosine >= np.cos(REORIENT)).all() else now
-
-    def _change(self, problem: Increment, start: State) -> NDArray[np.float64]:
-        """Return the change of every command, in its own unit."""
-        return np.array([problem.commands[name] - value for name, value in start.commands.items()])
 
     def _load(self, known: Known) -> None:
         """Have the workspace hold the forces and energies of the elements that are held."""

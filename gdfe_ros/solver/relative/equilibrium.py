@@ -109,7 +109,7 @@ class RelativeEquilibrium:
     def solve(self, problem: Increment, start: State) -> Solution:
         """Find the equilibrium of shapes for ``problem`` from ``start``, which stays as it is."""
         base = self.handles.base(problem.poses, start.poses, start.base)
-        change = np.array([problem.commands[name] - value for name, value in start.commands.items()])
+        change = start.change_to(problem.commands)
         prediction = self._predictor.predict(start, base, change, self._movable)
         operators = self._actuation.growths.at(problem.commands, start.operators)
         x, slides, omega, strain, iteration, residual, late = self._iterate(problem, start, base, prediction, operators)
@@ -148,8 +148,7 @@ class RelativeEquilibrium:
     def accept(self, solution: Solution, previous: State) -> State:
         """Return the state that follows ``previous`` with a solution."""
         found = solution.state
-        change = np.array([found.commands[name] - value for name, value in previous.commands.items()])
-        return found.with_(motion=self._predictor.motion(previous, found, change))
+        return found.with_(motion=self._predictor.motion(previous, found, previous.change_to(found.commands)))
 
     def skipped(self, solution: Solution) -> dict[str, int]:
         """Return nothing: every element is compared with its desired shape in every iteration."""
