@@ -60,7 +60,7 @@ def test_a_full_disk_is_told_at_once_and_agreed_upon(ros: Any, tmp_path: Path, c
         wait(lambda: "recording ended, the simulation goes on" in process.log)
         last = steps[-1].step
         wait(lambda: steps[-1].step > last + 20)
-        wait(lambda: counts[-1][2] != "none")
+        wait(lambda: counts and counts[-1][2] != "none")
         dropped, written, error = counts[-1]
         assert "File too large" in error
         notes = BagReader(bag).notes
