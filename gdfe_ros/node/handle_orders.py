@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a message that commands a plate to an order, or a refusal that says why not."""
+"""From a message that commands a handle to an order, or a refusal that says why not."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 UNIT_SLACK = 1e-3
 FARTHEST = 10.0
-"""Of the body's size: the farthest that a plate may be from rest, and the farthest that it may move in a second."""
+"""Of the body's size: the farthest that a handle may be from rest, and the farthest that it may move in a second."""
 FASTEST_TURN = 1e3
 """Fastest turn [rad/s]."""
 
@@ -92,7 +92,7 @@ def _require_frame(given: str, handle: Handle, frame_id: str) -> None:
     if given and given not in allowed:
         text = (
             f"header.frame_id is {given!r}; allowed: empty, {allowed[0]!r} or {allowed[1]!r}, as a target is relative "
-            "to the plate's rest pose in these axes: transform it before it is sent"
+            "to the handle's rest pose in these axes: transform it before it is sent"
         )
         raise Refusal(Reason.FRAME, text)
 

@@ -12,12 +12,12 @@ NODE_NAME = "gdfe_sim"
 
 
 def rest_frame(handle: str) -> str:
-    """Name the frame at the centre of a plate at rest, in which its pose and its target are given."""
+    """Name the frame at the centre of a handle at rest, in which its pose and its target are given."""
     return f"{handle}_rest"
 
 
 def centre_frame(handle: str) -> str:
-    """Name the frame at the present centre of a plate, with the axes of the node's frame: that of its wrench."""
+    """Name the frame at the present centre of a handle, with the axes of the node's frame: that of its wrench."""
     return f"{handle}_centre"
 
 
@@ -84,7 +84,7 @@ PARAMETERS = (
     ParameterSpec(
         name="frame_id",
         default="base_link",
-        meaning="REP-105 frame of the rest shape, in the header of every output but poses and wrenches of plates",
+        meaning="REP-105 frame of the rest shape, in the header of every output but poses and wrenches of handles",
         change=Change.UNCONFIGURED,
     ),
     ParameterSpec(name="record", default=False, meaning="write a bag while active", change=Change.INACTIVE),
@@ -156,15 +156,15 @@ MODULUS = ParameterSpec(
 TARGET = TopicSpec(
     name="~/handles/{handle}/target",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="target of the plate relative to its rest pose [m], rotation about its own centre by the nearest turn; "
+    meaning="target of the handle relative to its rest pose [m], rotation about its own centre by the nearest turn; "
     "`frame_id` empty, the node's or `<handle>_rest`, others are refused",
     delivery=Delivery.COMMAND,
 )
 VELOCITY = TopicSpec(
     name="~/handles/{handle}/velocity",
     type="geometry_msgs/msg/TwistStamped",
-    meaning="velocity of the plate's target [m/s], [rad/s], axes of the node's frame, in force for `velocity_timeout`; "
-    "turns add up beyond 180 degrees; `frame_id` as for the target",
+    meaning="velocity of the handle's target [m/s], [rad/s], axes of the node's frame, in force for "
+    "`velocity_timeout`; turns add up beyond 180 degrees; `frame_id` as for the target",
     delivery=Delivery.COMMAND,
 )
 ACTUATION = TopicSpec(
@@ -210,14 +210,14 @@ STRAIN = TopicSpec(
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where the plate is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the plate's centre at "
+    meaning="where the handle is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the handle's centre at "
     "rest with the axes of the node's frame",
 )
 HANDLE_WRENCH = TopicSpec(
     name="~/handles/{handle}/wrench",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that the handle exerts on the body, about the plate's present centre: "
-    "`frame_id` is `<handle>_centre`, which moves with the plate and keeps the axes of the node's frame",
+    meaning="force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre: "
+    "`frame_id` is `<handle>_centre`, which moves with the handle and keeps the axes of the node's frame",
 )
 PROBE = TopicSpec(
     name="~/probe/{probe}",

@@ -82,7 +82,7 @@ class Client:
             self._executor.spin_once(timeout_sec=left)
 
     def target(self, z: float = 0.0, *, handle: str = "tip", turn: tuple = (0, 0, 0), **changes: Any) -> None:
-        """Command a plate: ``z`` [m], ``turn`` rotation vector [rad]; ``changes`` set parts of the quaternion."""
+        """Command a handle: ``z`` [m], ``turn`` rotation vector [rad]; ``changes`` set parts of the quaternion."""
         message = PoseStamped()
         message.pose.position.z = float(z)
         parts = dict(zip("xyzw", map(float, Rotation.from_rotvec(turn).as_quat()), strict=True))
