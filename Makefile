@@ -10,7 +10,8 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 PYTHON ?= python3
 SCENE  ?= bend5
-JOBS   ?= 2
+# Workers of the tests, two a core: many tests wait for other processes.
+JOBS   ?= 4
 
 # With a ROS 2 sourced, its rclpy serves and the wheels are left out; the stamp's name remembers which it was.
 ifdef ROS_DISTRO
@@ -80,7 +81,7 @@ test: $(VENV)/.extra-test $(VENV)/.extra-docs browser
 	@status=0; \
 	$(BIN)/ruff check . || status=1; \
 	$(BIN)/ruff format --check . || status=1; \
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile || status=1; \
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder || status=1; \
 	exit $$status
 
 # Half an hour, most of it three walks of 100 000 steps; TORTURE_WALK_STEPS=1000 shortens them.
@@ -101,7 +102,9 @@ bench-skip: install
 bench-sweep: install
 	@$(BIN)/python -m benchmarks.sweep
 
-bench: $(VENV)/.extra-bench
+# First the tests of what takes how long, which ask for a quiet machine.
+bench: $(VENV)/.extra-test $(VENV)/.extra-bench
+	@$(BIN)/python -m pytest -q -m bench
 	@$(BIN)/python -m benchmarks
 
 bags: install
