@@ -193,7 +193,7 @@ TRAJECTORY = TopicSpec(
 FOLLOWED = TopicSpec(
     name="",  # the parameter names it
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where a handle that follows a topic is held: pose of the handle's frame in the header's; empty: the node's",
+    meaning="where a handle that follows a topic is held: pose of its frame in the header's; empty: the node's",
     delivery=Delivery.FOLLOWED,
 )
 COMMANDS = (TARGET, VELOCITY, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
@@ -231,8 +231,8 @@ HANDLE_WRENCH = TopicSpec(
 HANDLE_SENSOR = TopicSpec(
     name="~/handles/{handle}/force_torque",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="what a force-torque sensor between the handle and what holds it reads: force [N] and moment [N m] that the "
-    "body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with the handle; not recorded",
+    meaning="what a force-torque sensor between the handle and what holds it reads: force [N] and moment [N m] which "
+    "the body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with the handle; not recorded",
     recorded=False,
 )
 PROBE = TopicSpec(
