@@ -21,6 +21,7 @@ from gdfe_ros.solver.descent.workspace import LONG_MEMORY, MEMORY
 from gdfe_ros.solver.elements.pressures import at_rest
 from gdfe_ros.solver.equilibrium.dormancy import Dormancy
 from gdfe_ros.solver.equilibrium.predictor import Predictor
+from gdfe_ros.solver.equilibrium.slender import for_slender
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation, assemble
@@ -75,14 +76,17 @@ class EnergyEquilibrium:
         self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns, library=library)
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
-        self.minimiser = Minimiser(body, stiffness, bending)
-        self._model = Model(body, self.actuation, self.handles, self.minimiser)
         self._predictor = Predictor(body, self.handles)
         memory = LONG_MEMORY if self.actuation.drives else MEMORY
         still = not self.actuation.growths
         self._whole = ActiveSet.whole(body, self.matrix, memory, rigid=still, skip=skip)
-        sleeps = skip if still and not self.minimiser.lumps else ()
-        self._dormancy = Dormancy(body, self._whole, sleeps, pushed=bool(self.actuation.terms))
+        self._dormancy = Dormancy(body, self._whole, skip if still else (), pushed=bool(self.actuation.terms))
+        model = Model(body, self.actuation, self.handles, Minimiser(body, stiffness, bending))
+        shared = self._whole.threads(threads)
+        self._model = for_slender(model, self._whole, self.matrix, self.at_rest(), stiffness, bending, threads=shared)
+        self.minimiser = self._model.minimiser
+        if self.minimiser.lumps or self.minimiser.certified:
+            self._dormancy = Dormancy(body, self._whole, (), pushed=bool(self.actuation.terms))
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)
         self._loaded: Known | None = None
