@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +30,7 @@ from std_msgs.msg import Int32MultiArray, String
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.discovery import await_discovery
+from gdfe_ros.testing.interfaces import build_interfaces
 
 COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
 """Parameters of a scene that is solved in a millisecond."""
@@ -129,13 +133,25 @@ class Client:
         messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         return self.call(SetParameters, "set_parameters", SetParameters.Request(parameters=messages)).results
 
+    def last(self, topic: str) -> Any:
+        """Give the message of a topic that arrived last; before the first, wait for it."""
+        return self.wait(lambda: self.received[topic])[-1]
+
+    def record(self) -> StepRecord:
+        """Give the record that arrived last; before the first, wait for it."""
+        return StepRecord.from_json(self.last("step_record").data)
+
     def records(self) -> list[StepRecord]:
         """Give the records of all steps that arrived."""
         return [StepRecord.from_json(message.data) for message in self.received["step_record"]]
 
+    def mesh(self) -> np.ndarray:
+        """Give the mesh that arrived last, (n, 6) float32; before the first, wait for it."""
+        return _vertices(self.last("mesh"))
+
     def meshes(self) -> list[np.ndarray]:
         """Give all meshes that arrived: (n, 6) float32."""
-        return [np.frombuffer(message.data, "<f4").reshape(-1, 6) for message in self.received["mesh"]]
+        return [_vertices(message) for message in self.received["mesh"]]
 
     def wait_steps(self, count: int) -> None:
         """Spin until records and meshes of ``count`` steps arrived."""
@@ -167,6 +183,25 @@ class Client:
         count = len(received) + 2  # the next one may be under way
         self.wait(lambda: len(received) >= count)
         return {value.key: value.value for status in received[-1].status for value in status.values}
+
+
+@pytest.fixture
+def interfaces(pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+    """Give a function that makes a package of messages importable, here and in nodes that are started."""
+    made: list[str] = []
+
+    def provide(package: str) -> None:
+        if find_spec(package) is None:
+            folder = Path(pytestconfig.cache.mkdir("interfaces"))
+            place = str(build_interfaces(Path(__file__).parents[1] / "data" / "interfaces" / package, folder))
+            monkeypatch.syspath_prepend(place)
+            monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [place, os.environ.get("PYTHONPATH")])))
+            made.append(package)
+
+    yield provide
+    # Other tests of this process must not take it for installed.
+    for name in [name for name in sys.modules if name.partition(".")[0] in made]:
+        del sys.modules[name]
 
 
 @pytest.fixture
@@ -210,6 +245,10 @@ def records_of() -> Callable[[Path], list[StepRecord]]:
 def coarse() -> dict[str, Any]:
     """Give parameters of a scene that is solved in a millisecond."""
     return dict(COARSE)
+
+
+def _vertices(cloud: PointCloud2) -> np.ndarray:
+    return np.frombuffer(cloud.data, "<f4").reshape(-1, 6)
 
 
 def to_nanoseconds(stamp: Time) -> int:
