@@ -14,7 +14,7 @@ from gdfe_ros.solver.descent import quasi_newton
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Descended, Minimiser, Task
 from gdfe_ros.solver.descent.products import TangentProducts
-from gdfe_ros.solver.descent.workspace import End, Workspace
+from gdfe_ros.solver.descent.workspace import End
 from gdfe_ros.solver.tangent.estimate import Estimate, estimate
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
@@ -65,7 +65,7 @@ class CertifiedMinimiser(Minimiser):
 
     def begin(
         self,
-        work: Workspace,
+        active: ActiveSet,
         *,
         watched: bool,
         tangent: Tangent | None = None,
@@ -75,7 +75,7 @@ class CertifiedMinimiser(Minimiser):
 
         A tangent that is due is taken at the ``last`` equilibrium (n, 3) [m], or where the solve begins.
         """
-        super().begin(work, watched=False)
+        super().begin(active, watched=False)
         self.tangent, self._last, self._work, self._distance = tangent, last, 0, np.inf
         if tangent is not None:
             self._level.load(tangent)
@@ -99,7 +99,7 @@ class CertifiedMinimiser(Minimiser):
         descended = (
             self._certify(task, target, limit, known=known) if tolerance <= final else self._run(task, target, limit)
         )
-        if task.active.workspace.status[0]["pending"]:
+        if task.active.status["pending"]:
             quasi_newton.take_products(task.active.workspace)
         return descended
 
@@ -128,7 +128,7 @@ class CertifiedMinimiser(Minimiser):
 
         Where the distance is ``known`` but for the last update of multipliers, one such step is enough.
         """
-        status, used = task.active.workspace.status[0], 0
+        status, used = task.active.status, 0
         before = np.inf if known else NEAR * target / CONTRACTION
         while True:
             went = self._run(task, target, limit - used)
@@ -164,7 +164,7 @@ class CertifiedMinimiser(Minimiser):
         work, problem = task.active.workspace, task.problem
         elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
         self.tangent = self._level.take(work.u, work.x if x is None else x, problem.frame, elements)
-        status, self._work = work.status[0], 0
+        status, self._work = task.active.status, 0
         status["count"], status["pending"], status["ended"], self._prepared = 0, 0, End.NONE, False
 
     def _ask(self, task: Task, target: float) -> Estimate:
@@ -176,7 +176,7 @@ class CertifiedMinimiser(Minimiser):
 
     def _follow(self, task: Task, step: NDArray[np.float64]) -> bool:
         """Search along a step (3 r,); tell whether it leads down."""
-        work, status = task.active.workspace, task.active.workspace.status[0]
+        work, status = task.active.workspace, task.active.status
         if status["pending"]:
             quasi_newton.take_products(work)
         status["slope"], status["distance"] = float(work.gradient @ step), quasi_newton.largest(step)

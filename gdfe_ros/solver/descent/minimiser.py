@@ -18,6 +18,7 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.lumps import find_lumps, largest_turn
 from gdfe_ros.solver.descent.stopping import way_left
 from gdfe_ros.solver.descent.workspace import End, Problem, Workspace
+from gdfe_ros.solver.distance import largest_shift
 from gdfe_ros.solver.matrix.constant_matrix import Factorisation
 from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
@@ -113,7 +114,7 @@ class Minimiser:
 
     def begin(
         self,
-        work: Workspace,
+        active: ActiveSet,
         *,
         watched: bool,
         tangent: Tangent | None = None,
@@ -123,7 +124,7 @@ class Minimiser:
 
         Tangents are for those that keep one.
         """
-        status = work.status[0]
+        work, status = active.workspace, active.status
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["seen"], work.recent[...] = 0 if watched else -1, 0.0
         status["ended"] = End.NONE
@@ -148,16 +149,15 @@ class Minimiser:
         while not ended.cut and self._lag(task.active) > tolerance and used < limit and not past(task.deadline):
             ended = run(task, target, floor, PATIENT_ITERATIONS, limit - used)
             used += ended.iterations
-            if not ended.iterations or task.active.workspace.status[0]["ended"] != End.NONE:
+            if not ended.iterations or task.active.status["ended"] != End.NONE:
                 break
-        if task.active.workspace.status[0]["pending"]:
+        if task.active.status["pending"]:
             quasi_newton.take_products(task.active.workspace)
         return Descended(used, ended.cut)
 
     def residual(self, active: ActiveSet) -> float:
         """Return the estimated largest distance to the equilibrium over the body's size."""
-        work, size = active.workspace, self._body.size
-        status = work.status[0]
+        work, status, size = active.workspace, active.status, self._body.size
         distance = float(status["distance"]) / (SAFETY * size)
         if status["ended"] != End.EXHAUSTED:
             distance = max(distance, float(way_left(work)) / size)
@@ -170,8 +170,8 @@ class Minimiser:
     def ran_away(self, active: ActiveSet) -> bool:
         """Tell whether the energy has no lower bound."""
         work = active.workspace
-        far = not np.abs(work.x - self._body.rest).max() <= FARTHEST * self._body.size
-        return bool(far or work.status[0]["ended"] == End.RUNAWAY)
+        far = not largest_shift(work.x, self._body.rest) <= FARTHEST * self._body.size
+        return bool(far or active.status["ended"] == End.RUNAWAY)
 
     def _run_dense(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
         """Iterate with the explicit inverse, many iterations in one compiled call."""

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.history import History
 from gdfe_ros.solver.descent.minimiser import SAFETY, Minimiser, Observer
 from gdfe_ros.solver.descent.workspace import LONG_MEMORY, MEMORY
+from gdfe_ros.solver.distance import largest_shift
 from gdfe_ros.solver.elements.pressures import at_rest
 from gdfe_ros.solver.equilibrium.dormancy import Dormancy
 from gdfe_ros.solver.equilibrium.predictor import Predictor
@@ -29,6 +29,7 @@ from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import Known, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.value import changed
 
 LEAP = 100.0
 """Of the tolerance: where the start lies farther from the last equilibrium, nothing is taken for granted."""
@@ -135,7 +136,7 @@ class EnergyEquilibrium:
         active = self._dormancy.choose(start, base)
         prediction = self._predictor.predict(start, base, start.change_to(problem.commands), active)
         near = LEAP * problem.tolerance * self.body.size
-        motion = np.abs(prediction.positions - start.positions).max(initial=0.0)
+        motion = largest_shift(prediction.positions, start.positions)
         solve = Solve(
             self._model,
             problem,
@@ -159,17 +160,17 @@ class EnergyEquilibrium:
             if moved <= target:
                 residual = max(found.state.summary.residual, moved / target * problem.tolerance)
                 summary, sleep = (
-                    replace(found.state.summary, residual=residual),
-                    replace(start.sleep, yielding=yielding),
+                    changed(found.state.summary, residual=residual),
+                    changed(start.sleep, yielding=yielding),
                 )
-                return replace(found, state=found.state.with_(summary=summary, sleep=sleep))
+                return changed(found, state=found.state.with_(summary=summary, sleep=sleep))
         self._loaded = None
         if found.converged:
             solve.go_on_from(found.state)
         else:
             solve.begin_anew(self._whole.elements)
         again = self._descend(solve, self._whole, start.history, spent=found.iterations)
-        return replace(again, iterations=found.iterations + again.iterations)
+        return changed(again, iterations=found.iterations + again.iterations)
 
     def accept(self, solution: Solution, previous: State) -> State:
         """Return the state that follows ``previous`` with the last solution.
@@ -200,7 +201,7 @@ class EnergyEquilibrium:
 
     def skipped(self, solution: Solution) -> dict[str, int]:
         """Return what a solve left out, by name."""
-        counts = solution.active.skipped(self.body, self._whole)
+        counts = dict(solution.active.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
 
     def _descend(self, solve: Solve, active: ActiveSet, history: History, *, spent: int = 0) -> Solution:
@@ -211,7 +212,7 @@ class EnergyEquilibrium:
         active.keeper.load(history)
         solve.descend(active, coupling, threads=active.threads(self._threads), limit=solve.problem.limit - spent)
         if self.minimiser.ran_away(active):
-            summary = replace(solve.start.summary, converged=False, residual=np.inf, message=RAN_AWAY)
+            summary = changed(solve.start.summary, converged=False, residual=np.inf, message=RAN_AWAY)
             return Solution(
                 state=solve.start.with_(summary=summary),
                 iterations=solve.iterations,
@@ -224,7 +225,7 @@ class EnergyEquilibrium:
         solution = solve.solution(active, self._stored, self._least, run=self._run)
         if orientation is None:
             return solution
-        return replace(solution, state=solution.state.with_(orientation=orientation))
+        return changed(solution, state=solution.state.with_(orientation=orientation))
 
     def _orientation(self, solve: Solve) -> NDArray[np.float64] | None:
         """Return the rotations for which the handles' rigid rows are coupled; None where no handle turns."""

@@ -136,9 +136,9 @@ class Solve:
 
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
         """Descend, and update multipliers until they keep what they are to keep."""
-        status, tolerance = active.workspace.status[0], self.problem.tolerance
+        status, tolerance = active.status, self.problem.tolerance
         last = self.start.positions if self._warm else None
-        self._minimiser.begin(active.workspace, watched=not self._warm, tangent=self.start.tangent, last=last)
+        self._minimiser.begin(active, watched=not self._warm, tangent=self.start.tangent, last=last)
         task = self.evaluate(active, coupling, threads=threads)
         updates = len(active.carried) or len(active.softening) or self._actuation.updates
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
@@ -232,7 +232,7 @@ class Solve:
             ),
             iterations=self.iterations,
             cut=self._cut and not converged,
-            exhausted=bool(work.status[0]["ended"] == End.EXHAUSTED) and not converged,
+            exhausted=bool(active.status["ended"] == End.EXHAUSTED) and not converged,
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
             run=run,
@@ -268,7 +268,7 @@ class Solve:
                 if past(self.problem.deadline)
                 else f"stopped after {self.problem.limit} iterations"
             )
-            far = float(active.workspace.status[0]["distance"]) / self._body.size
+            far = float(active.status["distance"]) / self._body.size
             text = (
                 f"{reason}: how far from equilibrium is not known yet, the last step was {far:.3g} of the body's size"
             )
@@ -287,5 +287,5 @@ class Solve:
             tolerance=self._inner,
             iterations=done + self.iterations,
             recent=work.recent.copy(),
-            seen=int(work.status[0]["seen"]),
+            seen=int(active.status["seen"]),
         )
