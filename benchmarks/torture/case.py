@@ -29,6 +29,7 @@ class Group(str, Enum):
     LAWS = "6 laws"
     WALKS = "7 walks"
     ACTUATORS = "8 actuators"
+    HONESTY = "9 honesty"
 
 
 class Verdict(str, Enum):

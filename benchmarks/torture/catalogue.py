@@ -7,6 +7,7 @@ from benchmarks.torture import (
     actuation,
     commands,
     contrasts,
+    honesty,
     laws,
     meshes,
     scales,
@@ -22,7 +23,7 @@ def all_cases(*, walk_steps: int = walks.STEPS) -> list[Case]:
     """Return every case, group by group; random walks take ``walk_steps`` steps."""
     groups = (starts, commands, contrasts, scales, meshes, laws)
     found = [case for group in groups for case in group.cases()]
-    found += [*walks.cases(walk_steps), *actuation.cases(), *snaps.cases(), *scenes.cases()]
+    found += [*walks.cases(walk_steps), *actuation.cases(), *snaps.cases(), *scenes.cases(), *honesty.cases()]
     names = [case.id for case in found]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

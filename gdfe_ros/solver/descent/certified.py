@@ -26,10 +26,19 @@ CONTRACTION = 0.5
 """Newton step over the last one from which on Newton steps are believed to tell the distance."""
 NEAR = 0.1
 """Of the tolerance: a Newton step that is believed without another one before."""
-SLACK = 2.0
+SLACK = 5.0
 """Distance over the step that the kept tangent makes of a gradient."""
 PATIENT = 12
 """Iterations in a row after which the tangent is taken anew."""
+AWAY = 0.02
+"""Of the body's size: a first step along a direction of negative curvature."""
+MOST_UNKNOWN = 3
+"""Times in a solve that conjugate gradients may leave the distance unknown: the body is about to buckle."""
+MOST_TANGENTS = 20
+"""Tangents in a solve after which it is given up: nothing smooth is found there, as where points of a cable meet."""
+DAMPING = 10.0
+"""Growth of the constant matrix's share, from the body's softness on, where steps do not shrink: a tangent that is
+almost singular asks for steps that are far too long."""
 FREE, WORTH = 6, 24
 """Iterations and products that a solve has free, and how many beyond them are worth a new tangent."""
 
@@ -45,6 +54,7 @@ class CertifiedMinimiser(Minimiser):
 
     Attributes:
         tangent: that is kept.
+        lost: the solve has given up: how far the equilibrium is cannot be known there.
     """
 
     certified = True
@@ -59,7 +69,7 @@ class CertifiedMinimiser(Minimiser):
     ) -> None:
         super().__init__(body, weight, bending)
         self.lumps, self.tangent = (), None
-        self._level, self._finest = level, TRUST * softness
+        self._level, self._softness, self._finest = level, softness, TRUST * softness
         self._product = TangentProducts(body)
         self._distance, self._work, self._prepared = np.inf, 0, False
 
@@ -77,6 +87,7 @@ class CertifiedMinimiser(Minimiser):
         """
         super().begin(active, watched=False)
         self.tangent, self._last, self._work, self._distance = tangent, last, 0, np.inf
+        self.lost, self._unknown, self._tangents = False, 0, 0
         if tangent is not None:
             self._level.load(tangent)
 
@@ -91,9 +102,9 @@ class CertifiedMinimiser(Minimiser):
             limit: most iterations.
         """
         target = min(tolerance, self._finest) * self._body.size
+        known, self._prepared = self._distance <= target, False
         if self.tangent is None or self.tangent.spent >= WORTH:
             self._take(task, self._last)
-        known, self._prepared = self._distance <= target, False
         if known and self._still_near(task, target):
             return Descended(0, cut=False)
         descended = (
@@ -129,11 +140,12 @@ class CertifiedMinimiser(Minimiser):
         Where the distance is ``known`` but for the last update of multipliers, one such step is enough.
         """
         status, used = task.active.status, 0
-        before = np.inf if known else NEAR * target / CONTRACTION
+        nothing = NEAR * target / CONTRACTION
+        before = np.inf if known else nothing
         while True:
             went = self._run(task, target, limit - used)
             used += went.iterations
-            if went.cut or status["ended"] == End.RUNAWAY:
+            if went.cut or self.lost or status["ended"] == End.RUNAWAY:
                 return Descended(used, went.cut)
             found = self._ask(task, target)
             self._distance = found.distance
@@ -141,29 +153,42 @@ class CertifiedMinimiser(Minimiser):
                 return Descended(used, cut=False)
             if used >= limit or (used > 0 and past(task.deadline)):
                 return Descended(used, cut=True)
-            if not found.known and self._work:
+            self._unknown += not found.known
+            if self._unknown > MOST_UNKNOWN:
+                self.lost = True
+                return Descended(used, cut=False)
+            if found.definite and not found.known:
                 self._take(task)
                 continue
-            if not self._follow(task, found.step):
+            step = found.step if found.known else self._away(found.step)
+            if not self._follow(task, step):
                 return Descended(used, cut=False)
-            used, before = used + 1, max(before, found.distance) if found.known else 0.0
+            used, before = used + 1, max(before, found.distance) if found.known else nothing
 
     def _run(self, task: Task, goal: float, limit: int) -> Descended:
         """Iterate until the step is at most ``goal`` [m]; take the tangent anew where that takes long."""
-        used = 0
+        used, damping, status = 0, 0.0, task.active.status
         while True:
-            chunk = min(PATIENT, limit - used)
+            chunk, before = min(PATIENT, limit - used), float(status["distance"])
             went = self._run_stepwise(task, goal, goal, 0, chunk, prepared=self._prepared)
             self._prepared = True
             used, self._work = used + went.iterations, self._work + went.iterations
-            if not went.cut or used >= limit or past(task.deadline):
+            # An almost singular tangent asks for a step beyond all reach; the energy need not be unbounded for that.
+            astray = status["ended"] == End.RUNAWAY and status["blocked"] == 0
+            if not (went.cut or astray) or used >= limit or past(task.deadline):
                 return Descended(used, went.cut)
-            self._take(task)
+            self._tangents += 1
+            if self._tangents > MOST_TANGENTS:
+                self.lost = True
+                return Descended(used, cut=False)
+            if astray or status["distance"] > 0.5 * before:
+                damping = max(self._softness, DAMPING * damping)
+            self._take(task, damping=damping)
 
-    def _take(self, task: Task, x: NDArray[np.float64] | None = None) -> None:
+    def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
         work, problem = task.active.workspace, task.problem
         elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
-        self.tangent = self._level.take(work.u, work.x if x is None else x, problem.frame, elements)
+        self.tangent = self._level.take(work.u, work.x if x is None else x, problem.frame, elements, damping=damping)
         status, self._work = task.active.status, 0
         status["count"], status["pending"], status["ended"], self._prepared = 0, 0, End.NONE, False
 
@@ -173,6 +198,10 @@ class CertifiedMinimiser(Minimiser):
         found = estimate(self._product, work.gradient, work.step, self._level.solve, target)
         self._work += found.products
         return found
+
+    def _away(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return a step along a direction (3 r,) of negative curvature that is long enough to leave it."""
+        return AWAY * self._body.size / quasi_newton.largest(direction) * direction
 
     def _follow(self, task: Task, step: NDArray[np.float64]) -> bool:
         """Search along a step (3 r,); tell whether it leads down."""

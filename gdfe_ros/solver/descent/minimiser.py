@@ -102,9 +102,10 @@ class Minimiser:
         observer: sees the energy of every iteration; None for nobody.
         lumps: hard pieces in a soft body, whose turns the constant matrix takes for stiff.
         certified: what it calls the residual is known by conjugate gradients.
+        lost: the solve has given up.
     """
 
-    certified = False
+    certified, lost = False, False
 
     def __init__(self, body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> None:
         self._body = body

@@ -20,6 +20,8 @@ from gdfe_ros.solver.tangent.softness import smooth_field, softness
 SLENDER = 1.5e-3
 """Softness, as 40 Lanczos steps find it, below which the constant matrix alone falls too short: the stocky scenes have
 3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3."""
+MECHANISM = 1e-10
+"""Softness below which a motion has no stiffness but rounding: a body that its handles let turn or move as a whole."""
 INVERSE_ITERATIONS = 6
 """With the tangent's factor: the softest motion to a tenth of its softness."""
 
@@ -54,14 +56,17 @@ def for_slender(
     field[:count] = smooth_field(body.rest)[whole.unknowns.free]
     if softness(product, task.precondition, _weighed(matrix, field, count)) >= SLENDER:
         return model
-    level, problem, work = TangentLevel(body, matrix.assembled), task.problem, whole.workspace
+    level, problem, work = TangentLevel(body, matrix.assembled, model.actuation.terms), task.problem, whole.workspace
     elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
-    level.take(work.u, work.x, problem.frame, elements)
+    if level.take(work.u, work.x, problem.frame, elements).shift > 0.0:
+        return model
     for _ in range(INVERSE_ITERATIONS):
         load, found = _weighed(matrix, field, count), np.empty(field.size)
         level.solve(load, found)
         least = float(found @ load) / float(found @ _weighed(matrix, found.reshape(-1, 3), count))
         field = found.reshape(-1, 3) / np.abs(found).max()
+    if least < MECHANISM:
+        return model
     return replace(model, minimiser=CertifiedMinimiser(body, weight, bending, level, least), level=level)
 
 

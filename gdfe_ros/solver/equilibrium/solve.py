@@ -155,7 +155,7 @@ class Solve:
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
             least = max(0, least - went.iterations)
             runaway = status["ended"] == End.RUNAWAY or (status["ended"] != End.NONE and status["blocked"] > 0)
-            if went.cut or runaway or not updates:
+            if went.cut or runaway or self._minimiser.lost or not updates:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
             last = inner == tolerance or status["ended"] != End.NONE
@@ -276,6 +276,9 @@ class Solve:
         if residual <= tolerance:
             text = "pressures, commanded lengths and volumes, or hourglass scales have not settled"
             return False, residual, f"{text} in {MOST_UPDATES} updates, though the positions hardly move any more"
+        if not np.isfinite(residual):
+            text = "how far from equilibrium is not known: the body is at the edge of its stability"
+            return False, residual, f"{text}; smaller steps, or other commands, lead past it"
         reason = "no further descent is possible at the precision of the energy"
         message = f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
         return False, residual, message

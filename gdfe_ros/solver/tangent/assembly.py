@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
@@ -12,11 +14,11 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 
 @kernel
-def add_elements(stiffness, slot, out):
-    """Add elements' tangents (m, 24, 24), made symmetric, to ``out`` (k, 3, 3) at ``slot`` (m, 8, 8); -1: nowhere."""
+def add_tangents(stiffness, slot, out):
+    """Add tangents (m, 3 c, 3 c), made symmetric, to ``out`` (k, 3, 3) at ``slot`` (m, c, c); -1: nowhere."""
     for e in range(len(slot)):
-        for a in range(8):
-            for b in range(8):
+        for a in range(slot.shape[1]):
+            for b in range(slot.shape[1]):
                 if slot[e, a, b] < 0:
                     continue
                 for i in range(3):
@@ -31,7 +33,7 @@ class Assembly:
     Rows are the free vertices, then those of the handles with a free axis.
 
     Args:
-        cells: (m, 8) corners of the elements.
+        groups: vertices (m, c) that are coupled with each other: cells, and what terms couple.
         unknowns: the numbering.
 
     Attributes:
@@ -39,25 +41,26 @@ class Assembly:
         indices, indptr: int32, of the block rows.
     """
 
-    def __init__(self, cells: NDArray[np.int32], unknowns: Unknowns) -> None:
+    def __init__(self, groups: Sequence[NDArray[np.int32]], unknowns: Unknowns) -> None:
         self.free, self.members = len(unknowns.free), len(unknowns.members)
         rows = self.free + self.members
-        number = np.full(int(cells.max()) + 1, -1)
+        number = np.full(max(int(group.max(initial=0)) for group in groups) + 1, -1)
         number[np.concatenate([unknowns.free, unknowns.members])] = np.arange(rows)
-        first = np.repeat(number[cells], 8, axis=1).ravel()
-        second = np.tile(number[cells], (1, 8)).ravel()
-        moves = (first >= 0) & (second >= 0)
-        pairs, inverse = np.unique(first[moves] * rows + second[moves], return_inverse=True)
-        slot = np.full(len(first), -1, np.int32)
-        slot[moves] = inverse
-        self._slot = slot.reshape(len(cells), 8, 8)
-        self.indices = (pairs % rows).astype(np.int32)
-        self.indptr = np.searchsorted(pairs // rows, np.arange(rows + 1)).astype(np.int32)
+        names = [_names(number[group], rows) for group in groups]
+        pairs, slots = np.unique(np.concatenate(names), return_inverse=True)
+        # What does not move has the name -1, which comes first where there is any.
+        fixed = int(len(pairs) > 0 and pairs[0] < 0)
+        ends = np.cumsum([len(name) for name in names])[:-1]
+        parts = np.split((slots - fixed).astype(np.int32), ends)
+        self._slots = [part.reshape(*group.shape, group.shape[1]) for part, group in zip(parts, groups, strict=True)]
+        self.indices = (pairs[fixed:] % rows).astype(np.int32)
+        self.indptr = np.searchsorted(pairs[fixed:] // rows, np.arange(rows + 1)).astype(np.int32)
 
-    def blocks(self, stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Sum the elements' tangents (m, 24, 24) [N/m] to blocks (k, 3, 3)."""
+    def blocks(self, tangents: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Sum the tangents (m, 3 c, 3 c) [N/m] of each group to blocks (k, 3, 3)."""
         out = np.zeros((len(self.indices), 3, 3))
-        add_elements(stiffness, self._slot, out)
+        for tangent, slot in zip(tangents, self._slots, strict=True):
+            add_tangents(tangent, slot, out)
         return out
 
     def spread(self, matrix: sparse.csc_matrix, unknowns: Unknowns) -> NDArray[np.float64]:
@@ -77,3 +80,9 @@ class Assembly:
         """Return the matrix (3 (f + b), 3 (f + b)) of blocks (k, 3, 3)."""
         size = 3 * (self.free + self.members)
         return sparse.bsr_matrix((blocks, self.indices, self.indptr), shape=(size, size)).tocsr()
+
+
+def _names(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Return a number for each pair of rows in a group (m, c), (m c c,); -1 where one of them does not move."""
+    first, second = rows[:, :, None], rows[:, None, :]
+    return np.where((first >= 0) & (second >= 0), first * count + second, -1).ravel()

@@ -90,3 +90,13 @@ class ElementStiffness:
             self._values,
         )
         return self._values
+
+
+def without_negative(stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return tangents (m, 24, 24) without their negative eigenvalues: the nearest that are nowhere indefinite.
+
+    A sum of such tangents is none either, and where an element is stable it stays as it is (Teran et al. 2005).
+    """
+    symmetric = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
+    values, vectors = np.linalg.eigh(symmetric)
+    return np.einsum("eik,ek,ejk->eij", vectors, np.maximum(values, 0.0), vectors, optimize=True)

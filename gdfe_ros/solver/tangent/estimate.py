@@ -30,7 +30,8 @@ class Estimate(NamedTuple):
     """What conjugate gradients found.
 
     Attributes:
-        step: (3 r,) towards the equilibrium [m]; where the tangent is indefinite, a direction of negative curvature.
+        step: (3 r,) towards the equilibrium [m]; where the tangent is indefinite, a direction of negative curvature
+            that descends.
         distance: largest vertex displacement of it and of what is left [m]; infinite where it is not known.
         known: the step is known well enough for the distance to hold.
         definite: no direction of negative curvature was met.
@@ -74,7 +75,7 @@ def estimate(
         image = product(direction)
         curvature = float(direction @ image)
         if not curvature > 0.0:
-            return Estimate(step if count > 1 else direction, np.inf, False, False, count)
+            return Estimate(direction, np.inf, False, False, count)
         diagonal.append(curvature / weight + (ratio / length if length else 0.0))
         length = weight / curvature
         step += length * direction

@@ -6,6 +6,7 @@ Handles with a free axis are eliminated as they are beside the constant matrix, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +18,13 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.coupling import SINGULAR
 from gdfe_ros.solver.matrix.unknowns import Frame, place
 from gdfe_ros.solver.tangent.assembly import Assembly
-from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness
+from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness, without_negative
 from gdfe_ros.solver.tangent.factor import Factor
 from gdfe_ros.solver.tangent.ordering import narrow_order
+from gdfe_ros.solver.terms.term import Term
 
-FIRST_SHIFT, SHIFT_GROWTH = 1e-4, 10.0
-"""Share of the constant matrix that is added to an indefinite tangent, and by how much more each time."""
+FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
+"""Share of the constant matrix that is added to a tangent without a factor, and by how much more each time."""
 TURN = 1e-6
 """Change [m over the body's size] of a rigid row by which the motion of a handle's vertices is told."""
 
@@ -34,11 +36,13 @@ class Tangent:
     Attributes:
         blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
         motion: (3 b, 3 q) how the vertices of handles with a free axis follow the rigid rows.
+        shift: share of the constant matrix that was added to make it so.
         spent: iterations and products since it was taken, beyond what each solve has free.
     """
 
     blocks: NDArray[np.float64]
     motion: NDArray[np.float64]
+    shift: float = 0.0
     spent: int = 0
 
 
@@ -48,12 +52,13 @@ class TangentLevel:
     Args:
         body: the discretised body.
         matrix: (n, n) the assembled constant matrix.
+        terms: what acts on the body.
     """
 
-    def __init__(self, body: Body, matrix: sparse.csc_matrix) -> None:
-        self._body, self._unknowns = body, body.unknowns
+    def __init__(self, body: Body, matrix: sparse.csc_matrix, terms: Sequence[Term] = ()) -> None:
+        self._body, self._unknowns, self._terms = body, body.unknowns, terms
         self._elements = ElementStiffness(body.cells, body.shape.volume)
-        self._assembly = Assembly(body.cells, body.unknowns)
+        self._assembly = Assembly([body.cells, *(term.couplings() for term in terms)], body.unknowns)
         self._constant = self._assembly.spread(matrix, body.unknowns)
         self._free = 3 * self._assembly.free
         free, pattern = self._assembly.free, self._assembly.matrix(np.ones((len(self._assembly.indices), 3, 3)))
@@ -62,22 +67,29 @@ class TangentLevel:
         self._factor = Factor(pattern[: self._free, : self._free].tocsr(), order.ravel())
         self._loaded: Tangent | None = None
 
-    def take(self, u: NDArray[np.float64], x: NDArray[np.float64], frame: Frame, elements: tuple) -> Tangent:
+    def take(
+        self, u: NDArray[np.float64], x: NDArray[np.float64], frame: Frame, elements: tuple, *, damping: float = 0.0
+    ) -> Tangent:
         """Return the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m], and be ready to apply it.
 
-        Where it is indefinite, as beyond a buckling load, a share of the constant matrix is added until it is not.
+        Where it is indefinite, as beyond a buckling load, the elements' tangents are taken without their negative
+        eigenvalues, and a share of the constant matrix is added until the factor exists.
 
         Args:
             u: the unknowns.
             x: where they put the vertices.
             frame: where handles are commanded.
             elements: shape, blocks, material, pressure, scale and table, as the element kernel takes them.
+            damping: share of the constant matrix that is added anyway.
         """
-        tangent = self._assembly.blocks(self._elements.at(x, *elements))
-        motion, shift, blocks = self._motion(u, frame), 0.0, tangent
-        while not self._load(Tangent(blocks=blocks, motion=motion)):
+        stiffness, motion = self._elements.at(x, *elements), self._motion(u, frame)
+        added = [term.tangents(x) for term in self._terms]
+        tangent, shift = self._assembly.blocks([stiffness, *added]) + damping * self._constant, 0.0
+        if self._load(Tangent(blocks=tangent, motion=motion)):
+            return self._loaded
+        tangent = self._assembly.blocks([without_negative(stiffness), *added]) + damping * self._constant
+        while not self._load(Tangent(blocks=tangent + shift * self._constant, motion=motion, shift=shift)):
             shift = max(FIRST_SHIFT, SHIFT_GROWTH * shift)
-            blocks = tangent + shift * self._constant
         return self._loaded
 
     def load(self, tangent: Tangent) -> None:

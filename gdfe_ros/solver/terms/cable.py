@@ -133,6 +133,24 @@ class CableTerm(Term):
         pull(self._body.rest, self.reals, self.integers, 1.0, force)
         self.reals[STIFFNESS] = self.actuator.stiffness if self._elastic else fitted_penalty(matrix, force, self.name)
 
+    def couplings(self) -> NDArray[np.int32]:
+        """Return the corners about the two ends of each stretch (k, 16)."""
+        corners = self.integers.reshape(-1, 8)
+        return np.concatenate([corners[:-1], corners[1:]], axis=1)
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return t / l (I - d d^T) of each stretch of length l and direction d: a taut cable resists being bent."""
+        weights, corners = self.reals[WEIGHTS:].reshape(-1, 8), self.integers.reshape(-1, 8)
+        points = np.einsum("ia,iak->ik", weights, positions[corners])
+        stretch = np.diff(points, axis=0)
+        length = np.linalg.norm(stretch, axis=1)
+        along = stretch / np.where(length > 0.0, length, 1.0)[:, None]
+        tension = cable_tension(float(length.sum()), self.reals)
+        bent = np.eye(3) - along[:, :, None] * along[:, None, :]
+        bent *= (tension / np.where(length > 0.0, length, np.inf))[:, None, None]
+        signed = np.concatenate([-weights[:-1], weights[1:]], axis=1)
+        return np.einsum("ka,kij,kb->kaibj", signed, bent, signed).reshape(len(bent), 48, 48)
+
     def neutral(self) -> Saved:
         """Return no tension."""
         return remembered(0.0, {})

@@ -94,6 +94,18 @@ class Term:
         """Return the term's share of the constant matrix (n, n) [N/m]; None for none."""
         return None
 
+    def couplings(self) -> NDArray[np.int32]:
+        """Return which vertices (k, c) `tangents` couples; none where the term has nothing to add there."""
+        return np.zeros((0, 1), np.int32)
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the term's part (k, 3 c, 3 c) [N/m] of the tangent that slender bodies descend on.
+
+        It is not the gradient's derivative but what of it is nowhere negative and couples neighbours only: it makes
+        descents fast, and no equilibrium depends on it.
+        """
+        return np.zeros((0, 3, 3))
+
     def fit(self, matrix: ConstantMatrix) -> None:
         """Choose penalties once the constant ``matrix`` is known."""
 

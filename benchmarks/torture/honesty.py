@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Group 9: is what is called converged within the tolerance? The true error over it, of every step that says so.
+
+The truth is the same stream at a tolerance of 1e-8. A step that says that it has not converged is an honest answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.torture.case import Case, Finding, Group
+from gdfe_ros.scene import Scene, load_scene, scene_from_text
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.settings import Policy
+
+TOLERANCES = (1e-3, 1e-4, 1e-5)
+TRUTH = 1e-8
+PROMISE = 3.0
+"""Error over tolerance that a converged step may have."""
+TEXT = """
+name: honest
+mesh: {{{mesh}}}
+materials:
+  soft: {{law: neo_hookean, young: 1.0e6, poisson: {poisson}, density: 1000}}
+  hard: {{law: neo_hookean, young: 1.0e10, poisson: 0.45, density: 1000}}
+regions: [{{material: soft}}{hard}]
+handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
+loads: {{weight: {{gravity: [0, 0, {gravity}]}}}}
+solver: {{max_iterations: 5000}}
+"""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A body and how it is driven.
+
+    Attributes:
+        scene: makes it.
+        steps: that its command is cut into.
+        played: how many of them are made.
+    """
+
+    scene: Callable[[], Scene]
+    steps: int
+    played: int
+
+
+def _bar(size: tuple[float, float, float], cells: tuple[int, int, int], sag: float, **options: object) -> Scene:
+    """Return a clamped bar or plate that would sag by a share of its length if it bent as little as a beam's theory."""
+    length, _, thickness = size
+    gravity = -sag * length * 8.0 * 1e6 * thickness**2 / (12.0 * 1000.0 * length**4)
+    mesh = f"bar: {{size: {list(size)}, cells: {list(cells)}}}"
+    words = {"poisson": 0.45, "hard": "", **options}
+    return scene_from_text(TEXT.format(mesh=mesh, gravity=gravity, **words))
+
+
+LINKS = "".join(f", {{material: hard, where: {{box: {{x: [{x}, {x + 0.04}]}}}}}}" for x in (0.0, 0.06, 0.12))
+LAYER = ", {material: hard, where: {box: {z: [-1, -0.0045]}}}"
+STREAMS: Mapping[str, Stream] = {
+    "bar 1:10": Stream(partial(_bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 50, 10),
+    "bar 1:50": Stream(partial(_bar, (0.4, 0.008, 0.008), (200, 2, 2), 0.38), 50, 6),
+    "bar 1:100": Stream(partial(_bar, (0.4, 0.004, 0.004), (400, 2, 2), 0.38), 50, 4),
+    "bar 1:10, nu 0.495": Stream(partial(_bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38, poisson=0.495), 50, 10),
+    "bar 1:10 in one step": Stream(partial(_bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 1, 1),
+    "bar 1:50 in one step": Stream(partial(_bar, (0.4, 0.008, 0.008), (200, 2, 2), 0.1), 1, 1),
+    "plate 1:100": Stream(partial(_bar, (0.1, 0.1, 0.001), (20, 20, 1), 0.65), 100, 5),
+    "hard links": Stream(partial(_bar, (0.2, 0.02, 0.02), (40, 4, 4), 0.5, hard=LINKS), 50, 4),
+    "hard layer": Stream(partial(_bar, (0.2, 0.02, 0.02), (40, 4, 4), 5.0, hard=LAYER), 50, 4),
+    **{
+        name: Stream(partial(load_scene, name), 100, 6)
+        for name in ("tendon_finger", "gripper", "bending_tube", "pneunet", "three_chamber_arm")
+    },
+    **{name: Stream(partial(load_scene, name), 50, 6) for name in ("bend5", "twist90", "two_material_bar")},
+}
+
+
+@cache
+def _truth(name: str) -> tuple[StepResult, ...]:
+    return _played(name, TRUTH)
+
+
+def _played(name: str, tolerance: float) -> tuple[StepResult, ...]:
+    stream = STREAMS[name]
+    scene = stream.scene()
+    simulation = Simulation(replace(scene, solver=replace(scene.solver, tolerance=tolerance)))
+    if scene.program is not None:
+        return tuple(result for result, _ in zip(simulation.play(stream.steps), range(stream.played), strict=False))
+    shares = np.arange(1, stream.played + 1) / stream.steps
+    return tuple(simulation.step(Command(loads={"weight": float(share)})) for share in shares)
+
+
+def _error(found: StepResult, true: StepResult, size: float) -> float:
+    distance: NDArray[np.float64] = np.linalg.norm(found.positions - true.positions, axis=1)
+    return float(distance.max()) / size
+
+
+def _run(name: str, tolerance: float) -> Finding:
+    size, truth, results = STREAMS[name].scene().mesh.size, _truth(name), _played(name, tolerance)
+    pairs = [(found, true) for found, true in zip(results, truth, strict=True) if found.converged and true.converged]
+    errors = [_error(found, true, size) / tolerance for found, true in pairs]
+    iterations = sum(result.iterations for result in results) / len(results)
+    figures = {"steps": len(results), "judged": len(pairs), "iterations a step": iterations}
+    return Finding(results, max(errors, default=np.nan), figures=figures)
+
+
+def cases() -> list[Case]:
+    """Return all cases of the group."""
+    return [
+        Case(
+            group=Group.HONESTY,
+            name=f"{name}, tolerance {tolerance:g}",
+            policy=Policy.ENERGY,
+            law="as it is",
+            run=partial(_run, name, tolerance),
+            bound=PROMISE,
+            may_report=True,
+        )
+        for name in STREAMS
+        for tolerance in TOLERANCES
+    ]
