@@ -27,8 +27,8 @@ _LOCKS: list[socket.socket] = []
 TESTS = Path(__file__).parent
 WAITING = ("packaging", "examples", "node", "testing", "launch", "analysis", "recording", "benchmarks", "commands")
 """Rooms whose tests wait for other processes: begun first, those that compute fill the gaps and the end."""
-APART = ("materials", "mesh", "packaging", "recording")
-"""Rooms whose tests solve nothing."""
+APART = ("materials", "mesh", "packaging")
+"""Rooms whose tests neither solve nor start nodes."""
 
 
 def _domain() -> str:
