@@ -2,6 +2,7 @@
 # make install            .venv with the commands gdfe, sim_node
 # make test-loaded        the tests five times beside two busy loops
 # make torture            the numerical torture test             make bench run time against error
+# make bench-since COMMIT=...   run times over those of another commit, in turn
 # make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
 # make manners            the node asked from outside: a table of what was expected and found
 # make bags               record bags/ anew and replay them        make docs build/site from docs/
@@ -30,7 +31,7 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run test test-loaded browser torture manners bench bench-node bench-skip bench-sweep bags docs clean
+.PHONY: install run test test-loaded browser torture manners bench bench-node bench-since bench-skip bench-sweep bags docs clean
 
 install: $(STAMP)
 
@@ -103,6 +104,10 @@ bench-node: install
 
 bench-skip: install
 	@$(BIN)/python -m benchmarks.savings
+
+# Another commit beside this tree, played in turn: make bench-since COMMIT=main [PLAYS='"bend5, streamed"']
+bench-since: install
+	@$(BIN)/python -m benchmarks.since $(COMMIT) $(PLAYS)
 
 bench-sweep: install
 	@$(BIN)/python -m benchmarks.sweep

@@ -84,6 +84,7 @@ setup(
         "console_scripts": [
             "gdfe = gdfe_ros.entry:gdfe",
             "sim_node = gdfe_ros.entry:sim_node",
+            "carrying_arm = gdfe_ros.entry:carrying_arm",
             "tip_tracking = gdfe_ros.entry:tip_tracking",
         ]
     },

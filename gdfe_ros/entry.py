@@ -32,6 +32,12 @@ def sim_node() -> int:
         return import_module("gdfe_ros.node.sim_node").main()
 
 
+def carrying_arm() -> int:
+    """Run the example arm."""
+    with quiet_imports("carrying_arm", 0):
+        return import_module("gdfe_ros.examples.carrying_arm").main()
+
+
 def tip_tracking() -> int:
     """Run the example controller."""
     with quiet_imports("tip_tracking", 0):

@@ -30,6 +30,7 @@ sys.exit(entry.{script}())
     [
         ("sim_node", [], "gdfe_ros.simulation", 0, "sim_node"),
         ("tip_tracking", [], "rclpy", 0, "tip_tracking"),
+        ("carrying_arm", [], "rclpy", 0, "carrying_arm"),
         ("gdfe", ["solve", "bend5"], "argparse", 130, "gdfe"),
         ("gdfe", ["solve", "bend5"], "numpy", 130, "gdfe solve"),
     ],

@@ -14,7 +14,7 @@ from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.step_record import StepRecord
 
-_INPUTS = frozenset({"target", "velocity", "actuation", "commands", "trajectory"})
+_INPUTS = frozenset({"target", "velocity", "follow", "actuation", "commands", "trajectory"})
 """Last parts of topics that the node listens to; what it made of them stands in the step record."""
 _OTHERS = frozenset({"topology", "scene", "markers", "jacobian", "/clock"})
 """Topics of the node that are not published once a step."""

@@ -25,6 +25,7 @@ class Channel:
         node: that publishes.
         spec: of the topic.
         matched: called when somebody begins to listen.
+        own: subscriptions of this very node, which count for nobody.
         names: for the braces in the topic's name, e.g. ``handle="tip"``.
 
     Attributes:
@@ -35,9 +36,14 @@ class Channel:
     """
 
     def __init__(
-        self, node: ManagedNode, spec: TopicSpec, matched: Callable[[], object] | None = None, **names: str
+        self,
+        node: ManagedNode,
+        spec: TopicSpec,
+        matched: Callable[[], object] | None = None,
+        own: int = 0,
+        **names: str,
     ) -> None:
-        self._node, self.recorded, self.latest = node, spec.recorded, -1
+        self._node, self.recorded, self.latest, self._own = node, spec.recorded, -1, own
         profile = qos_profile(spec.delivery)
         # Latched topics and diagnostics speak while the node is not active, too.
         managed = spec.name.startswith("~") and spec.delivery is not Delivery.LATCHED
@@ -62,13 +68,17 @@ class Channel:
     @property
     def wanted(self) -> bool:
         """Whether anybody listens or a bag is written; otherwise no message need be built."""
-        return self.recorder is not None or self._publisher.get_subscription_count() > 0
+        return self.recorder is not None or self._listened
+
+    @property
+    def _listened(self) -> bool:
+        return self._publisher.get_subscription_count() > self._own
 
     def due(self, step: Step) -> bool:
         """Tell whether a step is to be published: one that is told again only where somebody has not been told."""
         if step.again:
             untold = self._newcomers or self.latest < step.record.step
-            return untold and self._publisher.get_subscription_count() > 0
+            return untold and self._listened
         return step.first or self.wanted
 
     def missed(self) -> bool:

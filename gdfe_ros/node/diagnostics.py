@@ -124,6 +124,8 @@ class Diagnostics:
         refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
         self._refused, self._faults = self._refused + refused, self._faults + faults
         reason = "ok"
+        if session is not None:
+            counts |= {f"{name} follows": leader for name, leader in session.inputs.led().items()}
         if session is not None and session.mode is ClockMode.LOCKSTEP and session.pace is not None:
             counts["waits for"] = reason = f"waits for {session.waiting()}"
         if faults > 0:

@@ -1,40 +1,65 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a message that commands a plate to an order, or a refusal that says why not."""
+"""From a message that commands a handle to an order, or a refusal that says why not."""
 
 from __future__ import annotations
 
 import math
 
+from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseStamped, TwistStamped
 
 from gdfe_ros.constraints import Handle
-from gdfe_ros.node.interface import rest_frame
+from gdfe_ros.node.frames import Frames, Placement
 from gdfe_ros.node.orders import PoseOrder, TwistOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
 UNIT_SLACK = 1e-3
 FARTHEST = 10.0
-"""Of the body's size: the farthest that a plate may be from rest, and the farthest that it may move in a second."""
+"""Of the body's size: the farthest that a handle may be from rest, and the farthest that it may move in a second."""
 FASTEST_TURN = 1e3
 """Fastest turn [rad/s]."""
 
 
-def pose_order(message: PoseStamped, handle: Handle, *, size: float, frame_id: str) -> PoseOrder:
+def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> PoseOrder:
     """Check a target message.
 
     Args:
         message: of the handle.
         handle: that is commanded.
         size: of the body [m].
-        frame_id: of the node.
+        frames: of the body; a target in another's is a place, where the handle's own frame is to be.
 
     Raises:
-        Refusal: the handle is fixed, the header names another frame, a number is not finite, the quaternion is not of
-            unit length, or the translation is over ten times the body's size.
+        Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, the quaternion
+            is not of unit length, or the translation is over ten times the body's size.
     """
     _require_movable(handle)
-    _require_frame(message.header.frame_id, handle, frame_id)
-    position, orientation = message.pose.position, message.pose.orientation
+    place, given = frames.relative(message.header.frame_id, handle.name), message.pose
+    pose = require_pose(given)
+    if place is not None:
+        return _near(handle, place @ pose, size)
+    require_near(tuple(pose.origin.tolist()), size)
+    turn = given.orientation
+    return PoseOrder(handle.name, tuple(pose.origin.tolist()), (turn.x, turn.y, turn.z, turn.w))
+
+
+def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frames) -> PoseOrder:
+    """Command a handle to a place in the node's frame; ``size`` of the body [m].
+
+    Raises:
+        Refusal: it is over ten times the body's size away.
+    """
+    rest = frames.rests()[frames.rest(handle.name)]
+    return _near(handle, rest.inverse() @ place, size)
+
+
+def require_pose(pose: PoseMessage) -> Placement:
+    """Check a pose message.
+
+    Raises:
+        Refusal: a number is not finite, or the quaternion is not of unit length.
+    """
+    position, orientation = pose.position, pose.orientation
     translation = (position.x, position.y, position.z)
     quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
     _require_finite(position=translation, orientation=quaternion)
@@ -42,19 +67,18 @@ def pose_order(message: PoseStamped, handle: Handle, *, size: float, frame_id: s
     if abs(norm - 1.0) > UNIT_SLACK:
         text = f"orientation (x, y, z, w) {quaternion} has length {norm:.6g}; allowed: 1 +- {UNIT_SLACK:g}"
         raise Refusal(Reason.NOT_UNIT, text)
-    require_near(translation, size)
-    return PoseOrder(handle.name, translation, quaternion)
+    return Placement.of(position, orientation)
 
 
-def twist_order(message: TwistStamped, handle: Handle, *, size: float, frame_id: str) -> TwistOrder:
-    """Check a velocity message; arguments as for ``pose_order``.
+def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: Frames) -> TwistOrder:
+    """Check a velocity message; arguments as for ``pose_order``. Of the header's frame only the axes count.
 
     Raises:
-        Refusal: the handle is fixed, the header names another frame, a number is not finite, or the velocity is out of
-            all proportion.
+        Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, or the velocity
+            is out of all proportion.
     """
     _require_movable(handle)
-    _require_frame(message.header.frame_id, handle, frame_id)
+    place = frames.relative(message.header.frame_id, handle.name)
     linear = (message.twist.linear.x, message.twist.linear.y, message.twist.linear.z)
     angular = (message.twist.angular.x, message.twist.angular.y, message.twist.angular.z)
     _require_finite(linear=linear, angular=angular)
@@ -63,6 +87,8 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frame_id:
         raise Refusal(Reason.TOO_FAST, text)
     if math.hypot(*angular) > FASTEST_TURN:
         raise Refusal(Reason.TOO_FAST, f"angular velocity {angular} rad/s; allowed: {FASTEST_TURN:g} rad/s")
+    if place is not None:
+        linear, angular = (tuple(place.turn.apply(vector).tolist()) for vector in (linear, angular))
     return TwistOrder(handle.name, linear, angular)
 
 
@@ -81,20 +107,16 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
         )
 
 
+def _near(handle: Handle, place: Placement, size: float) -> PoseOrder:
+    """Command a handle to a place relative to rest, if it is within reach."""
+    translation = tuple(place.origin.tolist())
+    require_near(translation, size)
+    return PoseOrder(handle.name, translation, tuple(place.turn.as_quat().tolist()))
+
+
 def _require_movable(handle: Handle) -> None:
     if handle.fixed:
         raise Refusal(Reason.FIXED, f"handle {handle.name!r} is fixed in the scene and takes no commands")
-
-
-def _require_frame(given: str, handle: Handle, frame_id: str) -> None:
-    """Take the frames whose axes are the node's; the node knows no others."""
-    allowed = (frame_id, rest_frame(handle.name))
-    if given and given not in allowed:
-        text = (
-            f"header.frame_id is {given!r}; allowed: empty, {allowed[0]!r} or {allowed[1]!r}, as a target is relative "
-            "to the plate's rest pose in these axes: transform it before it is sent"
-        )
-        raise Refusal(Reason.FRAME, text)
 
 
 def _require_finite(**vectors: tuple[float, ...]) -> None:

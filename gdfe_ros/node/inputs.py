@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,6 +13,8 @@ from rclpy.serialization import deserialize_message
 
 from gdfe_ros.node import interface
 from gdfe_ros.node.actuator_orders import ActuatorOrders
+from gdfe_ros.node.following import Followers, Leader, followed_order, refuse_followed
+from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.freshness import Freshness
 from gdfe_ros.node.handle_orders import pose_order, twist_order
 from gdfe_ros.node.inbox import Inbox
@@ -30,13 +32,15 @@ class Input:
     """One command topic.
 
     Attributes:
-        key: name of the topic after the node's; also in ``command_set``.
+        key: what it is to the node, e.g. ``handles/tip/target``, as in ``command_set``.
+        topic: its name.
         spec: of the topic.
         check: makes an order of a message, or raises ``Refusal``.
         stamped: whether the header's stamp says when the command was given.
     """
 
     key: str
+    topic: str
     spec: TopicSpec
     check: Callable[[Any], Order]
     stamped: bool
@@ -69,7 +73,8 @@ class Inputs:
     Args:
         node: that subscribes.
         scene: that is commanded.
-        frame_id: of the node.
+        frames: of the body.
+        leaders: of handles that follow, by handle.
         refusals: counts and warns.
         times: that commands are measured by.
 
@@ -79,18 +84,34 @@ class Inputs:
         freshness: of the commands' stamps.
     """
 
-    def __init__(self, node: LifecycleNode, scene: Scene, frame_id: str, refusals: RefusalLog, times: Times) -> None:
-        self._node, self._refusals, self._times = node, refusals, times
+    def __init__(
+        self,
+        node: LifecycleNode,
+        scene: Scene,
+        frames: Frames,
+        leaders: Mapping[str, Leader],
+        refusals: RefusalLog,
+        times: Times,
+    ) -> None:
+        self._node, self._refusals, self._times, self._leaders = node, refusals, times, leaders
         self.inbox: Inbox | None = None
         self.recorder: Recorder | None = None
         self.freshness = Freshness()
-        self._inputs = {item.key: item for item in _inputs(scene, frame_id, times)}
+        self._inputs = {item.key: item for item in _inputs(scene, frames, leaders, times)}
         self._subscriptions = {key: self._subscribe(item) for key, item in self._inputs.items()}
+        led = [leader for leader in leaders.values() if leader.frame]
+        self.followers = Followers(led, scene.mesh.size, frames, self._put, self._refusals.refuse)
+        self._heard: set[str] = set()
 
     @property
     def keys(self) -> list[str]:
         """What a command set may name."""
-        return list(self._inputs)
+        return [*self._inputs, *(leader.key for leader in self._leaders.values() if leader.frame)]
+
+    def led(self) -> dict[str, str]:
+        """Say what handles follow and whether it was heard, by handle."""
+        leaders = self._leaders.items()
+        return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
     @property
     def infos(self) -> list[TopicInfo]:
@@ -111,7 +132,7 @@ class Inputs:
             self._node.destroy_subscription(subscription)
 
     def _subscribe(self, item: Input) -> Any:
-        topic = self._node.resolve_topic_name(f"~/{item.key}")
+        topic = self._node.resolve_topic_name(item.topic)
         kind = interface_class(item.spec.type)
         receive = partial(self._receive, item, topic, kind)
         return self._node.create_subscription(kind, topic, receive, qos_profile(item.spec.delivery), raw=True)
@@ -144,23 +165,41 @@ class Inputs:
                 max_age=times.max_age(),
                 max_lead=times.max_lead(),
             )
-        self.inbox.put(item.key, order)
+        self._put(item.key, order)
+
+    def _put(self, key: str, order: Order) -> None:
+        if self.inbox is not None:
+            self._heard.add(key)
+            self.inbox.put(key, order)
 
 
-def _inputs(scene: Scene, frame_id: str, times: Times) -> Iterator[Input]:
-    """List what a scene can be commanded by; fixed handles refuse, so that who commands one is told."""
+def _inputs(scene: Scene, frames: Frames, leaders: Mapping[str, Leader], times: Times) -> Iterator[Input]:
+    """List what a scene can be commanded by; handles that are fixed or follow refuse by name."""
     size = scene.mesh.size
     for handle in scene.handles:
+        leader = leaders.get(handle.name)
         for spec, check in ((interface.TARGET, pose_order), (interface.VELOCITY, twist_order)):
-            key = spec.name.removeprefix("~/").format(handle=handle.name)
-            yield Input(key, spec, partial(check, handle=handle, size=size, frame_id=frame_id), stamped=True)
+            topic = spec.name.format(handle=handle.name)
+            take = partial(check, handle=handle, size=size, frames=frames)
+            if leader is not None:
+                take = partial(refuse_followed, leader=leader)
+            yield Input(topic.removeprefix("~/"), topic, spec, take, stamped=True)
+        if leader is not None and leader.topic:
+            take = partial(followed_order, leader=leader, size=size, frames=frames)
+            yield Input(leader.key, leader.topic, interface.FOLLOWED, take, stamped=True)
     if scene.actuators or scene.loads:
         orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads])
-        yield Input("actuation", interface.ACTUATION, orders.from_joint_state, stamped=True)
+        yield Input("actuation", interface.ACTUATION.name, interface.ACTUATION, orders.from_joint_state, stamped=True)
         if scene.actuators:
-            yield Input("commands", interface.ACTUATOR_COMMANDS, orders.from_array, stamped=False)
+            yield Input(
+                "commands",
+                interface.ACTUATOR_COMMANDS.name,
+                interface.ACTUATOR_COMMANDS,
+                orders.from_array,
+                stamped=False,
+            )
 
         def follow(message: Any) -> Order:
             return orders.from_trajectory(message, now=times.simulation(times.stamp()), convert=times.simulation)
 
-        yield Input("trajectory", interface.TRAJECTORY, follow, stamped=False)
+        yield Input("trajectory", interface.TRAJECTORY.name, interface.TRAJECTORY, follow, stamped=False)

@@ -11,16 +11,6 @@ from gdfe_ros.node.specification import Change, Delivery, ParameterSpec, Service
 NODE_NAME = "gdfe_sim"
 
 
-def rest_frame(handle: str) -> str:
-    """Name the frame at the centre of a plate at rest, in which its pose and its target are given."""
-    return f"{handle}_rest"
-
-
-def centre_frame(handle: str) -> str:
-    """Name the frame at the present centre of a plate, with the axes of the node's frame: that of its wrench."""
-    return f"{handle}_centre"
-
-
 PARAMETERS = (
     ParameterSpec(
         name="scene",
@@ -84,7 +74,20 @@ PARAMETERS = (
     ParameterSpec(
         name="frame_id",
         default="base_link",
-        meaning="REP-105 frame of the rest shape, in the header of every output but poses and wrenches of plates",
+        meaning="REP-105 frame of the rest shape, in the header of every output but poses and wrenches of handles",
+        change=Change.UNCONFIGURED,
+    ),
+    ParameterSpec(
+        name="publish_tf",
+        default=True,
+        meaning="publish frames of handles and probes on /tf and /tf_static, where tf2_msgs is installed",
+        change=Change.UNCONFIGURED,
+    ),
+    ParameterSpec(
+        name="follow",
+        default=[""],
+        meaning="handles that are held where something else is, as handle=topic:/arm/tool_pose (PoseStamped) or "
+        "handle=frame:tool0 (TF, needs tf2_msgs); such a handle takes no other commands",
         change=Change.UNCONFIGURED,
     ),
     ParameterSpec(name="record", default=False, meaning="write a bag while active", change=Change.INACTIVE),
@@ -156,15 +159,15 @@ MODULUS = ParameterSpec(
 TARGET = TopicSpec(
     name="~/handles/{handle}/target",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="target of the plate relative to its rest pose [m], rotation about its own centre by the nearest turn; "
-    "`frame_id` empty, the node's or `<handle>_rest`, others are refused",
+    meaning="target of the handle relative to its rest pose [m], rotation about its own centre by the nearest turn; "
+    "`frame_id` empty, the node's or `<handle>_rest`; any other is looked up on TF, or refused by name",
     delivery=Delivery.COMMAND,
 )
 VELOCITY = TopicSpec(
     name="~/handles/{handle}/velocity",
     type="geometry_msgs/msg/TwistStamped",
-    meaning="velocity of the plate's target [m/s], [rad/s], axes of the node's frame, in force for `velocity_timeout`; "
-    "turns add up beyond 180 degrees; `frame_id` as for the target",
+    meaning="velocity of the handle's target [m/s], [rad/s], axes of the node's frame, in force for "
+    "`velocity_timeout`; turns add up beyond 180 degrees; `frame_id` as for the target",
     delivery=Delivery.COMMAND,
 )
 ACTUATION = TopicSpec(
@@ -186,6 +189,12 @@ TRAJECTORY = TopicSpec(
     meaning="commands of actuators over simulation time: `positions` in the unit of each mode, linear in between; "
     "stamp 0 starts at once, another one on the node's clock, at most 60 s ahead",
     delivery=Delivery.COMMAND,
+)
+FOLLOWED = TopicSpec(
+    name="",  # the parameter names it
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="where a handle that follows a topic is held: pose of its frame in the header's; empty: the node's",
+    delivery=Delivery.FOLLOWED,
 )
 COMMANDS = (TARGET, VELOCITY, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
 
@@ -210,14 +219,22 @@ STRAIN = TopicSpec(
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where the plate is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the plate's centre at "
+    meaning="where the handle is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the handle's centre at "
     "rest with the axes of the node's frame",
 )
 HANDLE_WRENCH = TopicSpec(
     name="~/handles/{handle}/wrench",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that the handle exerts on the body, about the plate's present centre: "
-    "`frame_id` is `<handle>_centre`, which moves with the plate and keeps the axes of the node's frame",
+    meaning="force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre: "
+    "`frame_id` is `<handle>_centre`, which moves with the handle and keeps the axes of the node's frame",
+)
+HANDLE_SENSOR = TopicSpec(
+    name="~/handles/{handle}/force_torque",
+    type="geometry_msgs/msg/WrenchStamped",
+    meaning="what a force-torque sensor between the handle and what holds it reads: force [N] and moment [N m] which "
+    "the body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with the handle; "
+    "not recorded",
+    recorded=False,
 )
 PROBE = TopicSpec(
     name="~/probe/{probe}",
@@ -248,6 +265,21 @@ MARKERS = TopicSpec(
     recorded=False,
     delivery=Delivery.CLOUD,
 )
+TF = TopicSpec(
+    name="/tf",
+    type="tf2_msgs/msg/TFMessage",
+    meaning="with `publish_tf`, in the node's frame: `<handle>`, which moves and turns with the handle, "
+    "`<handle>_centre`, which keeps the axes, and `<probe>_probe`; not recorded",
+    recorded=False,
+    delivery=Delivery.TRANSFORMS,
+)
+TF_STATIC = TopicSpec(
+    name="/tf_static",
+    type="tf2_msgs/msg/TFMessage",
+    meaning="with `publish_tf`: `<handle>_rest` in the node's frame; not recorded",
+    recorded=False,
+    delivery=Delivery.LATCHED,
+)
 TOPOLOGY = TopicSpec(
     name="~/topology",
     type="std_msgs/msg/Int32MultiArray",
@@ -268,8 +300,8 @@ DIAGNOSTICS = TopicSpec(
     recorded=False,
 )
 OUTPUTS = (
-    MESH, STRAIN, HANDLE_POSE, HANDLE_WRENCH, PROBE, JOINT_STATES, JACOBIAN, STEP_RECORD, MARKERS, TOPOLOGY, SCENE,
-    DIAGNOSTICS, CLOCK,
+    MESH, STRAIN, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, PROBE, JOINT_STATES, JACOBIAN, STEP_RECORD, MARKERS, TF,
+    TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
 )  # fmt: skip
 
 RESET = ServiceSpec(
@@ -293,4 +325,37 @@ LOAD_STATE = ServiceSpec(
 COMPUTE_JACOBIAN = ServiceSpec(
     name="~/compute_jacobian", type="std_srvs/srv/Trigger", meaning="publish ~/jacobian at the present equilibrium"
 )
+GET_FEATURES = ServiceSpec(
+    name="~/get_simulator_features",
+    type="simulation_interfaces/srv/GetSimulatorFeatures",
+    meaning="what of the standard interfaces is supported",
+)
+GET_STATE = ServiceSpec(
+    name="~/get_simulation_state",
+    type="simulation_interfaces/srv/GetSimulationState",
+    meaning="playing, paused, or stopped: paused at rest, or not active",
+)
+SET_STATE = ServiceSpec(
+    name="~/set_simulation_state",
+    type="simulation_interfaces/srv/SetSimulationState",
+    meaning="play, pause, stop: pause and reset, or quit: end the process as SIGINT does",
+)
+RESET_SIMULATION = ServiceSpec(
+    name="~/reset_simulation",
+    type="simulation_interfaces/srv/ResetSimulation",
+    meaning="as ~/reset; time and state together",
+)
+STEP_SIMULATION = ServiceSpec(
+    name="~/step_simulation",
+    type="simulation_interfaces/srv/StepSimulation",
+    meaning="as ~/step, with the number of steps in the request",
+)
+SIMULATE_STEPS = ServiceSpec(
+    name="~/simulate_steps",
+    type="simulation_interfaces/action/SimulateSteps",
+    meaning="an action: the same with feedback after each step; it can be cancelled",
+)
+STANDARD_SERVICES = (GET_FEATURES, GET_STATE, SET_STATE, RESET_SIMULATION, STEP_SIMULATION, SIMULATE_STEPS)
+"""Where the package simulation_interfaces is installed."""
+
 SERVICES = (RESET, PAUSE, STEP, RECORD, SAVE_STATE, LOAD_STATE, COMPUTE_JACOBIAN)

@@ -9,14 +9,17 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 from rosgraph_msgs.msg import Clock
+from scipy.spatial.transform import Rotation
 from std_msgs.msg import String
 
+from gdfe_ros.constraints import Pose
 from gdfe_ros.node import interface, messages
 from gdfe_ros.node.actuator_messages import ActuatorStates, jacobian
 from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.markers import SurfaceMarker
-from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, WrenchPacker
+from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, TransformPacker, WrenchPacker
 from gdfe_ros.node.step import Demand, Step
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.scene.scene import Scene
@@ -41,7 +44,8 @@ class Outputs:
     Args:
         node: that publishes.
         scene: that is simulated.
-        frame_id: of the rest shape.
+        frames: of the body.
+        publish_tf: whether they are told on /tf.
         publish_clock: whether this node gives the time on /clock.
         markers: gives what markers show.
         matched: called when somebody begins to listen to what each step publishes.
@@ -52,12 +56,19 @@ class Outputs:
         node: ManagedNode,
         scene: Scene,
         *,
-        frame_id: str,
+        frames: Frames,
+        publish_tf: bool,
         publish_clock: bool,
         markers: Callable[[], MarkerChoice],
         matched: Callable[[], object],
     ) -> None:
-        self._scene, self._frame_id, self._choice = scene, frame_id, markers
+        self._node, self._scene, self._frames, self._frame_id, self._choice = (
+            node,
+            scene,
+            frames,
+            frames.frame_id,
+            markers,
+        )
         each_step = partial(Channel, node, matched=matched)
         self._mesh, self._strain = each_step(interface.MESH), each_step(interface.STRAIN)
         self._record, self._markers = each_step(interface.STEP_RECORD), each_step(interface.MARKERS)
@@ -65,14 +76,19 @@ class Outputs:
         names = [handle.name for handle in scene.handles]
         self._poses = {name: each_step(interface.HANDLE_POSE, handle=name) for name in names}
         self._wrenches = {name: each_step(interface.HANDLE_WRENCH, handle=name) for name in names}
+        self._sensors = {name: each_step(interface.HANDLE_SENSOR, handle=name) for name in names}
         self._probes = {name: each_step(interface.PROBE, probe=name) for name in scene.probes}
         self._joints = each_step(interface.JOINT_STATES) if scene.actuators else None
         self._jacobian = Channel(node, interface.JACOBIAN) if scene.actuators and scene.probes else None
         self._clock = each_step(interface.CLOCK) if publish_clock else None
-        self._mesh_packer = MeshPacker(scene.mesh.vertices, frame_id)
-        self._pose_packers = {name: PosePacker(interface.rest_frame(name)) for name in names}
-        self._wrench_packers = {name: WrenchPacker(interface.centre_frame(name)) for name in names}
-        self._probe_packer = PosePacker(frame_id)
+        self._tf = each_step(interface.TF, own=1) if publish_tf else None
+        self._tf_static = Channel(node, interface.TF_STATIC) if publish_tf else None
+        self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
+        self._pose_packers = {name: PosePacker(frames.rest(name)) for name in names}
+        self._wrench_packers = {name: WrenchPacker(frames.centre(name)) for name in names}
+        self._sensor_packers = {name: WrenchPacker(frames.handle(name)) for name in names}
+        self._probe_packer = PosePacker(self._frame_id)
+        self._transform_packer = TransformPacker(frames.moving, self._frame_id) if publish_tf else None
         self._strain_packer: StrainPacker | None = None
         self._actuator_states = ActuatorStates(scene)
         self._next_marker = 0.0
@@ -81,21 +97,22 @@ class Outputs:
     def channels(self) -> Iterator[Channel]:
         """Every topic, in no particular order."""
         yield from (self._mesh, self._strain, self._record, self._topology, self._scene_text, self._markers)
-        for group in (self._poses, self._wrenches, self._probes):
+        for group in (self._poses, self._wrenches, self._sensors, self._probes):
             yield from group.values()
-        for channel in (self._joints, self._jacobian, self._clock):
+        for channel in (self._joints, self._jacobian, self._clock, self._tf, self._tf_static):
             if channel is not None:
                 yield channel
 
     def demand(self) -> Demand:
         """Tell what is wanted of the next step."""
-        each_step = (self._mesh, self._record, self._strain, self._joints, self._clock)
-        named = (*self._wrenches.values(), *self._poses.values(), *self._probes.values())
+        each_step = (self._mesh, self._record, self._strain, self._joints, self._clock, self._tf)
+        turning = (*self._poses.values(), *self._sensors.values(), *([self._tf] if self._tf else ()))
+        named = (*self._wrenches.values(), *turning, *self._probes.values())
         marker = self._marker_due()
         return Demand(
             messages=marker or any(channel is not None and channel.wanted for channel in (*each_step, *named)),
             fields=self._strain.wanted or marker,
-            poses=any(channel.wanted for channel in self._poses.values()),
+            poses=any(channel.wanted for channel in turning),
             actuators=self._joints is not None and self._joints.wanted,
         )
 
@@ -117,6 +134,10 @@ class Outputs:
         """Publish the latched topics; ``log_time`` is for the bag [ns]."""
         self._topology.send(messages.topology(self._scene.mesh.cells), log_time)
         self._scene_text.send(String(data=self._scene.source), log_time)
+        if self._tf_static is not None:
+            rests = self._frames.rests()
+            packer = TransformPacker(list(rests), self._frame_id)
+            self._tf_static.send(packer.pack(self._node.get_clock().now().nanoseconds, list(rests.values())), log_time)
 
     def publish_jacobian(self, values: object, log_time: int) -> None:
         """Publish d position / d command (probes, 3, actuators)."""
@@ -134,12 +155,10 @@ class Outputs:
             self._record.send_step(step, String(data=step.record.to_json()))
         for name, channel in _due(self._wrenches, step):
             channel.send_step(step, self._wrench_packers[name].pack(stamp, step.result.reactions[name]))
-        for name, channel in _due(self._poses, step):
-            if name in step.poses:
-                channel.send_step(step, self._pose_packers[name].pack(stamp, step.poses[name]))
+        if step.poses:
+            self._publish_plates(step)
         for name, channel in _due(self._probes, step):
-            pose = messages.material_pose(self._scene.probes[name], self._scene.mesh.vertices, step.result.positions)
-            channel.send_step(step, self._probe_packer.pack(stamp, pose))
+            channel.send_step(step, self._probe_packer.pack(stamp, self._probe(name, step)))
         if step.actuators and self._joints.due(step):
             message = self._actuator_states.message(messages.header(stamp, self._frame_id), step)
             self._joints.send_step(step, message)
@@ -150,6 +169,22 @@ class Outputs:
         """Take the topics off the graph."""
         for channel in self.channels:
             channel.destroy()
+
+    def _publish_plates(self, step: Step) -> None:
+        """Publish what has to do with the present turn of the handles."""
+        stamp = step.record.stamp
+        for name, channel in _due(self._poses, step):
+            channel.send_step(step, self._pose_packers[name].pack(stamp, step.poses[name]))
+        for name, channel in _due(self._sensors, step):
+            back = Rotation.from_rotvec(step.poses[name].rotation).inv()
+            felt = -back.apply(step.result.reactions[name].reshape(2, 3))
+            channel.send_step(step, self._sensor_packers[name].pack(stamp, felt.ravel()))
+        if self._tf is not None and self._tf.due(step):
+            probes = {name: self._probe(name, step) for name in self._scene.probes}
+            self._tf.send_step(step, self._transform_packer.pack(stamp, self._frames.places(step.poses, probes)))
+
+    def _probe(self, name: str, step: Step) -> Pose:
+        return messages.material_pose(self._scene.probes[name], self._scene.mesh.vertices, step.result.positions)
 
     @cached_property
     def _surface(self) -> SurfaceMarker:

@@ -5,19 +5,24 @@ from __future__ import annotations
 
 import array
 import struct
+from collections.abc import Sequence
 
 import numpy as np
+from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node import messages
+from gdfe_ros.node import interface, messages
+from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.messages import MESH_FIELDS, STRAIN_FIELDS
+from gdfe_ros.node.qos import interface_class
 from gdfe_ros.node.template import Template
 from gdfe_ros.solver.elements.fields import ElementFields
 
 _MARK = -1.2345678901234567e300
+_MARK_SECONDS = 0x5EC0_0000
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -97,6 +102,35 @@ class WrenchPacker:
         """Serialise a reaction (6,), force [N] then moment [N m], with a stamp [ns]."""
         self._values[:] = reaction
         return self._template.stamped(stamp)
+
+
+class TransformPacker:
+    """Packs the places of frames for /tf.
+
+    Args:
+        names: of the frames.
+        frame_id: that all are given in.
+    """
+
+    def __init__(self, names: Sequence[str], frame_id: str) -> None:
+        kind = interface_class(interface.TF.type)
+        marks = [_MARK * (1 + place) for place in range(len(names))]
+        seconds = [_MARK_SECONDS + place for place in range(len(names))]
+        transforms = []
+        for name, mark, second in zip(names, marks, seconds, strict=True):
+            transform = TransformStamped(header=messages.header(second * 10**9, frame_id), child_frame_id=name)
+            transform.transform.translation.x = mark
+            transforms.append(transform)
+        self._template = Template(kind(transforms=transforms))
+        self._places = [self._template.view(struct.pack("<d", mark), (7,), "<f8") for mark in marks]
+        self._stamps = [self._template.view(struct.pack("<i", second), (2,), "<i4") for second in seconds]
+
+    def pack(self, stamp: int, places: Sequence[Placement]) -> bytes:
+        """Serialise the places of the frames, in the order of their names, with a stamp [ns]."""
+        for values, time, place in zip(self._places, self._stamps, places, strict=True):
+            time[:] = stamp // 10**9, stamp % 10**9
+            values[:3], values[3:] = place.origin, place.turn.as_quat()
+        return self._template.filled()
 
 
 def _cloud_template(cloud: PointCloud2, shape: tuple[int, int]) -> tuple[Template, NDArray[np.float32]]:

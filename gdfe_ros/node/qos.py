@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -18,6 +19,10 @@ _PROFILES = {
     Delivery.COMMAND: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 1000),
     Delivery.LATCHED: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
     Delivery.CLOCK: (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE, 1),
+    # As tf2_ros has them.
+    Delivery.TRANSFORMS: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 100),
+    # Whoever leads the way may be reliable or not.
+    Delivery.FOLLOWED: (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE, 10),
 }
 
 
@@ -31,3 +36,8 @@ def interface_class(type_name: str) -> type[Any]:
     """Import a message or service class by its ROS name, ``package/msg/Name``."""
     package, kind, name = type_name.split("/")
     return getattr(import_module(f"{package}.{kind}"), name)
+
+
+def installed(type_name: str) -> bool:
+    """Tell whether the package of a ROS type, ``package/msg/Name``, is installed."""
+    return find_spec(type_name.split("/")[0]) is not None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from gdfe_ros.node.interface import COMMANDS, MODULUS, OUTPUTS, PARAMETERS, SERVICES
+from gdfe_ros.node.interface import COMMANDS, MODULUS, OUTPUTS, PARAMETERS, SERVICES, STANDARD_SERVICES
 from gdfe_ros.node.specification import ParameterSpec, TopicSpec
 
 
@@ -23,6 +23,11 @@ def markdown() -> str:
         _table(
             ("service", "type", "meaning"),
             ((f"`{spec.name}`", f"`{spec.type}`", spec.meaning) for spec in SERVICES),
+        ),
+        "Where the package `simulation_interfaces` is installed, also:",
+        _table(
+            ("service", "type", "meaning"),
+            ((f"`{spec.name}`", f"`{spec.type}`", spec.meaning) for spec in STANDARD_SERVICES),
         ),
         "### Parameters",
         _table(

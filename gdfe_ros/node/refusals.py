@@ -26,6 +26,7 @@ class Reason(Enum):
     OUT_OF_RANGE = "out of range"
     WRONG_SIZE = "wrong size"
     FIXED = "handle is fixed"
+    FOLLOWS = "handle follows"
     UNKNOWN = "unknown name"
     INACTIVE = "node is not active"
     FRAME = "other frame"

@@ -6,7 +6,6 @@ None blocks the node's other callbacks: an answer that has to wait for a step is
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
@@ -18,11 +17,9 @@ from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node import interface
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.node.session import Session
-from gdfe_ros.node.walk import Walk
 from gdfe_ros.recording.step_record import Begin
 
 
@@ -33,17 +30,10 @@ class Services:
         node: that offers them.
         parameters: of the node.
         session: gives what runs, or None.
-        interrupted: set when the process is asked to end: many steps stop short.
     """
 
-    def __init__(
-        self,
-        node: ManagedNode,
-        parameters: Parameters,
-        session: Callable[[], Session | None],
-        interrupted: threading.Event,
-    ) -> None:
-        self._node, self._parameters, self._find, self._interrupted = node, parameters, session, interrupted
+    def __init__(self, node: ManagedNode, parameters: Parameters, session: Callable[[], Session | None]) -> None:
+        self._node, self._parameters, self._find = node, parameters, session
         actions = {
             interface.RESET: self._reset,
             interface.PAUSE: self._pause,
@@ -73,9 +63,7 @@ class Services:
         session.interrupt("~/reset ended it")
 
         def reset() -> str:
-            session.stepper.reset()
-            session.inputs.freshness.reset()
-            session.flush()
+            session.reset()
             return "at rest, time 0"
 
         return session.stepper.post(reset)
@@ -89,12 +77,7 @@ class Services:
 
     def _step(self, request: Trigger.Request) -> Future[str]:
         session = self._active()
-        if session.mode is not ClockMode.LOCKSTEP and not session.stepper.paused:
-            raise GdfeError(f"clock {session.mode.value} is running; pause it with ~/pause, or use clock lockstep")
-        if session.walk is not None and session.walk.going:
-            raise GdfeError(f"a call is at {session.walk}; ~/pause or ~/reset ends it")
-        session.walk = Walk(session.stepper, session.flush, self._parameters["step_count"], self._interrupted)
-        return session.walk.begin(lambda: f"time {session.simulation.time:.9g} s")
+        return session.take_steps(self._parameters["step_count"])
 
     def _record(self, request: SetBool.Request) -> Future[str]:
         session = self._active()

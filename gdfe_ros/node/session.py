@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.clock import JumpHandle
 
 from gdfe_ros.checkpoint import save_state
@@ -15,6 +19,8 @@ from gdfe_ros.node.bag import Bags
 from gdfe_ros.node.clock import NodeClock
 from gdfe_ros.node.courier import Courier
 from gdfe_ros.node.drive import Drive
+from gdfe_ros.node.following import leaders_of
+from gdfe_ros.node.frames import Frames, Transforms, transforms_installed
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.inputs import Inputs, Times
 from gdfe_ros.node.interface import MODULUS
@@ -25,7 +31,7 @@ from gdfe_ros.node.outputs import MarkerChoice, Outputs
 from gdfe_ros.node.pace import ClockMode, Pace, Timing, make_pace
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
-from gdfe_ros.node.step import Demand, Step, observe, plate_error
+from gdfe_ros.node.step import Demand, Step, handle_error, observe
 from gdfe_ros.node.stepper import Hooks, Stepper
 from gdfe_ros.node.strays import Strays
 from gdfe_ros.node.walk import Walk
@@ -46,6 +52,7 @@ class Session:
         parameters: of the node.
         simulation: ready to step.
         refusals: counts refused commands.
+        ending: set when the process is asked to end: many steps stop short.
         failed: called in a background thread with an exception that stepping or publishing ended with.
 
     Attributes:
@@ -69,18 +76,26 @@ class Session:
         simulation: Simulation,
         refusals: RefusalLog,
         *,
+        ending: threading.Event,
         failed: Callable[[Exception], None],
     ) -> None:
+        self._ending = ending
         self._node, self._parameters, self._refusals, self._failed = node, parameters, refusals, failed
         self._clock, self.simulation = NodeClock(node, parameters), simulation
         timeout = partial(parameters.__getitem__, "velocity_timeout")
         drive = Drive(self.simulation, timeout=timeout, refuse=refusals.refuse)
         self.stepper = Stepper(self.simulation, drive, self._hooks())
-        self.inputs = Inputs(node, self.scene, parameters["frame_id"], refusals, self._times())
+        listening = transforms_installed()
+        leaders = leaders_of(parameters.entries("follow"), self.scene, listening=listening)
+        self._transforms = Transforms(node, self._lead) if listening else None
+        self._frames = Frames(parameters["frame_id"], self.scene, self._transforms)
+        self._frames.positions = self._positions
+        self.inputs = Inputs(node, self.scene, self._frames, leaders, refusals, self._times())
         self.outputs = Outputs(
             node,
             self.scene,
-            frame_id=parameters["frame_id"],
+            frames=self._frames,
+            publish_tf=listening and parameters["publish_tf"],
             publish_clock=parameters["publish_clock"],
             markers=lambda: MarkerChoice(rate=parameters["marker_rate"], field=parameters["marker_field"]),
             matched=self._tell_again,
@@ -120,6 +135,7 @@ class Session:
         # Before the first state is published: who has seen it may command.
         self.inputs.inbox = inbox
         self.stepper.start(self.pace, inbox)
+        self.inputs.followers.look(anew=True)
 
     def stop(self) -> None:
         """End the threads after the step in progress, publish what waits, and finish the bag."""
@@ -138,6 +154,8 @@ class Session:
         self.stop()
         self._moduli.destroy()
         self.inputs.destroy()
+        if self._transforms is not None:
+            self._transforms.destroy()
         self.outputs.destroy()
 
     def look(self) -> None:
@@ -153,19 +171,43 @@ class Session:
         return ", ".join(f"~/{key}" for key in missing) or "any command"
 
     def arrived(self) -> bool:
-        """Tell whether the last step is within its tolerance, every plate where it was commanded.
+        """Tell whether the last step is within its tolerance, every handle where it was commanded.
 
         A deadline may end a solve that has nothing left to do but to say so.
         """
         result, solver, mesh = self.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
-        off = (plate_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
+        off = (handle_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
         return result.residual <= solver.tolerance and max(off, default=0.0) <= reach
 
     def interrupt(self, why: str) -> None:
         """End the steps that ~/step is making."""
         if self.walk is not None:
             self.walk.interrupt(why)
+
+    def reset(self) -> None:
+        """Go back, between steps, to rest at time 0; handles that follow go where their leaders are."""
+        self.stepper.reset()
+        self.inputs.freshness.reset()
+        self.inputs.followers.look(anew=True)
+        self.flush()
+
+    def take_steps(self, count: int, told: Callable[[int], None] | None = None) -> Future[str]:
+        """Begin to make a number of steps on demand, and return the future answer.
+
+        Args:
+            count: of the steps.
+            told: called after each with the number of steps made.
+
+        Raises:
+            GdfeError: the clock makes steps by itself, or steps are being made on demand already.
+        """
+        if self.mode is not ClockMode.LOCKSTEP and not self.stepper.paused:
+            raise GdfeError(f"clock {self.mode.value} is running; pause it with ~/pause, or use clock lockstep")
+        if self.walk is not None and self.walk.going:
+            raise GdfeError(f"a call is at {self.walk}; ~/pause or ~/reset ends it")
+        self.walk = Walk(self.stepper, self.flush, count, self._ending, told)
+        return self.walk.begin(lambda: f"time {self.simulation.time:.9g} s")
 
     def flush(self) -> None:
         """Wait until every step made so far is published and recorded."""
@@ -189,6 +231,13 @@ class Session:
         text = self._begin_bag()
         self.stepper.repeat(self.stepper.begin)
         return text
+
+    def _lead(self) -> None:
+        """Have handles follow what was told on /tf."""
+        self.inputs.followers.look()
+
+    def _positions(self) -> NDArray[np.float64]:
+        return self.scene.mesh.vertices if self.last is None else self.last.result.positions
 
     def _begin_bag(self) -> str:
         """Begin a bag between two steps; where that is not at rest, the bag holds the state."""

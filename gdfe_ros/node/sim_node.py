@@ -21,6 +21,7 @@ from gdfe_ros.node.preparation import prepare
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.services import Services
 from gdfe_ros.node.session import Session
+from gdfe_ros.node.standard import StandardServices
 from gdfe_ros.simulation import Simulation
 
 _DIAGNOSTICS_PERIOD = 1.0
@@ -49,7 +50,9 @@ class SimNode(ManagedNode):
         logger = self.get_logger()
         self._refusals = RefusalLog(logger.warning)
         self._diagnostics = Diagnostics(self, self._refusals)
-        self._answers = Services(self, self._settings, lambda: self._session, interrupted or threading.Event())
+        self._interrupted = interrupted or threading.Event()
+        self._answers = Services(self, self._settings, lambda: self._session)
+        self._standard = StandardServices(self, lambda: self._session, interrupted)
         # Steady: with use_sim_time the ROS clock may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
@@ -118,7 +121,9 @@ class SimNode(ManagedNode):
         prepared, self._prepared = self._prepared or self._try_to_prepare(), None
         if isinstance(prepared, Exception):
             raise prepared
-        self._session = Session(self, self._settings, prepared, self._refusals, failed=self._fail)
+        self._session = Session(
+            self, self._settings, prepared, self._refusals, ending=self._interrupted, failed=self._fail
+        )
         mesh = self._session.scene.mesh
         self.get_logger().info(
             f"scene {self._session.scene.name!r}: {mesh.n_vertices} vertices, {mesh.n_cells} cells, "

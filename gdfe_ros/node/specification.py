@@ -24,6 +24,8 @@ class Delivery(Enum):
     COMMAND = "reliable, volatile, last 1000"
     LATCHED = "reliable, transient local, last 1, while not active, too"
     CLOCK = "best effort, volatile, last 1"
+    TRANSFORMS = "reliable, volatile, last 100"
+    FOLLOWED = "best effort, volatile, last 10"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,10 @@ class Template:
         count = int(np.prod(shape))
         return np.frombuffer(self._bytes, kind, count, self._bytes.index(mark)).reshape(shape)
 
+    def filled(self) -> bytes:
+        """Give the message with its present numbers."""
+        return bytes(self._bytes)
+
     def stamped(self, stamp: int) -> bytes:
         """Give the message with its present numbers and a stamp [ns]."""
         struct.pack_into("<iI", self._bytes, _STAMP_AT, stamp // 10**9, stamp % 10**9)

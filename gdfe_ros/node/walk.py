@@ -20,13 +20,21 @@ class Walk:
         flush: waits until they are published.
         count: of the steps.
         ending: set when the process is asked to end.
+        told: called after each step with the number of those made; None: nobody is told.
 
     Attributes:
         done: steps made so far.
     """
 
-    def __init__(self, stepper: Stepper, flush: Callable[[], None], count: int, ending: threading.Event) -> None:
-        self._stepper, self._flush, self._count, self._ending = stepper, flush, count, ending
+    def __init__(
+        self,
+        stepper: Stepper,
+        flush: Callable[[], None],
+        count: int,
+        ending: threading.Event,
+        told: Callable[[int], None] | None = None,
+    ) -> None:
+        self._stepper, self._flush, self._count, self._ending, self._told = stepper, flush, count, ending, told
         self._future: Future[str] = Future()
         self.done = 0
 
@@ -67,6 +75,8 @@ class Walk:
             return
         self._stepper.advance()
         self.done += 1
+        if self._told is not None:
+            self._told(self.done)
         if self.done < self._count:
             self._post()
             return

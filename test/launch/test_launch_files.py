@@ -17,12 +17,17 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
+import yaml
 
+from gdfe_ros.examples.carrying_arm import CarryingArm
 from gdfe_ros.examples.tip_tracking import TipTracking
+from gdfe_ros.node.following import leaders_of
 from gdfe_ros.node.interface import NODE_NAME, PARAMETERS
+from gdfe_ros.scene.loader import load_scene
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "launch").glob("*.launch.py"))
+OTHERS = ("controller_manager", "robot_state_publisher")
 INSTALLED = find_spec("launch_ros") is not None
 
 
@@ -42,6 +47,7 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
         names = {
             "launch": ("LaunchDescription", "LaunchContext"),
             "launch.actions": ("DeclareLaunchArgument", "OpaqueFunction"),
+            "launch.conditions": ("IfCondition",),
             "launch.substitutions": ("LaunchConfiguration", "PathJoinSubstitution"),
             "launch_ros": (),
             "launch_ros.actions": ("Node",),
@@ -72,8 +78,9 @@ def _entry_points() -> dict[str, str]:
 
 
 def test_there_are_launch_files() -> None:
-    """Find the three launch files."""
-    assert [path.name for path in FILES] == ["control_loop.launch.py", "robots.launch.py", "sim.launch.py"]
+    """Find every launch file."""
+    names = ["control_loop", "gripper_on_arm", "robots", "ros2_control", "sim"]
+    assert [path.name for path in FILES] == [f"{name}.launch.py" for name in names]
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
@@ -168,6 +175,8 @@ def _of_kind(entities: Iterable[Any], kind: str) -> list[Any]:
 
 def _check_node(node: Any, arguments: dict[str, str]) -> None:
     executable = node.named["executable"]
+    if node.named["package"] in OTHERS:
+        return
     assert node.named["package"] == "gdfe_ros"
     assert executable in _entry_points()
     if executable == "sim_node":
@@ -182,15 +191,35 @@ def _check_node(node: Any, arguments: dict[str, str]) -> None:
 def _parameters(executable: str) -> set[str]:
     if executable == "sim_node":
         return {spec.name for spec in PARAMETERS} | {"use_sim_time"}
-    source = ast.parse(Path(sys.modules[TipTracking.__module__].__file__).read_text(encoding="utf-8"))
+    module = {"tip_tracking": TipTracking, "carrying_arm": CarryingArm}[executable].__module__
+    source = ast.parse(Path(sys.modules[module].__file__).read_text(encoding="utf-8"))
     calls = [node for node in ast.walk(source) if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)]
     return {call.args[0].value for call in calls if call.func.attr == "declare_parameter"}
 
 
 def test_the_parameter_file_names_parameters_of_the_node() -> None:
     """Read config/sim.yaml: every entry is a parameter, with the type of its default."""
-    import yaml
-
     entries = yaml.safe_load((ROOT / "config" / "sim.yaml").read_text(encoding="utf-8"))["/**"]["ros__parameters"]
     kinds = {spec.name: type(spec.default) for spec in PARAMETERS}
     assert {name: type(value) for name, value in entries.items()}.items() <= kinds.items()
+
+
+def test_the_gripper_follows_the_arm_that_is_started_beside_it(stand_ins: None) -> None:
+    """Read gripper_on_arm.launch.py: what is followed is a topic of the arm's node, of a handle of the scene."""
+    module = _module(ROOT / "launch" / "gripper_on_arm.launch.py")
+    name = module.FOLLOW.partition("=")[0]
+    scene = load_scene("gripper", overrides=dict([module.WEIGHT.split("=", 1)]))
+    assert leaders_of([module.FOLLOW], scene, listening=False)[name].topic == "/carrying_arm/tool_pose"
+    assert [load.name for load in scene.loads] == ["weight"]
+
+
+def test_the_controllers_that_are_spawned_have_parameters(stand_ins: None) -> None:
+    """Read ros2_control.launch.py: its files are there, and every controller that it spawns has a type."""
+    module = _module(ROOT / "launch" / "ros2_control.launch.py")
+    default = {name: value for name, (value, _) in module.ARGUMENTS.items()}
+    manager = yaml.safe_load(Path(default["controllers"]).read_text())["controller_manager"]["ros__parameters"]
+    assert all("type" in manager[name] for name in default["spawn"].split())
+    if not INSTALLED:
+        nodes = {node.named["executable"]: node for node in module.make_nodes(default)}
+        assert list(nodes) == ["sim_node", "robot_state_publisher", "ros2_control_node", "spawner"]
+        assert nodes["spawner"].named["arguments"] == default["spawn"].split()

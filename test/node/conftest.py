@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +30,7 @@ from std_msgs.msg import Int32MultiArray, String
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.discovery import await_discovery
+from gdfe_ros.testing.interfaces import build_interfaces
 
 COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
 """Parameters of a scene that is solved in a millisecond."""
@@ -82,7 +86,7 @@ class Client:
             self._executor.spin_once(timeout_sec=left)
 
     def target(self, z: float = 0.0, *, handle: str = "tip", turn: tuple = (0, 0, 0), **changes: Any) -> None:
-        """Command a plate: ``z`` [m], ``turn`` rotation vector [rad]; ``changes`` set parts of the quaternion."""
+        """Command a handle: ``z`` [m], ``turn`` rotation vector [rad]; ``changes`` set parts of the quaternion."""
         message = PoseStamped()
         message.pose.position.z = float(z)
         parts = dict(zip("xyzw", map(float, Rotation.from_rotvec(turn).as_quat()), strict=True))
@@ -179,6 +183,25 @@ class Client:
         count = len(received) + 2  # the next one may be under way
         self.wait(lambda: len(received) >= count)
         return {value.key: value.value for status in received[-1].status for value in status.values}
+
+
+@pytest.fixture
+def interfaces(pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+    """Give a function that makes a package of messages importable, here and in nodes that are started."""
+    made: list[str] = []
+
+    def provide(package: str) -> None:
+        if find_spec(package) is None:
+            folder = Path(pytestconfig.cache.mkdir("interfaces"))
+            place = str(build_interfaces(Path(__file__).parents[1] / "data" / "interfaces" / package, folder))
+            monkeypatch.syspath_prepend(place)
+            monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [place, os.environ.get("PYTHONPATH")])))
+            made.append(package)
+
+    yield provide
+    # Other tests of this process must not take it for installed.
+    for name in [name for name in sys.modules if name.partition(".")[0] in made]:
+        del sys.modules[name]
 
 
 @pytest.fixture

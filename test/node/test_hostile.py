@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from benchmarks.node import flood, hostile
 
-REASONS = {"plates": hostile.HANDLE_REASONS, "actuators": hostile.ACTUATOR_REASONS}
+REASONS = {"handles": hostile.HANDLE_REASONS, "actuators": hostile.ACTUATOR_REASONS}
 
 
 @pytest.mark.parametrize("scene", flood.SCENES)

@@ -18,12 +18,14 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.node.actuator_orders import ActuatorOrders
+from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.freshness import Freshness
 from gdfe_ros.node.handle_orders import pose_order, twist_order
 from gdfe_ros.node.orders import TwistOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
 TIP = Handle("tip", np.arange(4, dtype=np.int32))
+FRAMES = Frames("base_link")
 BASE = Handle("base", np.arange(4, dtype=np.int32), fixed=True)
 ORDERS = ActuatorOrders(
     [
@@ -67,13 +69,13 @@ def _refused(make: Callable[[], Any]) -> Reason:
 )
 def test_bad_poses_are_refused(changes: dict, reason: Reason) -> None:
     """Refuse numbers that are not finite, quaternions that are not of unit length, and leaps."""
-    assert _refused(lambda: pose_order(_pose(**changes), TIP, size=0.5, frame_id="base_link")) is reason
+    assert _refused(lambda: pose_order(_pose(**changes), TIP, size=0.5, frames=FRAMES)) is reason
 
 
 def test_a_fixed_handle_takes_no_commands() -> None:
     """Command a fixed handle: the refusal says that it is fixed, before anything else."""
-    assert _refused(lambda: pose_order(_pose(x=math.nan), BASE, size=0.5, frame_id="base_link")) is Reason.FIXED
-    assert _refused(lambda: twist_order(_twist(), BASE, size=0.5, frame_id="base_link")) is Reason.FIXED
+    assert _refused(lambda: pose_order(_pose(x=math.nan), BASE, size=0.5, frames=FRAMES)) is Reason.FIXED
+    assert _refused(lambda: twist_order(_twist(), BASE, size=0.5, frames=FRAMES)) is Reason.FIXED
 
 
 @pytest.mark.parametrize(
@@ -82,10 +84,10 @@ def test_a_fixed_handle_takes_no_commands() -> None:
 )
 def test_bad_velocities_are_refused(changes: dict, reason: Reason) -> None:
     """Refuse velocities that are not finite or out of all proportion."""
-    assert _refused(lambda: twist_order(_twist(**changes), TIP, size=0.5, frame_id="base_link")) is reason
+    assert _refused(lambda: twist_order(_twist(**changes), TIP, size=0.5, frames=FRAMES)) is reason
 
 
-def test_velocities_turn_a_plate_on_and_on() -> None:
+def test_velocities_turn_a_handle_on_and_on() -> None:
     """Turn at 40 rad/s in steps of 0.1 s: each adds 4 rad, past full turns; the offset axis stays."""
     pose = Pose()
     for step in range(1, 9):
@@ -189,11 +191,11 @@ def test_stamps_must_not_be_old_or_ahead_or_go_back() -> None:
 
 @pytest.mark.parametrize("frame", ["odom", "/base_link", "tip"])
 def test_commands_in_other_frames_are_refused_by_name(frame: str) -> None:
-    """Name another frame in a target and in a velocity: both are refused; empty, the node's and the plate's are not."""
+    """Name another frame in a target, in a velocity: both are refused; empty, the node's, the handle's are not."""
     for message, order in ((_pose(), pose_order), (_twist(), twist_order)):
         for allowed in ("", "base_link", "tip_rest"):
             message.header.frame_id = allowed
-            order(message, TIP, size=0.5, frame_id="base_link")
+            order(message, TIP, size=0.5, frames=FRAMES)
         message.header.frame_id = frame
         with pytest.raises(Refusal, match=f"frame_id is '{frame}'; allowed: empty, 'base_link' or 'tip_rest'"):
-            order(message, TIP, size=0.5, frame_id="base_link")
+            order(message, TIP, size=0.5, frames=FRAMES)

@@ -40,7 +40,7 @@ def test_the_mesh_follows_the_commands(client: Any, start: Callable, coarse: dic
     assert client.last("mesh").header.frame_id == "base_link"
 
 
-def test_a_plate_turns_on_and_on(client: Any, start: Callable, coarse: dict) -> None:
+def test_a_handle_turns_on_and_on(client: Any, start: Callable, coarse: dict) -> None:
     """Command quaternions of a growing angle: the targets consumed pass half a turn without a jump."""
     start(**{**coarse, "scene": "twist90", "clock": "lockstep"})
     for angle in np.arange(0.5, 4.6, 0.5):

@@ -73,7 +73,8 @@ def test_ament_index_finds_the_package(workspace: Path, in_workspace: Callable[[
 def test_executables_lie_where_ros2_run_looks(workspace: Path) -> None:
     """Find both commands in lib/gdfe_ros, executable."""
     place = workspace / "install" / "gdfe_ros" / "lib" / "gdfe_ros"
-    assert {file.name for file in place.iterdir() if os.access(file, os.X_OK)} == {"gdfe", "sim_node", "tip_tracking"}
+    programs = {file.name for file in place.iterdir() if os.access(file, os.X_OK)}
+    assert programs == {"gdfe", "sim_node", "tip_tracking", "carrying_arm"}
 
 
 def test_share_holds_scenes_parameters_and_launch_files(workspace: Path, root: Path) -> None:

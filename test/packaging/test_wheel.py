@@ -100,6 +100,7 @@ def test_installed_commands_run(installed: Path, tmp_path: Path, run: Callable[.
     run(installed / "gdfe", "replay", bag, **quick)
     assert (installed / "sim_node").is_file()
     assert (installed / "tip_tracking").is_file()
+    assert (installed / "carrying_arm").is_file()
 
 
 @pytest.mark.slow

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from gdfe_ros import Command, Simulation
+from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import scene_from_text
 
 BASE = "base: {where: {face: x-}, fixed: true}"
 HINGE = f"{BASE}, tip: {{where: {{face: x+}}, free: [x, z, ry]}}"
 INSIDE = "pull: {{cable: {{points: [[0.02, 0, 0.008], [0.08, 0, 0.008]], command: {mode}}}}}"
-PLATE = "pull: {{cable: {{points: [[0, -0.005, 0.008], [0, 0.005, 0.008]], command: {mode}}}}}"
+HANDLE = "pull: {{cable: {{points: [[0, -0.005, 0.008], [0, 0.005, 0.008]], command: {mode}}}}}"
 ACROSS = "pull: {{cable: {{points: [[0, 0, 0.008], [0.1, 0, 0.008]], command: {mode}}}}}"
 BALL = """\
 name: ball
@@ -129,14 +129,14 @@ def test_jacobian_at_the_limit_is_not_small(filled: Filled, below: float) -> Non
     assert found is None or found[0] > filled.slope(filled.pressure - 20.0)
 
 
-# --- cables that hold on to plates ---
+# --- cables that hold on to handles ---
 
 
 @pytest.mark.parametrize("mode", ["tension", "shortening", "length"])
-def test_a_cable_inside_a_fixed_plate_is_refused_or_reads_sense(lab: Any, mode: str) -> None:
+def test_a_cable_inside_a_fixed_handle_is_refused_or_reads_sense(lab: Any, mode: str) -> None:
     """Shorten what cannot be shortened: refused with its name, or a tension of the body's order and soon an end."""
     try:
-        simulation = lab.bar(actuators=PLATE.format(mode=mode))
+        simulation = lab.bar(actuators=HANDLE.format(mode=mode))
         command = {"tension": 1.0, "shortening": 0.001, "length": 0.005}[mode]
         result = lab.go(simulation, pull=command)
     except GdfeError as error:
@@ -149,8 +149,8 @@ def test_a_cable_inside_a_fixed_plate_is_refused_or_reads_sense(lab: Any, mode: 
 
 
 @pytest.mark.parametrize("mode", ["shortening", "length"])
-def test_a_straight_cable_between_two_plates_draws_them_together(lab: Any, mode: str) -> None:
-    """Shorten a cable from the fixed plate to one that slides by 1 mm: it slides by that, at a tension that fits."""
+def test_a_straight_cable_between_two_handles_draws_them_together(lab: Any, mode: str) -> None:
+    """Shorten a cable from the fixed handle to one that slides by 1 mm: it slides by that, at a tension that fits."""
     simulation = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}, free: [x]}}", actuators=ACROSS.format(mode=mode))
     result = lab.go(simulation, pull=0.001 if mode == "shortening" else 0.099)
     assert result.converged, result.message
@@ -158,3 +158,18 @@ def test_a_straight_cable_between_two_plates_draws_them_together(lab: Any, mode:
     twin = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}}}", actuators="")
     push = lab.go(twin, simulation.handle_pose("tip")).reactions["tip"][0]
     assert result.actuators["pull"].effort == pytest.approx(-push, rel=0.02)
+
+
+@pytest.mark.parametrize("mode", ["shortening", "length"])
+def test_a_cable_shorter_than_its_handles_are_apart_is_named(lab: Any, mode: str) -> None:
+    """Command it to 90 mm between handles 100 mm apart: nothing moves, and it is named; nearer, they can follow."""
+    points = "[[0, 0, 0.008], [0.05, 0, 0.009], [0.1, 0, 0.008]]"
+    cable = f"pull: {{cable: {{points: {points}, command: {mode}}}}}"
+    simulation = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}}}", actuators=cable)
+    length = simulation.actuator_states()["pull"].extent
+    result = lab.go(simulation, pull=0.09 if mode == "length" else length - 0.09)
+    assert not result.converged
+    assert np.array_equal(result.positions, simulation.mesh.vertices)
+    for words in ("'pull'", "a length of 0.09 m", "0.1 m apart", "remedy: command at least that"):
+        assert words in result.message
+    assert lab.go(simulation, Pose(translation=(-0.02, 0.0, 0.0))).converged

@@ -3,30 +3,29 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-
-import numpy as np
 
 from gdfe_ros.constraints import Pose
 
-LARGEST_TURN = np.deg2rad(100.0)
+LARGEST_TURN = math.radians(100.0)
 LARGEST_SHIFT = 1.0
 """Of the body's size: farther motions are cut."""
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
-    """Return the increments with which no plate turns or shifts too far from ``poses`` to ``targets`` in one of them.
+    """Return the increments with which no handle turns or shifts too far from ``poses`` to ``targets`` in one of them.
 
     Args:
-        targets: of every plate.
-        poses: where the plates are.
+        targets: of every handle.
+        poses: where the handles are.
         size: of the body [m].
     """
     most = 1.0
     for name, target in targets.items():
         if target == poses[name]:
             continue
-        turn = np.linalg.norm(np.subtract(target.rotation, poses[name].rotation))
-        shift = np.linalg.norm(np.subtract(target.translation, poses[name].translation))
+        turn = math.dist(target.rotation, poses[name].rotation)
+        shift = math.dist(target.translation, poses[name].translation)
         most = max(most, turn / LARGEST_TURN, shift / (LARGEST_SHIFT * size))
-    return int(np.ceil(most))
+    return math.ceil(most)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Handles that are held where something else is: a topic's pose, or a frame on /tf."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from geometry_msgs.msg import PoseStamped
+
+from gdfe_ros.constraints import Handle
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.frames import Frames, Placement
+from gdfe_ros.node.handle_orders import placed_order, require_pose
+from gdfe_ros.node.orders import PoseOrder
+from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Leader:
+    """What a handle follows: a topic or a frame; the other is empty."""
+
+    handle: Handle
+    topic: str = ""
+    frame: str = ""
+
+    def __str__(self) -> str:
+        return f"topic {self.topic}" if self.topic else f"frame {self.frame}"
+
+    @property
+    def key(self) -> str:
+        """Name of the input in ``command_set`` and in bags."""
+        return f"handles/{self.handle.name}/follow"
+
+
+def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict[str, Leader]:
+    """Read the parameter ``follow``; return leaders by handle.
+
+    Args:
+        entries: of the parameter.
+        scene: whose handles follow.
+        listening: whether /tf can be listened to.
+
+    Raises:
+        GdfeError: an entry is malformed, names no handle that can move, or a frame where tf2_msgs is not installed.
+    """
+    handles, found = {handle.name: handle for handle in scene.handles}, {}
+    for entry in entries:
+        name, _, leader = entry.partition("=")
+        kind, _, source = leader.partition(":")
+        start = f"parameter follow holds {entry!r}"
+        if kind not in ("topic", "frame") or not source:
+            raise GdfeError(f"{start}; allowed: handle=topic:/name or handle=frame:name")
+        if name not in handles:
+            raise GdfeError(f"{start}; the scene has no handle {name!r}, but {', '.join(handles) or 'none'}")
+        if handles[name].fixed:
+            raise GdfeError(f"{start}; handle {name!r} is fixed: put handles.{name}.fixed=false into scene_overrides")
+        if kind == "frame" and not listening:
+            raise GdfeError(f"{start}; frames need tf2_msgs, which is not installed: follow a topic, or install it")
+        if name in found:
+            raise GdfeError(f"{start}; handle {name!r} follows {found[name]} already")
+        found[name] = Leader(handles[name], **{kind: source})
+    return found
+
+
+def refuse_followed(message: object, leader: Leader) -> PoseOrder:
+    """Refuse a command to a handle that follows."""
+    raise Refusal(Reason.FOLLOWS, f"handle {leader.handle.name!r} follows {leader} and takes no commands")
+
+
+def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames: Frames) -> PoseOrder:
+    """Check where a topic says that a handle is to be; ``size`` of the body [m].
+
+    Raises:
+        Refusal: no transforms lead to the header's frame, a number is not finite, the quaternion is not of unit
+            length, or the place is over ten times the body's size away.
+    """
+    place = frames.place(message.header.frame_id)
+    if place is None:
+        raise Refusal(Reason.FRAME, f"no transforms lead from {message.header.frame_id!r} to {frames.frame_id!r}")
+    return placed_order(leader.handle, place @ require_pose(message.pose), size=size, frames=frames)
+
+
+class Followers:
+    """Moves handles with their frames on /tf.
+
+    Args:
+        leaders: frames, of the handles.
+        size: of the body [m].
+        frames: finds them.
+        put: takes an order of an input.
+        refuse: takes the refusal of one.
+    """
+
+    def __init__(
+        self,
+        leaders: Iterable[Leader],
+        size: float,
+        frames: Frames,
+        put: Callable[[str, PoseOrder], None],
+        refuse: Callable[[str, Refusal], None],
+    ) -> None:
+        self._leaders, self._size, self._frames = list(leaders), size, frames
+        self._put, self._refuse = put, refuse
+        self._last: dict[str, PoseOrder] = {}
+
+    def look(self, *, anew: bool = False) -> None:
+        """Command each handle whose frame has moved since the last time; ``anew``: each whose frame is known."""
+        if anew:
+            self._last.clear()
+        for leader in self._leaders:
+            place: Placement | None = self._frames.place(leader.frame)
+            if place is None:
+                continue
+            try:
+                order = placed_order(leader.handle, place, size=self._size, frames=self._frames)
+                if order != self._last.get(leader.key):
+                    self._put(leader.key, order)
+                    self._last[leader.key] = order
+            except Refusal as refusal:
+                self._refuse(leader.key, refusal)

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames: those of a body, by name and place, and what others tell of theirs on /tf and /tf_static."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.node import interface
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.qos import installed, interface_class, qos_profile
+from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.scene.scene import Scene
+
+_UNREAD = 2000
+"""Messages of /tf that wait to be read; a frame that moves is told again long before as many others are."""
+_DEEPEST = 1000
+"""Frames between one and the root of its tree, beyond which they go round in a circle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where a frame is in another: origin (3,) [m] and the turn of its axes."""
+
+    origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    turn: Rotation = field(default_factory=Rotation.identity)
+
+    @classmethod
+    def of(cls, translation: Any, rotation: Any) -> Placement:
+        """Read it from a message: x, y, z [m] and a quaternion."""
+        turn = Rotation.from_quat([rotation.x, rotation.y, rotation.z, rotation.w])
+        return cls(np.array([translation.x, translation.y, translation.z]), turn)
+
+    def __matmul__(self, inner: Placement) -> Placement:
+        """Give where ``inner``, which is given in this frame, is in the frame that this one is given in."""
+        return Placement(self.origin + self.turn.apply(inner.origin), self.turn * inner.turn)
+
+    def inverse(self) -> Placement:
+        """Give where the other frame is in this one."""
+        back = self.turn.inv()
+        return Placement(-back.apply(self.origin), back)
+
+
+class Transforms:
+    """Listens to /tf and /tf_static; of each frame the latest transform counts.
+
+    Args:
+        node: that listens.
+        heard: called after each message.
+    """
+
+    def __init__(self, node: ManagedNode, heard: Callable[[], object] | None = None) -> None:
+        self._node, self._heard = node, heard
+        self._unread: deque[bytes] = deque(maxlen=_UNREAD)
+        self._fixed_unread: deque[bytes] = deque()
+        self._parents: dict[str, tuple[str, Placement]] = {}
+        self._lock = threading.Lock()
+        self._subscriptions = [
+            node.create_subscription(
+                interface_class(spec.type), spec.name, callback, qos_profile(spec.delivery), raw=True
+            )
+            for spec, callback in ((interface.TF, self._keep), (interface.TF_STATIC, self._keep_fixed))
+        ]
+
+    def destroy(self) -> None:
+        """Take the subscriptions off the graph."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def known(self) -> list[str]:
+        """Name the frames that were told of, sorted."""
+        with self._lock:
+            self._read()
+            return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
+
+    def find(self, source: str, target: str, own: Mapping[str, tuple[str, Placement]]) -> Placement | None:
+        """Give where ``source`` is in ``target``; None where no transforms lead there.
+
+        Args:
+            source: frame.
+            target: frame.
+            own: what the node itself knows: frame -> frame that it is given in, and its place there.
+        """
+        with self._lock:
+            self._read()
+            parents = {**self._parents, **own}
+        ways = _way_up(source, parents), _way_up(target, parents)
+        common = next((frame for frame in ways[0] if frame in ways[1]), None)
+        return None if common is None else ways[1][common].inverse() @ ways[0][common]
+
+    def _keep(self, data: bytes) -> None:
+        """Put a message aside: a robot tells of a hundred frames a hundred times a second, and few are asked for."""
+        self._unread.append(data)
+        if self._heard is not None:
+            self._heard()
+
+    def _keep_fixed(self, data: bytes) -> None:
+        self._fixed_unread.append(data)
+        if self._heard is not None:
+            self._heard()
+
+    def _read(self) -> None:
+        """Read what was put aside; needs the lock."""
+        kind = interface_class(interface.TF.type)
+        for waiting in (self._fixed_unread, self._unread):
+            while waiting:
+                for each in deserialize_message(waiting.popleft(), kind).transforms:
+                    told = each.header.frame_id, Placement.of(each.transform.translation, each.transform.rotation)
+                    self._parents[each.child_frame_id] = told
+
+
+def _way_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
+    """Give where a frame is in each frame above it, nearest first."""
+    way = {frame: Placement()}
+    while frame in parents and parents[frame][0] not in way and len(way) < _DEEPEST:
+        parent, placement = parents[frame]
+        way[parent] = placement @ way[frame]
+        frame = parent
+    return way
+
+
+class Frames:
+    """The frames of a body, and the way from others' to them.
+
+    All but the node's own begin with what stands before the last slash of its name, so that robots do not meet:
+    ``left/base_link`` has the handle ``left/tip``.
+
+    Args:
+        frame_id: the node's own: that of the rest shape.
+        scene: of the body; None: only names are asked for.
+        transforms: of others; None: none are known.
+
+    Attributes:
+        frame_id: as given.
+        positions: gives the present vertices (n, 3) [m].
+    """
+
+    def __init__(self, frame_id: str, scene: Scene | None = None, transforms: Transforms | None = None) -> None:
+        self.frame_id, self._scene, self.transforms = frame_id, scene, transforms
+        self._prefix = "/".join([*frame_id.split("/")[:-1], ""])
+        self.positions: Callable[[], NDArray[np.float64]] = lambda: scene.mesh.vertices
+
+    def rest(self, handle: str) -> str:
+        """Name the frame at the centre of a handle at rest, in which its pose and its target are given."""
+        return f"{self._prefix}{handle}_rest"
+
+    def centre(self, handle: str) -> str:
+        """Name the frame at the present centre of a handle, with the axes of the node's frame: that of its wrench."""
+        return f"{self._prefix}{handle}_centre"
+
+    def handle(self, handle: str) -> str:
+        """Name the frame that moves and turns with a handle, at its centre."""
+        return f"{self._prefix}{handle}"
+
+    def probe(self, probe: str) -> str:
+        """Name the frame that moves and turns with a material point."""
+        return f"{self._prefix}{probe}_probe"
+
+    @property
+    def moving(self) -> list[str]:
+        """Name the frames that ``places`` gives, in its order."""
+        handles = [name(handle.name) for handle in self._scene.handles for name in (self.centre, self.handle)]
+        return [*handles, *map(self.probe, self._scene.probes)]
+
+    def rests(self) -> dict[str, Placement]:
+        """Give where the centres of the handles are at rest, by frame."""
+        vertices = self._scene.mesh.vertices
+        return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._scene.handles}
+
+    def places(self, poses: Mapping[str, Pose], probes: Mapping[str, Pose]) -> list[Placement]:
+        """Give where the moving frames are, of poses of the handles relative to rest and of the material points."""
+        found = []
+        for handle in self._scene.handles:
+            pose = poses[handle.name]
+            origin = handle.centre(self._scene.mesh.vertices) + pose.translation
+            found += [Placement(origin), Placement(origin, Rotation.from_rotvec(pose.rotation))]
+        points = (probes[name] for name in self._scene.probes)
+        return found + [Placement(np.array(each.translation), Rotation.from_rotvec(each.rotation)) for each in points]
+
+    def place(self, frame: str) -> Placement | None:
+        """Give where any frame is in the node's; None where no transforms lead there."""
+        if frame in ("", self.frame_id):
+            return Placement()
+        return self.transforms and self.transforms.find(frame, self.frame_id, self._own())
+
+    def relative(self, frame: str, handle: str) -> Placement | None:
+        """Give where the frame of a command is in that of a handle at rest; None where it is the same, or an alias.
+
+        Raises:
+            Refusal: no transforms lead there.
+        """
+        rest = self.rest(handle)
+        if frame in ("", self.frame_id, rest):
+            return None
+        if self.transforms is None:
+            text = (
+                f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r} or {rest!r}, as a target is relative "
+                "to the handle's rest pose in these axes: transform it before it is sent, or have tf2_msgs installed"
+            )
+            raise Refusal(Reason.FRAME, text)
+        found = self.transforms.find(frame, rest, self._own())
+        if found is None:
+            text = (
+                f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r}, {rest!r} or a frame tied to "
+                f"them on /tf, which tells of {', '.join(self.transforms.known()) or 'none'}"
+            )
+            raise Refusal(Reason.FRAME, text)
+        return found
+
+    def _own(self) -> dict[str, tuple[str, Placement]]:
+        """Give what the node knows by itself; handles and points turn as their vertices did."""
+        rest, now = self._scene.mesh.vertices, self.positions()
+        own = {name: (self.frame_id, place) for name, place in self.rests().items()}
+        for handle in self._scene.handles:
+            centre = handle.centre(now)
+            arms = now[handle.vertices] - centre, rest[handle.vertices] - handle.centre(rest)
+            own[self.centre(handle.name)] = self.frame_id, Placement(centre)
+            own[self.handle(handle.name)] = self.frame_id, Placement(centre, Rotation.align_vectors(*arms)[0])
+        return own
+
+
+def transforms_installed() -> bool:
+    """Tell whether the messages of /tf are installed."""
+    return installed(interface.TF.type)

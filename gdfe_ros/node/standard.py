@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The services of ``simulation_interfaces``, as Gazebo and Isaac Sim answer them, where that package is installed.
+
+They do what the node's own services do; names are those of the interfaces, below the node's.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from enum import IntEnum
+from typing import Any
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node import interface
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.qos import installed, interface_class
+from gdfe_ros.node.session import Session
+
+
+class _Result(IntEnum):
+    """Of ``simulation_interfaces/msg/Result``, whose versions name them differently; over 100: of a service."""
+
+    UNSUPPORTED = 0
+    OK = 1
+    INCORRECT_STATE = 3
+    FAILED = 4
+    ALREADY = 101
+
+
+class _State(IntEnum):
+    """States of ``simulation_interfaces/msg/SimulationState``."""
+
+    STOPPED = 0
+    PLAYING = 1
+    PAUSED = 2
+    QUITTING = 3
+    INITIALIZING = 4
+
+
+_FEATURES = (20, 24, 25, 26, 31, 32, 33)
+"""Reset; state read, set, paused; one step, several, as an action."""
+_TIME, _STATE, _SPAWNED = 1, 2, 4
+"""Bits of the scope of a reset; 0 means all."""
+
+
+class StandardServices:
+    """Answers the standard services; nothing happens where they are not installed.
+
+    Args:
+        node: that offers them.
+        session: gives what runs, or None.
+        quit: ends the process; None: it is not this node's to end.
+    """
+
+    def __init__(self, node: ManagedNode, session: Callable[[], Session | None], quit: threading.Event | None) -> None:
+        self._node, self._session, self._quit = node, session, quit
+        self._at_start = False
+        if not installed(interface.STEP_SIMULATION.type):
+            return
+        offered = {
+            interface.GET_FEATURES: self._features,
+            interface.GET_STATE: self._get_state,
+            interface.SET_STATE: self._set_state,
+            interface.RESET_SIMULATION: self._reset,
+            interface.STEP_SIMULATION: self._step,
+        }
+        for spec, answer in offered.items():
+            node.offer(interface_class(spec.type), spec.name, answer)
+        self._offer_action()
+
+    def _features(self, request: Any, response: Any) -> Any:
+        # The only field, which versions of the package name differently.
+        features = getattr(response, next(iter(response.get_fields_and_field_types())))
+        features.features = list(_FEATURES)
+        features.custom_info = (
+            "soft bodies; one scene, loaded by the transition configure; see also ~/step, ~/save_state"
+        )
+        return response
+
+    def _get_state(self, request: Any, response: Any) -> Any:
+        response.state.state = int(self._state())
+        response.result.result = int(_Result.OK)
+        return response
+
+    def _state(self) -> _State:
+        """Give the state: stopped is paused at rest, time 0."""
+        session, label = self._session(), self._node.lifecycle_state
+        if session is None:
+            return _State.INITIALIZING if label == "configuring" else _State.STOPPED
+        if not session.stepper.running:
+            return _State.STOPPED
+        if not session.stepper.paused:
+            self._at_start = False
+            return _State.PLAYING
+        return _State.STOPPED if self._at_start and session.simulation.time == 0.0 else _State.PAUSED
+
+    def _set_state(self, request: Any, response: Any) -> Any:
+        wanted, session = request.state.state, self._session()
+        if wanted == _State.QUITTING and self._quit is not None:
+            self._quit.set()
+            return _done(response)
+        if wanted not in (_State.STOPPED, _State.PLAYING, _State.PAUSED):
+            return _failed(response, _Result.UNSUPPORTED, f"state {wanted} cannot be set here")
+        if session is None or not session.stepper.running:
+            return _failed(response, _Result.INCORRECT_STATE, self._inactive())
+        if wanted == self._state():
+            return _failed(response, _Result.ALREADY, f"the simulation is {_State(wanted).name.lower()} already")
+        if wanted == _State.PLAYING:
+            session.stepper.pause(False)
+            return _done(response)
+        session.interrupt("set_simulation_state ended it")
+        session.stepper.pause(True)
+        self._at_start = wanted == _State.STOPPED
+        return self._later(session.stepper.post(session.reset), response) if self._at_start else _done(response)
+
+    def _reset(self, request: Any, response: Any) -> Any:
+        session, scope = self._session(), request.scope or 255
+        if session is None:
+            return _failed(response, _Result.INCORRECT_STATE, self._inactive())
+        whole = scope & (_TIME | _STATE)
+        if whole not in (0, _TIME | _STATE):
+            return _failed(response, _Result.UNSUPPORTED, f"scope {scope}: time and state are reset together only")
+        if not whole:  # only what was spawned, which is nothing
+            return _done(response)
+        session.interrupt("reset_simulation ended it")
+        return self._later(session.stepper.post(session.reset), response)
+
+    def _step(self, request: Any, response: Any) -> Any:
+        try:
+            return self._later(self._walk(request.steps), response)
+        except GdfeError as error:
+            return _failed(response, _Result.FAILED, str(error))
+
+    def _walk(self, steps: int, told: Callable[[int], None] | None = None) -> Future[str]:
+        session = self._session()
+        if session is None or not session.stepper.running:
+            raise GdfeError(self._inactive())
+        if steps < 1:
+            raise GdfeError(f"steps is {steps}; allowed: 1 or more")
+        return session.take_steps(steps, told)
+
+    def _inactive(self) -> str:
+        return f"the node is {self._node.lifecycle_state}; call the transitions `configure` and `activate` first"
+
+    def _later(self, work: Future[Any], response: Any) -> Future[Any]:
+        """Answer when the work is done."""
+        answer: Future = Future()
+
+        def respond(done: Future[Any]) -> None:
+            error = done.exception()
+            answer.set_result(_done(response) if error is None else _failed(response, _Result.FAILED, str(error)))
+
+        work.add_done_callback(respond)
+        return answer
+
+    def _offer_action(self) -> None:
+        from rclpy.action import ActionServer, CancelResponse
+
+        kind, name = interface_class(interface.SIMULATE_STEPS.type), interface.SIMULATE_STEPS.name
+        self._action = ActionServer(
+            self._node,
+            kind,
+            name,
+            execute_callback=lambda goal: kind.Result(),
+            handle_accepted_callback=self._accept,
+            cancel_callback=lambda goal: self._cancel() or CancelResponse.ACCEPT,
+        )
+
+    def _cancel(self) -> None:
+        session = self._session()
+        if session is not None:
+            session.interrupt("simulate_steps was cancelled")
+
+    def _accept(self, goal: Any) -> None:
+        """Make the steps of a goal, each told as feedback, and give its result when they are made."""
+        kind, steps = interface_class(interface.SIMULATE_STEPS.type), goal.request.steps
+
+        def tell(done: int) -> None:
+            goal.publish_feedback(kind.Feedback(completed_steps=done, remaining_steps=steps - done))
+
+        def finish(error: BaseException | None) -> None:
+            def conclude(goal: Any) -> Any:
+                result = kind.Result()
+                if error is None:
+                    goal.succeed()
+                    return _done(result)
+                (goal.canceled if goal.is_cancel_requested else goal.abort)()
+                return _failed(result, _Result.FAILED, str(error))
+
+            goal.execute(conclude)
+
+        try:
+            self._walk(steps, tell).add_done_callback(lambda done: finish(done.exception()))
+        except GdfeError as error:
+            finish(error)
+
+
+def _done(response: Any) -> Any:
+    response.result.result = int(_Result.OK)
+    return response
+
+
+def _failed(response: Any, result: _Result, text: str) -> Any:
+    response.result.result, response.result.error_message = int(result), text
+    return response

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Handles that follow: a topic's pose, as of the example's arm; frames are in test_frames.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.examples.carrying_arm import CarryingArm, joints_at, tool_at
+from gdfe_ros.node.following import leaders_of
+from gdfe_ros.scene.loader import load_scene
+from gdfe_ros.testing import Simulator
+
+WEIGHT = {"gravity": [0.0, 0.0, -9.81]}
+FOLLOW = "wrist=topic:/carrying_arm/tool_pose"
+
+
+class _Watched(CarryingArm):
+    """Keeps the joints that were told."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self.told: list[JointState] = []
+        self.create_subscription(JointState, "~/joint_states", self.told.append, 100)
+
+
+def test_the_arm_begins_where_the_wrist_is() -> None:
+    """Take the first and the lowest pose: the tool is at the origin unturned, then hangs."""
+    origin, turn = tool_at(joints_at(0.0))
+    np.testing.assert_allclose(origin, 0.0, atol=1e-12)
+    assert turn.magnitude() == 0.0
+    _, turn = tool_at(joints_at(0.5))
+    assert turn.apply([1.0, 0.0, 0.0])[2] < -0.9
+
+
+def test_the_gripper_hangs_on_the_arm(tmp_path: Any) -> None:
+    """Carry the gripper for ten steps: the wrist is where the tool was told to be, and bears the weight."""
+    parameters = {"follow": [FOLLOW]}
+    scene = {"loads.weight": WEIGHT, "solver.tolerance": 1e-5}
+    bag = tmp_path / "bag"
+    with Simulator(
+        "gripper", overrides=scene, parameters=parameters, inputs=["handles/wrist/follow"], bag=bag
+    ) as simulator:
+        own = {"rate": 20.0, "period": 4.0}
+        arm = _Watched(
+            context=simulator.context,
+            parameter_overrides=[Parameter(name, value=value) for name, value in own.items()],
+        )
+        states = simulator.spin(arm, steps=10)
+        told = [tool_at(tuple(message.position)) for message in arm.told]
+        arm.destroy_node()
+        mesh, materials = simulator.scene.mesh, simulator.scene.materials.values()
+        density = np.array([material.density for material in materials])[simulator.scene.cell_material]
+    weight = 9.81 * float(density @ _volumes(mesh))
+    for state in states:
+        wrist = state.poses["wrist"]
+        origin, turn = min(told, key=lambda pose: np.linalg.norm(pose[0] - wrist.translation))
+        np.testing.assert_allclose(wrist.translation, origin, atol=1e-9)
+        assert (Rotation.from_rotvec(wrist.rotation) * turn.inv()).magnitude() < 1e-9
+        np.testing.assert_allclose(state.wrenches["wrist"][:3], [0.0, 0.0, weight], atol=0.05 * weight)
+    assert np.linalg.norm(states[-1].poses["wrist"].rotation) > 0.0
+    assert Replay(BagRun(bag)).run().verdict().value == "bit-identical"
+
+
+def _volumes(mesh: Any) -> np.ndarray:
+    """Give the volumes of cells that are cuboids (m,) [m^3]."""
+    corners = mesh.vertices[mesh.cells]
+    return np.ptp(corners, axis=1).prod(axis=1)
+
+
+@pytest.mark.parametrize(
+    ("entry", "scene", "said"),
+    [
+        ("tip", "bend5", "allowed: handle=topic:/name or handle=frame:name"),
+        ("tip=pose:x", "bend5", "allowed: handle=topic:/name or handle=frame:name"),
+        ("tipp=topic:/x", "bend5", "no handle 'tipp', but base, tip"),
+        ("base=topic:/x", "bend5", "put handles.base.fixed=false into scene_overrides"),
+        ("tip=frame:tool0", "bend5", "frames need tf2_msgs, which is not installed"),
+    ],
+)
+def test_a_wrong_leader_is_refused(entry: str, scene: str, said: str) -> None:
+    """Name a leader wrongly: what is wrong, and what is allowed."""
+    with pytest.raises(GdfeError, match=said):
+        leaders_of([entry], load_scene(scene), listening=False)
+
+
+def test_a_plate_has_one_leader() -> None:
+    """Give a handle two: the second is refused."""
+    with pytest.raises(GdfeError, match="handle 'tip' follows topic /x already"):
+        leaders_of(["tip=topic:/x", "tip=topic:/y"], load_scene("bend5"), listening=False)

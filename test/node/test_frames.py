@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames on /tf: those that the node tells of, and those that commands and handles follow.
+
+tf2_msgs is not among the wheels of ROS: where it is not installed, its messages are built from their definition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from scipy.spatial.transform import Rotation
+
+QUARTER = Rotation.from_euler("z", 90.0, degrees=True)
+_LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class _Tree:
+    """Tells of frames and hears of them, with the messages of tf2."""
+
+    def __init__(self, client: Any) -> None:
+        from tf2_msgs.msg import TFMessage
+
+        self._kind, self._client, self.heard = TFMessage, client, {}
+        node = client.node
+        for topic, qos in (("/tf", 100), ("/tf_static", _LATCHED)):
+            node.create_subscription(TFMessage, topic, lambda message: self._hear(message.transforms), qos)
+        self._publishers = [node.create_publisher(TFMessage, "/tf", 100)]
+        self._publishers.append(node.create_publisher(TFMessage, "/tf_static", _LATCHED))
+
+    def tell(self, parent: str, child: str, *, origin: Iterable[float], turn: Rotation, fixed: bool = False) -> None:
+        transform = TransformStamped(child_frame_id=child)
+        transform.header.frame_id = parent
+        _put(transform.transform.translation, transform.transform.rotation, origin, turn)
+        self._publishers[fixed].publish(self._kind(transforms=[transform]))
+
+    def _hear(self, transforms: Iterable[TransformStamped]) -> None:
+        for each in transforms:
+            self.heard[each.child_frame_id] = each
+
+
+def _put(place: Any, quaternion: Any, origin: Iterable[float], turn: Rotation) -> None:
+    place.x, place.y, place.z = map(float, origin)
+    quaternion.x, quaternion.y, quaternion.z, quaternion.w = map(float, turn.as_quat())
+
+
+def _pose(frame: str, origin: Iterable[float], turn: Rotation) -> PoseStamped:
+    message = PoseStamped()
+    message.header.frame_id = frame
+    _put(message.pose.position, message.pose.orientation, origin, turn)
+    return message
+
+
+def _vector(value: Any) -> list[float]:
+    return [value.x, value.y, value.z]
+
+
+def test_plates_are_told_on_tf(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
+    """Lift and turn the tip: /tf and /tf_static tie the frames of all headers to the node's; wrenches agree."""
+    interfaces("tf2_msgs")
+    tree, felt = _Tree(client), []
+    client.node.create_subscription(WrenchStamped, client.full("handles/tip/force_torque"), felt.append, _LATCHED)
+    start(**coarse, clock="lockstep", frame_id="left/base_link", publish_clock=True)
+    client.wait(lambda: felt and "left/tip" in tree.heard)
+    client.target(0.1, turn=(0.0, 0.3, 0.0))
+    client.wait_steps(2)
+    client.wait(lambda: felt[-1].header.stamp.nanosec and tree.heard["left/tip"].header.stamp == felt[-1].header.stamp)
+    wrench = client.arrived("handles/tip/wrench", felt[-1].header.stamp)
+    pose = client.arrived("handles/tip/pose", felt[-1].header.stamp)
+    named = {message[-1].header.frame_id for name, message in client.received.items() if name.startswith("handles")}
+    assert {*named, felt[-1].header.frame_id} == {"left/tip_rest", "left/tip_centre", "left/tip"} <= set(tree.heard)
+    assert {each.header.frame_id for each in tree.heard.values()} == {"left/base_link"}
+    handle = tree.heard["left/tip"].transform
+    centre = client.meshes()[-1][client.meshes()[0][:, 0] > client.meshes()[0][:, 0].max() - 1e-6, :3].mean(axis=0)
+    np.testing.assert_allclose(_vector(handle.translation), centre, atol=1e-6)
+    rest = _vector(tree.heard["left/tip_rest"].transform.translation)
+    np.testing.assert_allclose(_vector(handle.translation), np.add(rest, _vector(pose.pose.position)), atol=1e-12)
+    turn = handle.rotation
+    np.testing.assert_allclose([turn.x, turn.y, turn.z, turn.w], Rotation.from_rotvec([0, 0.3, 0]).as_quat(), atol=1e-9)
+    back = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).inv()
+    for part in ("force", "torque"):
+        given, read = (_vector(getattr(message.wrench, part)) for message in (wrench, felt[-1]))
+        np.testing.assert_allclose(read, -back.apply(given), atol=1e-9)
+    assert felt[-1].wrench.force != wrench.wrench.force
+
+
+def test_commands_in_other_frames_are_transformed(
+    client: Any, start: Callable, coarse: dict, interfaces: Callable
+) -> None:
+    """Tie odom to the node's frame: a target there is a place, a velocity has its axes; unknown frames are refused."""
+    interfaces("tf2_msgs")
+    tree = _Tree(client)
+    process = start(**coarse, clock="lockstep")
+    client.wait(lambda: "tip_rest" in tree.heard)
+    rest = np.array(_vector(tree.heard["tip_rest"].transform.translation))
+    client.publish("handles/tip/target", _pose("map", [0, 0, 0], QUARTER))
+    client.wait(lambda: client.diagnostics().get("refused: other frame") == "1")
+    assert "header.frame_id is 'map'; allowed: empty, 'base_link', 'tip_rest' or a frame tied" in process.log
+    # The node's frame lies at (1, 2, 3) in odom, turned by a quarter about z.
+    tree.tell("odom", "base_link", origin=[1.0, 2.0, 3.0], turn=QUARTER, fixed=True)
+    wanted = np.add(rest, [0.0, 0.01, 0.05])
+    place = np.add([1.0, 2.0, 3.0], QUARTER.apply(wanted))
+    turn = Rotation.from_rotvec([0.0, 0.2, 0.0])
+    step = len(client.records())
+
+    def carried_out() -> bool:
+        client.publish("handles/tip/target", _pose("odom", place, QUARTER * turn))
+        client.spin(0.2)
+        return len(client.records()) > step
+
+    client.wait(carried_out)
+    tip = client.records()[-1].handles["tip"]
+    np.testing.assert_allclose(tip.translation, [0.0, 0.01, 0.05], atol=1e-9)
+    np.testing.assert_allclose(tip.rotation, [0.0, 0.2, 0.0], atol=1e-9)
+    client.wait(lambda: int(client.diagnostics()["commands taken"]) == len(client.records()) - 1)
+    count = len(client.records())
+    twist = TwistStamped()
+    twist.header.frame_id, twist.twist.linear.x = "odom", 1.0
+    client.publish("handles/tip/velocity", twist)
+    client.wait_steps(count + 1)
+    moved = np.subtract(client.records()[-1].handles["tip"].translation, tip.translation)
+    np.testing.assert_allclose(moved, [0.0, -0.01, 0.0], atol=1e-9)
+
+
+def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
+    """Hold the tip at a frame: it moves with it, other commands are refused, and a reset brings it back there."""
+    from std_srvs.srv import Trigger
+
+    interfaces("tf2_msgs")
+    tree = _Tree(client)
+    process = start(**coarse, follow=["tip=frame:tool0"])
+    client.wait(lambda: "tip_rest" in tree.heard)
+    assert client.status()["tip follows"] == "frame tool0, not heard yet"
+    rest = np.array(_vector(tree.heard["tip_rest"].transform.translation))
+    turn = Rotation.from_rotvec([0.0, 0.1, 0.0])
+    for z in (0.02, 0.05):
+        tree.tell("base_link", "tool0", origin=np.add(rest, [0.0, 0.0, z]), turn=turn)
+        client.wait(lambda z=z: client.received["handles/tip/pose"][-1].pose.position.z == pytest.approx(z))
+    assert client.received["handles/tip/pose"][-1].pose.orientation.y == pytest.approx(np.sin(0.05))
+    client.publish("handles/tip/target", _pose("", [0, 0, 0.1], turn))
+    client.wait(lambda: client.diagnostics().get("refused: handle follows") == "1")
+    assert "handle 'tip' follows frame tool0 and takes no commands" in process.log
+    assert client.call(Trigger, "reset", Trigger.Request()).success
+    after = len(client.received["handles/tip/pose"])
+    client.wait(lambda: len(client.received["handles/tip/pose"]) > after)
+    client.wait(lambda: client.received["handles/tip/pose"][-1].pose.position.z == pytest.approx(0.05))
+    assert client.status()["tip follows"] == "frame tool0"
