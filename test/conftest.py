@@ -27,8 +27,8 @@ _LOCKS: list[socket.socket] = []
 TESTS = Path(__file__).parent
 WAITING = ("packaging", "examples", "node", "testing", "launch", "analysis", "recording", "benchmarks", "commands")
 """Rooms whose tests wait for other processes: begun first, those that compute fill the gaps and the end."""
-APART = ("materials", "mesh", "packaging", "recording")
-"""Rooms whose tests solve nothing."""
+APART = ("materials", "mesh", "packaging")
+"""Rooms whose tests neither solve nor start nodes."""
 
 
 def _domain() -> str:
@@ -79,19 +79,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: WAITING.index(_room(item.path)) if _room(item.path) in WAITING else len(WAITING))
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _fork_nodes() -> None:
-    """Fork nodes off a process of each worker that has imported all they need."""
-    from gdfe_ros.testing import forking
-
-    forking.prepare()
-
-
 @pytest.fixture(autouse=True)
-def _await_kernels(request: pytest.FixtureRequest) -> None:
-    """Begin a test that solves when the kernels are compiled."""
+def _prepare(request: pytest.FixtureRequest) -> None:
+    """Begin a test that solves or starts nodes when all is ready for it."""
     if _room(request.path) not in APART:
         request.getfixturevalue("kernels")
+        request.getfixturevalue("forks")
 
 
 @pytest.fixture(scope="session")
@@ -102,6 +95,14 @@ def kernels() -> None:
     with Path(tempfile.gettempdir(), f"gdfe_ros_kernels_{zlib.crc32(str(TESTS).encode())}").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         Simulation(load_scene("bend5")).warm_up()
+
+
+@pytest.fixture(scope="session")
+def forks() -> None:
+    """Have nodes forked off a process that has made their imports."""
+    from gdfe_ros.testing import forking
+
+    forking.prepare()
 
 
 def _room(path: Path) -> str:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes that are forked off a process which has imported all that they need.
+"""Nodes that are forked off a process which has imported all that they need, and loaded their kernels.
 
-A fresh ``sim_node`` takes seconds for its imports. After ``prepare`` each later ``NodeProcess`` starts in a fraction of
-that; it is a process of its own as before, with its own log, signals and exit status. For the conftest.py of tests that
+A fresh ``sim_node`` takes seconds for that. After ``prepare`` each later ``NodeProcess`` starts in a fraction of the
+time; it is a process of its own as before, with its own log, signals and exit status. For the conftest.py of tests that
 start many nodes.
 """
 
@@ -16,14 +16,14 @@ from collections.abc import Mapping, Sequence
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
 
-_PRELOAD = ("gdfe_ros.node.sim_node", "gdfe_ros.node.process", "cholespy")
+_PRELOAD = "gdfe_ros.testing.preloaded"
 _SERVER: list[ForkServerContext] = []
 
 
 def prepare() -> None:
     """Fork all nodes that this process starts from now on; variables that numba reads must be set by then."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(list(_PRELOAD))
+    context.set_forkserver_preload([_PRELOAD])
     _SERVER[:] = [context]
 
 

@@ -73,7 +73,7 @@ def bag(ros: Any, start: Callable[..., subprocess.Popen], tmp_path: Path) -> Pat
         goal.publish(message)
         wait(step + 1)
     process.send_signal(signal.SIGINT)
-    assert process.wait(60) == 0
+    assert process.wait(300) == 0
     return tmp_path / "bag"
 
 

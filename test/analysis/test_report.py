@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from selenium import webdriver
+from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
@@ -59,15 +60,19 @@ def browser() -> Iterator[webdriver.Chrome]:
     options.binary_location = program
     for option in _OPTIONS:
         options.add_argument(option)
+    options.page_load_strategy = "none"  # no request waits for the page: on a busy machine it would time out
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    chrome.set_script_timeout(100.0)  # below the 120 s after which a request counts as lost
     yield chrome
     chrome.quit()
 
 
 def _open(browser: webdriver.Chrome, page: Path) -> None:
     browser.get(page.as_uri())
-    WebDriverWait(browser, _PATIENCE).until(lambda chrome: chrome.execute_script("return document.body.dataset.ready"))
+    ready = "return document.body && document.body.dataset.ready"
+    wait = WebDriverWait(browser, _PATIENCE, ignored_exceptions=[TimeoutException])
+    wait.until(lambda chrome: chrome.execute_script(ready))
 
 
 def _drawn(browser: webdriver.Chrome, axis: str) -> np.ndarray:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -17,24 +18,36 @@ from sensor_msgs.msg import PointCloud2
 from gdfe_ros.examples.tip_tracking import TipTracking
 from gdfe_ros.testing import Simulator
 
+PATIENT = 300.0
+"""Longer than any step or Jacobian takes on a busy machine [s]: nothing is asked for twice but what was lost."""
+
 
 class Forgetful(TipTracking):
-    """Loses poses and commands on purpose."""
+    """Loses poses and commands on purpose; its patience then ends at once.
 
-    lost = calls = 0
+    Poses and commands are counted apart: which are lost does not depend on when they come.
+    """
+
+    lost = 0
+
+    def __init__(self, **options: Any) -> None:
+        self._counts: Counter[str] = Counter()
+        super().__init__(**options)
 
     def _take_pose(self, message: PoseStamped) -> None:
-        if self._keep(3):
+        if self._keep("pose", 3):
             super()._take_pose(message)
 
     def _send(self, command: Any) -> None:
-        if self._keep(5):
+        if self._keep("command", 5):
             super()._send(command)
 
-    def _keep(self, every: int) -> bool:
-        self.calls += 1
-        lose = self._start is not None and self.calls % every == 0
-        self.lost += lose
+    def _keep(self, what: str, every: int) -> bool:
+        self._counts[what] += self._start is not None
+        lose = self._start is not None and self._counts[what] % every == 0
+        if lose:
+            self.lost += 1
+            self._waiting_since = time.monotonic() - PATIENT
         return not lose
 
 
@@ -42,7 +55,7 @@ def test_the_controller_node_leads_the_tip_round() -> None:
     """Spin the node for 40 steps of a circle of 100: it stays within 5 % of the radius."""
     overrides = {"solver.tolerance": 1e-6}
     with Simulator("three_chamber_arm", overrides=overrides, inputs=[]) as simulator:
-        parameters = {"simulation": simulator.name, "period": 1.0, "radius": 0.005}
+        parameters = {"simulation": simulator.name, "period": 1.0, "radius": 0.005, "patience": PATIENT}
         node = TipTracking(
             context=simulator.context,
             parameter_overrides=[Parameter(name, value=value) for name, value in parameters.items()],
@@ -60,7 +73,7 @@ def test_the_controller_keeps_up_with_the_wall_clock() -> None:
     """
     parameters = {"clock": "wall", "publish_clock": True}
     with Simulator("three_chamber_arm", parameters=parameters, inputs=[]) as simulator:
-        own = {"simulation": simulator.name, "period": 2.0, "radius": 0.005}
+        own = {"simulation": simulator.name, "period": 2.0, "radius": 0.005, "patience": PATIENT}
         node = TipTracking(
             context=simulator.context,
             parameter_overrides=[Parameter(name, value=value) for name, value in own.items()],
@@ -81,17 +94,16 @@ def _keeps_up(errors: list[float]) -> bool:
 def test_the_controller_bears_lost_messages() -> None:
     """Drop every third pose and every fifth command: it asks again where nothing comes, and stays near the goal."""
     with Simulator("three_chamber_arm", inputs=[]) as simulator:
-        own = {"simulation": simulator.name, "period": 2.0, "radius": 0.005, "patience": 1.0}
+        own = {"simulation": simulator.name, "period": 2.0, "radius": 0.005, "patience": PATIENT}
         node = Forgetful(
             context=simulator.context,
             parameter_overrides=[Parameter(name, value=value) for name, value in own.items()],
         )
-        simulator.spin(node, steps=24)
+        simulator.spin(node, steps=40)
         node.destroy_node()
     assert node.lost > 5
-    # How many are lost in a row depends on when it asks again: it may fall some steps behind, and makes up for it.
-    assert np.median(node.errors) < 0.1 * 0.005
-    assert max(node.errors) < 0.5 * 0.005
+    # Where something is lost, the tip falls some steps behind its goal, and makes up for it.
+    assert _keeps_up(node.errors)
 
 
 def test_two_robots_publish_from_one_process(ros: Any) -> None:

@@ -133,16 +133,15 @@ def test_a_second_node_and_a_second_clock_are_told(client: Any, start: Callable,
 @pytest.mark.parametrize(
     ("arguments", "status", "said"),
     [
-        (["--help"], 0, "usage: sim_node"),
-        (["--help"], 0, "command_set"),
-        (["bend5"], 2, "unknown arguments bend5"),
-        (["--ros-args", "--params-file", "/nonexistent.yaml"], 2, "/nonexistent.yaml"),
-        (["--ros-args", "--params-file", "BROKEN"], 2, "params file"),
-        (["--ros-args", "-p", "rate:=fast"], 2, "rate"),
+        (["--help"], 0, ["usage: sim_node", "command_set"]),
+        (["bend5"], 2, ["unknown arguments bend5"]),
+        (["--ros-args", "--params-file", "/nonexistent.yaml"], 2, ["/nonexistent.yaml"]),
+        (["--ros-args", "--params-file", "BROKEN"], 2, ["params file"]),
+        (["--ros-args", "-p", "rate:=fast"], 2, ["rate"]),
     ],
 )
 def test_bad_arguments_end_with_a_line_not_a_traceback(
-    tmp_path: Path, arguments: list[str], status: int, said: str
+    tmp_path: Path, arguments: list[str], status: int, said: list[str]
 ) -> None:
     """Start with help, unknown arguments, parameter files that are missing or broken: a clear text, no traceback."""
     broken = tmp_path / "broken.yaml"
@@ -151,6 +150,6 @@ def test_bad_arguments_end_with_a_line_not_a_traceback(
     command = [sys.executable, "-m", "gdfe_ros.node", *given]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == status, done.stderr
-    assert said in done.stdout + done.stderr
+    assert all(words in done.stdout + done.stderr for words in said)
     assert "Traceback" not in done.stderr
     assert "/project/src" not in done.stderr.replace("[ERROR]", "")
