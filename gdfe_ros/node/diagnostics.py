@@ -17,6 +17,8 @@ from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.session import Session
 from gdfe_ros.node.strays import Doubles
 
+_LONG = 0.5
+"""Time from which on work is told of [s]."""
 _OK, _WARN, _ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -137,9 +139,11 @@ class Diagnostics:
 
 def _work(session: Session) -> dict[str, object]:
     """Tell what takes long at the moment."""
-    work, walk = session.stepper.work, session.walk
-    if work is not None:
-        return {"working on": f"{work[0]}, for {time.monotonic() - work[1]:.1f} s"}
+    stepper, walk = session.stepper, session.walk
+    work, rounds = stepper.work, stepper.rounds
+    if work is not None and (spent := time.monotonic() - work[1]) > _LONG:
+        walked = f"~/step: {walk}; " if walk is not None and walk.going else ""
+        return {"working on": f"{walked}{work[0]}, for {spent:.1f} s, {rounds} rounds of iterations"}
     return {"working on": f"~/step: {walk}"} if walk is not None and walk.going else {}
 
 

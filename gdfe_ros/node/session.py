@@ -278,7 +278,8 @@ class Session:
             handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
             actuators = {name: old.commands[name] for name in old.actuator_names}
             loads = {load.name: old.commands[load.name] for load in old.scene.loads}
-            changed.step(Command(handles=handles, actuators=actuators, loads=loads), dt=_LONG)
+            command = Command(handles=handles, actuators=actuators, loads=loads)
+            changed.step(command, dt=_LONG, interrupted=self.stepper.must_end)
             changed.time = old.time
             self.simulation = changed
             self.outputs.replace(changed.scene, self.stepper.log_time)

@@ -27,6 +27,8 @@ from gdfe_ros.threads import STEPPER, show_name
 
 _Value = TypeVar("_Value")
 
+_GRACE = 0.5
+"""Time after which a solve is ended where somebody waits for its end [s]; a shorter one comes to its equilibrium."""
 _MOST_RETRIES = 20
 """Steps without a new command that go on from a state that did not converge, other than for a deadline."""
 
@@ -69,7 +71,8 @@ class Stepper:
         count: steps made.
         begin: what the next step starts from.
         log_time: of the last step [ns].
-        work: what is done between two steps, and since when (monotonic) [s]; None: nothing that takes long.
+        work: what is done, and since when (monotonic) [s]; None: nothing.
+        rounds: of iterations that the solve in progress has made.
         solving: wall time spent in solves so far [s].
         spent: wall time spent on steps so far, solves included [s].
     """
@@ -80,6 +83,8 @@ class Stepper:
         self.count = self.log_time = 0
         self.begin = Begin.REST
         self.work: tuple[str, float] | None = None
+        self.rounds = 0
+        self._urgent: set[Future] = set()
         self.solving = self.spent = 0.0
         self._origin = 0
         self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
@@ -111,7 +116,7 @@ class Stepper:
             self.changed.notify_all()
 
     def stop(self) -> None:
-        """End the thread after the step in progress; nothing happens where it does not run."""
+        """End the thread after the step in progress, which is cut where it takes long; no matter if it does not run."""
         if self._thread is None:
             return
         with self.changed:
@@ -124,14 +129,18 @@ class Stepper:
         """Run a function between two steps and return what it returns, or raise what it raises."""
         return self.post(function).result()
 
-    def post(self, function: Callable[[], _Value], what: str = "") -> Future[_Value]:
+    def post(self, function: Callable[[], _Value], what: str = "", *, urgent: bool = False) -> Future[_Value]:
         """Have a function run between two steps, after those that wait; where the thread does not run, at once.
 
-        While it runs, ``work`` says ``what`` it does, for those who wonder why no step is made.
+        While it runs, ``work`` says ``what`` it does, for those who wonder why no step is made. An urgent one, which
+        makes an end of what is being solved, cuts a solve that takes long.
         """
         future: Future = Future()
+        if urgent:
+            self._urgent.add(future)
 
         def tell_and_run() -> _Value:
+            self._urgent.discard(future)
             self.work = (what, time.monotonic()) if what else None
             try:
                 return function()
@@ -148,6 +157,11 @@ class Stepper:
                 self._jobs.append((tell_and_run, future))
                 self.changed.notify_all()
         return future
+
+    def must_end(self) -> bool:
+        """Tell a solve, which asks after each round of iterations, whether somebody waits for its end."""
+        self.rounds += 1
+        return bool(self._stopping or self._urgent) and time.monotonic() - self.work[1] > _GRACE
 
     def pause(self, paused: bool) -> None:
         """Hold the stepping, or let it go on."""
@@ -253,12 +267,15 @@ class Stepper:
             command = self._drive.command(orders, time=simulation.time + dt, dt=min(dt, hooks.stride()))
         stamp, place = hooks.stamp(simulation.time + dt), hooks.cut_after()
         limits = {"deadline": hooks.deadline() or None, "cut_after": place if place >= 0 else None}
+        limits["interrupted"] = self.must_end
+        self.work, self.rounds = (f"a step to {simulation.time + dt:.9g} s", time.monotonic()), 0
         try:
             result = simulation.step(command, dt=dt, **limits)
         except CommandError as error:
             hooks.refused(error)
             command = Command()
             result = simulation.step(command, dt=dt, **limits)
+        self.work = None
         if not np.isfinite(result.positions).all():
             raise GdfeError(f"step {self.count} gave positions that are not finite numbers: {result.message}")
         record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
