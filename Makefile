@@ -1,6 +1,8 @@
 # make run [SCENE=bend5]  install, simulate, record, draw        make test  lint, format, tests
 # make install            .venv with the commands gdfe, sim_node
+# make test-loaded        the tests five times beside two busy loops
 # make torture            the numerical torture test             make bench run time against error
+# make bench-since COMMIT=...   run times over those of another commit, in turn
 # make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
 # make manners            the node asked from outside: a table of what was expected and found
 # make bags               record bags/ anew and replay them        make docs build/site from docs/
@@ -10,7 +12,9 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 PYTHON ?= python3
 SCENE  ?= bend5
-JOBS   ?= 2
+# Workers of the tests, two a core: many tests wait for other processes.
+JOBS   ?= 4
+PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 # With a ROS 2 sourced, its rclpy serves and the wheels are left out; the stamp's name remembers which it was.
 ifdef ROS_DISTRO
@@ -27,7 +31,7 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run test browser torture manners bench bench-node bench-skip bench-sweep bags docs clean
+.PHONY: install run test test-loaded browser torture manners bench bench-node bench-since bench-skip bench-sweep bags docs clean
 
 install: $(STAMP)
 
@@ -80,8 +84,11 @@ test: $(VENV)/.extra-test $(VENV)/.extra-docs browser
 	@status=0; \
 	$(BIN)/ruff check . || status=1; \
 	$(BIN)/ruff format --check . || status=1; \
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile || status=1; \
+	$(BIN)/python -m pytest $(PARALLEL) || status=1; \
 	exit $$status
+
+test-loaded: $(VENV)/.extra-test $(VENV)/.extra-docs browser
+	@$(BIN)/python test/loaded.py $(PARALLEL)
 
 # Half an hour, most of it three walks of 100 000 steps; TORTURE_WALK_STEPS=1000 shortens them.
 # TORTURE_EXAMPLES=2500 makes the fuzzing of test/torture long: pytest test/torture/test_fuzz_scenes.py
@@ -98,10 +105,16 @@ bench-node: install
 bench-skip: install
 	@$(BIN)/python -m benchmarks.savings
 
+# Another commit beside this tree, played in turn: make bench-since COMMIT=main [PLAYS='"bend5, streamed"']
+bench-since: install
+	@$(BIN)/python -m benchmarks.since $(COMMIT) $(PLAYS)
+
 bench-sweep: install
 	@$(BIN)/python -m benchmarks.sweep
 
-bench: $(VENV)/.extra-bench
+# First the tests of what takes how long, which ask for a quiet machine.
+bench: $(VENV)/.extra-test $(VENV)/.extra-bench
+	@$(BIN)/python -m pytest -q -m bench
 	@$(BIN)/python -m benchmarks
 
 bags: install

@@ -96,7 +96,7 @@ class Case:
         translation: displacement of the right face at full load [m].
         rotation: rotation vector of the right face about its rest centre at full load [rad].
         slides: whether the right face, kept plane and parallel, may slide along x unloaded.
-        slide: x displacement [m] to prescribe where a solver cannot leave the plate free
+        slide: x displacement [m] to prescribe where a solver cannot leave the handle free
             (the reference's own value); zero unless ``slides``.
         reaction_index: the entry of (force, moment) that the scene is judged by: 0 to 5.
     """
@@ -131,15 +131,15 @@ class Case:
         position = np.arange(grid.n_cells) % grid.cells[0]
         return (position * len(self.laws) // grid.cells[0]).astype(np.int32)
 
-    def plate_displacement(self, points: Array, *, load: float = 1.0) -> Array:
+    def handle_displacement(self, points: Array, *, load: float = 1.0) -> Array:
         """Return the prescribed displacement of points of the right face.
 
         Args:
             points: rest positions on the right face, shape (k, 3), float64 [m].
-            load: part of the motion, 0 to 1; a sliding plate foreshortens with its square.
+            load: part of the motion, 0 to 1; a sliding handle foreshortens with its square.
 
         Returns:
-            Displacement, shape (k, 3), float64 [m]. The x column holds `slide` where the plate
+            Displacement, shape (k, 3), float64 [m]. The x column holds `slide` where the handle
             slides; a solver that can leave it free ignores that column.
         """
         centre = np.array([self.size[0], 0.0, 0.0])

@@ -23,7 +23,7 @@ from benchmarks.peers import felupe_model as fm
 Array = npt.NDArray[np.float64]
 
 TIE = 1e4
-"""Penalty of the tied plate [N/mm]."""
+"""Penalty of the tied handle [N/mm]."""
 _MODES = 4
 """Unknowns of a linear field in a cell: the value and three slopes."""
 
@@ -69,7 +69,7 @@ def build_model(case: Case, grid: Grid) -> fm.Model:
         material.chunksize = None
     items = [felupe.SolidBody(material, field)]
     if case.slides:
-        items.append(fm.tie_plate(grid, field, felupe, multiplier=TIE))
+        items.append(fm.tie_handle(grid, field, felupe, multiplier=TIE))
     boundaries = fm.build_boundaries(case, grid, field[0], felupe)
     return fm.Model(felupe=felupe, grid=grid, field=field, items=items, boundaries=boundaries, slides=case.slides)
 

@@ -19,7 +19,7 @@ from benchmarks.cases import Case, CaseName, get_case
 from benchmarks.fine_model import build_model, condensed_solve, strain_energy
 from benchmarks.peers.felupe_model import MILLIMETRES
 from benchmarks.peers.felupe_peer import nodal_forces, run_newton
-from benchmarks.peers.peer import plate_reaction
+from benchmarks.peers.peer import handle_reaction
 from benchmarks.references import (
     Reference,
     ReferenceKind,
@@ -60,7 +60,7 @@ def make_reference(case: Case, *, refinement: int, steps: int, command: str) -> 
     return Reference(
         vertices=vertices,
         displacement=grid.evaluate(displacement, vertices),
-        reaction=plate_reaction(grid, displacement, nodal_forces(model, displacement)),
+        reaction=handle_reaction(grid, displacement, nodal_forces(model, displacement)),
         energy=strain_energy(case, grid, result),
         meta={
             "scene": case.name.value,

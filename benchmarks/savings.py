@@ -141,9 +141,9 @@ def dormant_savings() -> list[Saving]:
 
 
 def small_savings() -> list[Saving]:
-    """Hold half of a bar in a plate; give it laws without pressures and without shape factors that change."""
+    """Hold half of a bar in a handle; give it laws without pressures and without shape factors that change."""
     return [
-        saving("bar, half of it in a plate", Skip.PLATES, _bar(RUBBER, plate=0.5), _lift),
+        saving("bar, half of it in a handle", Skip.HANDLES, _bar(RUBBER, held=0.5), _lift),
         saving("bar, nu 0.3", Skip.PRESSURES, _bar(NeoHookean(young=1e5, poisson=0.3)), _lift),
         saving("bar, linear", Skip.SHAPE_FACTORS, _bar(LINEAR), _lift),
     ]
@@ -173,12 +173,12 @@ def _compared(name: str, skip: str, scene: Scene, without: Run, found: Run, erro
     )
 
 
-def _bar(material: Material, *, plate: float = 0.0) -> Scene:
-    """Return bend5's bar, 1250 elements, of one material; the last part of it may lie inside of the tip's plate."""
+def _bar(material: Material, *, held: float = 0.0) -> Scene:
+    """Return bend5's bar, 1250 elements, of one material; the last part of it may lie inside of the tip's handle."""
     mesh = bar([0.4, 0.04, 0.04], [50, 5, 5])
     x = mesh.vertices[:, 0]
     base = Handle("base", np.flatnonzero(x < 1e-9).astype(np.int32), fixed=True)
-    tip = Handle("tip", np.flatnonzero(x > 0.4 * (1.0 - plate) - 1e-9).astype(np.int32))
+    tip = Handle("tip", np.flatnonzero(x > 0.4 * (1.0 - held) - 1e-9).astype(np.int32))
     return Scene(
         name="bar",
         mesh=mesh,

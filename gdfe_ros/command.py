@@ -5,14 +5,17 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators import Actuator
+from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.errors import CommandError
+from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.scene import Scene
 
 FARTHEST = 1000.0
@@ -24,7 +27,7 @@ class Command:
     """Absolute targets; what is not named keeps its last target.
 
     Attributes:
-        handles: pose of each named plate relative to its rest pose.
+        handles: pose of each named handle relative to its rest pose.
         actuators: command of each named actuator in the unit of its mode, e.g. a tension [N]; of a growth, 0 to 1.
         loads: factor on each named load; 1 where it was never commanded.
     """
@@ -68,8 +71,20 @@ class Orders:
             raise CommandError(f"no actuator {name!r} in scene {self._scene.name!r}; actuators: {known}")
         return self._actuators[name]
 
+    def probes(self, names: Sequence[str] | None) -> list[Embedding]:
+        """Return probes by their names; None takes all.
+
+        Raises:
+            CommandError: no such probe.
+        """
+        known = self._scene.probes
+        for name in names or ():
+            if name not in known:
+                raise CommandError(f"no probe {name!r}; probes: {_list(known)}")
+        return [known[name] for name in (known if names is None else names)]
+
     def targets(self, command: Command | None, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return the targets of all plates after a command.
+        """Return the targets of all handles after a command.
 
         Raises:
             CommandError: a handle is unknown or fixed, or its target is out of reach.
@@ -125,14 +140,35 @@ class Orders:
         return limited
 
 
-def require_time(name: str, value: object) -> None:
-    """Refuse what is no time.
+def require_times(*, dt: object, deadline: object, cut_after: object) -> None:
+    """Refuse what is no time: ``dt`` and ``deadline`` [s], or no count; None is no deadline, and no count.
 
     Raises:
-        CommandError: it is no finite number of seconds, or below zero.
+        CommandError: it is no finite number, or below zero.
     """
-    if not (isinstance(value, numbers.Real) and math.isfinite(value) and value >= 0.0):
-        raise CommandError(f"{name} is {value!r}; allowed: finite, 0 or more [s]")
+    for name, value in (("dt", dt), ("deadline", 0.0 if deadline is None else deadline)):
+        if not (isinstance(value, numbers.Real) and math.isfinite(value) and value >= 0.0):
+            raise CommandError(f"{name} is {value!r}; allowed: finite, 0 or more [s]")
+    if cut_after is not None and not (isinstance(cut_after, numbers.Integral) and cut_after >= 0):
+        raise CommandError(f"cut_after is {cut_after!r}; allowed: whole numbers, 0 or more")
+
+
+def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return a copy of positions [m] that somebody gave.
+
+    Raises:
+        CommandError: they have another shape, or a value is not finite.
+    """
+    try:
+        given = np.array(positions, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise CommandError(f"positions are no array of numbers: {error}") from error
+    if given.shape != shape:
+        raise CommandError(f"positions have the shape {given.shape}; allowed: {shape}, one row for each vertex")
+    wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
+    if len(wrong):
+        raise CommandError(f"positions of vertices {list_ids(wrong)} are not finite; allowed: finite [m]")
+    return given
 
 
 def _require_number(what: str, value: object) -> None:

@@ -3,27 +3,23 @@
 
 from __future__ import annotations
 
-import numbers
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators import ActuatorState
-from gdfe_ros.command import Command, Orders, require_time
+from gdfe_ros.command import Command, Orders, checked_positions, require_times
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.scene.solvable import refuse_unsolvable
-from gdfe_ros.solver.body import Body
+from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
+from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
-from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 from gdfe_ros.solver.state import Snapshot
@@ -32,8 +28,6 @@ from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR, Actuation
 from gdfe_ros.solver.terms.term import Term
 
-FAR_AWAY = 10.0
-"""Body lengths from the world's origin beyond which the solver counts from the body's centre."""
 WARM_UP = 1e-3
 """Of the body's size: how far handles are moved to have every kernel compiled."""
 RELATIVE_STEPS = 20
@@ -70,7 +64,7 @@ class Simulation:
         self.settings = settings or scene.solver
         refuse_unsolvable(scene, self.settings)
         self._orders = Orders(scene)
-        self._origin = _working_origin(scene.mesh)
+        self._origin = working_origin(scene.mesh)
         body = Body.build(
             scene.mesh.vertices - self._origin,
             scene.mesh.cells,
@@ -158,11 +152,7 @@ class Simulation:
                 range, or a time is negative or not finite; the state is unchanged.
         """
         started = time.perf_counter()
-        require_time("dt", dt)
-        if deadline is not None:
-            require_time("deadline", deadline)
-        if cut_after is not None and not (isinstance(cut_after, numbers.Integral) and cut_after >= 0):
-            raise CommandError(f"cut_after is {cut_after!r}; allowed: whole numbers, 0 or more")
+        require_times(dt=dt, deadline=deadline, cut_after=cut_after)
         targets = self._orders.targets(command, self.targets)
         commands = self._orders.values(command, self.commands)
         self.time += dt
@@ -178,16 +168,12 @@ class Simulation:
 
     def remarks(self) -> list[str]:
         """Say what is doubtful about the scene: unstable materials, contrasts beyond the policy's calibration."""
-        notes = [f"material {key!r}: {text}" for key, item in self.scene.materials.items() for text in item.remarks()]
-        if self.policy is Policy.RELATIVE:
-            used = [item for item in self.scene.materials.values() if item.omega is None]
-            notes += calibration_remarks(np.array([item.young0 for item in used])) if used else []
-        return notes
+        return remarks(self.scene, self.policy)
 
     def set_positions(self, positions: ArrayLike) -> None:
         """Start the next step from given vertices, e.g. those of another simulation; commands stay as they are.
 
-        Plates stay where they are commanded, sliding ones keep the offset of their first vertex along free axes.
+        Handles stay where they are commanded, sliding ones keep the offset of their first vertex along free axes.
         Pressures, the shapes that ``relative`` captures and the motion so far are forgotten. Where the positions turn
         elements inside out, the next step compares the equilibrium it finds with that found from rest and keeps the
         one with the lower energy; `StepResult.restarts` and the message tell.
@@ -198,16 +184,7 @@ class Simulation:
         Raises:
             CommandError: the shape is another, or a value is not finite; the state is unchanged.
         """
-        try:
-            given = np.array(positions, dtype=np.float64, order="C")
-        except (TypeError, ValueError) as error:
-            raise CommandError(f"positions are no array of numbers: {error}") from error
-        expected = self.mesh.vertices.shape
-        if given.shape != expected:
-            raise CommandError(f"positions have the shape {given.shape}; allowed: {expected}, one row for each vertex")
-        wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
-        if len(wrong):
-            raise CommandError(f"positions of vertices {list_ids(wrong)} are not finite; allowed: finite [m]")
+        given = checked_positions(positions, self.mesh.vertices.shape)
         self._state = self._stepper.place(self._state, given - self._origin)
 
     def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
@@ -234,7 +211,8 @@ class Simulation:
         program = self.scene.program
         if program is None:
             raise CommandError(f"scene {self.scene.name!r} has no program to play; add the key 'program'")
-        for moment in self._moments(steps or self.settings.steps):
+        steps = steps or self.settings.steps or (RELATIVE_STEPS if self.policy is Policy.RELATIVE else None)
+        for moment in program.moments(steps):
             command = Command(
                 program.handle_poses(moment), program.actuator_values(moment), program.load_factors(moment)
             )
@@ -248,18 +226,13 @@ class Simulation:
 
     def later_fields(self) -> Callable[[], ElementFields]:
         """Return what evaluates the element fields of the present state in any thread, also after further steps."""
-        state, body, origin = self._state, self._stepper.body, self._origin
+        state = self._state
         omega = None if state.shapes is None else state.shapes.omega
-        evaluate = partial(element_fields, body, state.positions, omega, operators=state.operators)
-
-        def shifted() -> ElementFields:
-            fields = evaluate()
-            return replace(fields, centroids=fields.centroids + origin) if origin.any() else fields
-
-        return shifted
+        given = {"operators": state.operators, "origin": self._origin}
+        return partial(element_fields, self._stepper.body, state.positions, omega, **given)
 
     def handle_pose(self, name: str) -> Pose:
-        """Return where a plate is now: its target, but where it slides or turns, the position or rotation found.
+        """Return where a handle is now: its target, but where it slides or turns, the position or rotation found.
 
         Raises:
             CommandError: no such handle.
@@ -297,22 +270,10 @@ class Simulation:
         """
         from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
 
-        probes = list(self.scene.probes) if probes is None else list(probes)
-        for name in probes:
-            if name not in self.scene.probes:
-                raise CommandError(f"no probe {name!r}; probes: {', '.join(self.scene.probes) or 'none'}")
+        points = self._orders.probes(probes)
         names = self.actuator_names if actuators is None else actuators
-        points = [self.scene.probes[name] for name in probes]
         columns = jacobian(self._stepper, self._state, points, [self._orders.actuator(name) for name in names])
-        return np.stack(columns, axis=2) if columns else np.zeros((len(probes), 3, 0))
-
-    def _moments(self, steps: int | None) -> list[float]:
-        program = self.scene.program
-        if steps is None and self.policy is Policy.RELATIVE:
-            steps = RELATIVE_STEPS
-        if steps is None:
-            return list(program.times[1:])
-        return list(np.linspace(0.0, program.duration, steps + 1)[1:])
+        return np.stack(columns, axis=2) if columns else np.zeros((len(points), 3, 0))
 
     def _result(self, march: March | None, started: float, limit: Deadline | None) -> StepResult:
         """Return the result of a step; ``march`` is None where the state was the equilibrium already."""
@@ -338,12 +299,3 @@ class Simulation:
             message=summary.message,
             cut_after=limit.after if limit else None,
         )
-
-
-def _working_origin(mesh: HexMesh) -> NDArray[np.float64]:
-    """Return from where the solver counts positions (3,) [m]: the world's origin, or for a body far from it, its own.
-
-    Rounding grows with the distance: 1000 m away, a body of 0.4 m is solved to 1e-7 of its size at best.
-    """
-    centre = mesh.bounds.mean(axis=0)
-    return centre if np.linalg.norm(centre) > FAR_AWAY * mesh.size else np.zeros(3)

@@ -6,6 +6,7 @@ The environment is set before anything imports rclpy, a message package or numba
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import signal
@@ -23,6 +24,11 @@ from hypothesis import HealthCheck, settings
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("busy")
 _LOCKS: list[socket.socket] = []
+TESTS = Path(__file__).parent
+WAITING = ("packaging", "examples", "node", "testing", "launch", "analysis", "recording", "benchmarks", "commands")
+"""Rooms whose tests wait for other processes: begun first, those that compute fill the gaps and the end."""
+APART = ("materials", "mesh", "packaging", "recording")
+"""Rooms whose tests solve nothing."""
 
 
 def _domain() -> str:
@@ -49,6 +55,8 @@ def _lock(domain: int) -> bool:
     return True
 
 
+# Hundreds of processes are started, each of which would compile the package's modules anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 os.environ.update(
     ROS_DOMAIN_ID=_domain(),
     ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
@@ -64,6 +72,41 @@ os.environ.update(
 
 # A shell that starts the tests in the background has them ignore SIGINT, and every process that they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the tests that wait before those that compute."""
+    items.sort(key=lambda item: WAITING.index(_room(item.path)) if _room(item.path) in WAITING else len(WAITING))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _fork_nodes() -> None:
+    """Fork nodes off a process of each worker that has imported all they need."""
+    from gdfe_ros.testing import forking
+
+    forking.prepare()
+
+
+@pytest.fixture(autouse=True)
+def _await_kernels(request: pytest.FixtureRequest) -> None:
+    """Begin a test that solves when the kernels are compiled."""
+    if _room(request.path) not in APART:
+        request.getfixturevalue("kernels")
+
+
+@pytest.fixture(scope="session")
+def kernels() -> None:
+    """Compile what most solves need, once for all workers: who comes second waits, and loads it."""
+    from gdfe_ros import Simulation, load_scene
+
+    with Path(tempfile.gettempdir(), f"gdfe_ros_kernels_{zlib.crc32(str(TESTS).encode())}").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        Simulation(load_scene("bend5")).warm_up()
+
+
+def _room(path: Path) -> str:
+    """Name the folder below test/ that a test is in."""
+    return path.relative_to(TESTS).parts[0]
 
 
 class RosSession:

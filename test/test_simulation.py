@@ -71,8 +71,8 @@ def same(first: StepResult, second: StepResult) -> bool:
 # --- commands ---
 
 
-def test_a_command_moves_the_plate_and_the_body_follows(simulate: MakeSimulation) -> None:
-    """Lift the tip: the plate is there, the base stays, the middle is between."""
+def test_a_command_moves_the_handle_and_the_body_follows(simulate: MakeSimulation) -> None:
+    """Lift the tip: the handle is there, the base stays, the middle is between."""
     simulation = simulate()
     result = simulation.step(tip(z=0.04), dt=0.1)
     rest = simulation.mesh.vertices
@@ -179,7 +179,7 @@ def test_reactions_are_in_newtons_and_balance(simulate: MakeSimulation) -> None:
 
 
 @pytest.mark.parametrize("law", ["linear", "neo_hookean"])
-def test_work_of_the_plate_is_the_energy_stored(simulate: MakeSimulation, law: str) -> None:
+def test_work_of_the_handle_is_the_energy_stored(simulate: MakeSimulation, law: str) -> None:
     """Lift the tip in forty steps: force times way adds up to the strain energy within half a percent.
 
     The linear law does so on any mesh; elsewhere the hourglass stiffness follows the tangent modulus, which costs 1 %
@@ -211,7 +211,7 @@ def test_fields_are_those_of_the_present_state(simulate: MakeSimulation) -> None
     assert fields.energy_density.sum() * volume == pytest.approx(result.energy, rel=1e-3)
 
 
-def test_sliding_plates_report_where_they_are(simulate: MakeSimulation) -> None:
+def test_sliding_handles_report_where_they_are(simulate: MakeSimulation) -> None:
     """Lift the tip of a bar that may slide along x: its pose has the target's z and turn, and the x found."""
     simulation = simulate()
     simulation.step(tip(z=0.06, turn=(30, 0, 0)))
@@ -439,10 +439,10 @@ def quaternion(vector: tuple[float, float, float]) -> np.ndarray:
         ((200, 200, 0), (210, 210, 0), (210, 210, 0)),
     ],
 )
-def test_nearest_turn_goes_on_from_where_the_plate_is(
+def test_nearest_turn_goes_on_from_where_the_handle_is(
     reference: tuple[float, float, float], turn: tuple[float, float, float], expected: tuple[float, float, float]
 ) -> None:
-    """Turn on past 180, 360 and 720 degrees by quaternions: the rotation vector goes on with the plate."""
+    """Turn on past 180, 360 and 720 degrees by quaternions: the rotation vector goes on with the handle."""
     found = nearest_turn(quaternion(turn), Pose(rotation=tuple(np.deg2rad(reference))))
     np.testing.assert_allclose(np.rad2deg(found), expected, atol=1e-6)
 

@@ -28,7 +28,7 @@ MOST_GROWTH = 4_000_000
 _COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
 _Maker = Callable[[int], Iterator[tuple[str, bytes]]]
 SCENES: Mapping[str, tuple[Mapping[str, Any], Mapping[str, type], _Maker]] = {
-    "plates": (_COARSE, HANDLE_TOPICS, handle_commands),
+    "handles": (_COARSE, HANDLE_TOPICS, handle_commands),
     "actuators": ({"scene": "tendon_finger"}, ACTUATOR_TOPICS, actuator_commands),
 }
 """Name -> parameters of the node, topics, maker of commands."""
@@ -39,7 +39,7 @@ class Flood:
     """What became of the commands.
 
     Attributes:
-        scene: plates or actuators.
+        scene: handles or actuators.
         sent: bad commands.
         refused: counted by the node.
         reasons: the same by reason.

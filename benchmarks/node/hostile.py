@@ -22,7 +22,7 @@ HANDLE_TOPICS = {
     "handles/base/target": PoseStamped,
     "handles/tip/velocity": TwistStamped,
 }
-"""Topics of a scene with the plates ``tip``, and ``base`` that is fixed, and their types."""
+"""Topics of a scene with the handles ``tip``, and ``base`` that is fixed, and their types."""
 ACTUATOR_TOPICS = {"actuation": JointState, "commands": Float64MultiArray, "trajectory": JointTrajectory}
 """Topics of the scene ``tendon_finger``, and their types."""
 HANDLE_REASONS = ("malformed", "not finite", "quaternion not of unit length", "stale", "too far", "too fast",
@@ -32,7 +32,7 @@ ACTUATOR_REASONS = ("malformed", "not finite", "wrong size", "unknown name", "ou
 
 
 def handle_commands(seed: int) -> Iterator[tuple[str, bytes]]:
-    """Make bad commands of plates: topic and bytes."""
+    """Make bad commands of handles: topic and bytes."""
     chance = random.Random(seed)
     while True:
         kind = chance.randrange(6)

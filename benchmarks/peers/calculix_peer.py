@@ -24,7 +24,7 @@ from benchmarks.peers.ccx_output import (
     read_reactions,
     to_lattice,
 )
-from benchmarks.peers.peer import Array, PeerError, PeerSolution, Variant, plate_reaction
+from benchmarks.peers.peer import Array, PeerError, PeerSolution, Variant, handle_reaction
 
 _JOB = "bar"
 _COARSE = {
@@ -136,7 +136,7 @@ def _read(folder: Path, case: Case, grid: Grid, element: CcxElement) -> tuple[Ar
     if element is CcxElement.C3D20R:
         displacement = grid.complete_serendipity(displacement)
     forces = to_lattice(read_reactions(folder.joinpath(f"{_JOB}.dat").read_text()), size=len(rest))
-    return displacement, plate_reaction(grid, displacement, forces)
+    return displacement, handle_reaction(grid, displacement, forces)
 
 
 def _version() -> str:

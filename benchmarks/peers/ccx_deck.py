@@ -75,7 +75,7 @@ def write_deck(case: Case, grid: Grid, element: CcxElement, *, steps: int, incre
         case: the scene.
         grid: its mesh, of the order of the element.
         element: element type.
-        steps: load steps; within a step each node moves on a straight line, so a turning plate
+        steps: load steps; within a step each node moves on a straight line, so a turning handle
             needs more than one increment.
         incrementation: how a step is cut into increments.
 
@@ -104,7 +104,7 @@ def write_deck(case: Case, grid: Grid, element: CcxElement, *, steps: int, incre
     lines += ["*BOUNDARY", "BASE,1,3"]
     points = grid.points()[right]
     for step in range(1, steps + 1):
-        target = case.plate_displacement(points, load=step / steps) * MILLIMETRES
+        target = case.handle_displacement(points, load=step / steps) * MILLIMETRES
         lines += _step_cards(right, target, incrementation, free_x=case.slides, last=step == steps)
     return "\n".join(lines) + "\n"
 

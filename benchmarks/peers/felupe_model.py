@@ -23,7 +23,7 @@ MILLIMETRES = 1e3
 MEGAPASCALS = 1e-6
 """Megapascals in a pascal."""
 TIE = 1e3
-"""Penalty of the tied plate [N/mm], four decades above the stiffness of a cell; it moves the mean
+"""Penalty of the tied handle [N/mm], four decades above the stiffness of a cell; it moves the mean
 error of bend5 by less than 0.001 %."""
 
 
@@ -35,7 +35,7 @@ class Model:
         felupe: the imported package.
         grid: lattice of nodes.
         field: FElupe's field container, displacements first.
-        items: FElupe's items: solid bodies and, where the plate slides, the tie of its x.
+        items: FElupe's items: solid bodies and, where the handle slides, the tie of its x.
         boundaries: FElupe's boundaries, ``left`` and ``right``.
         slides: whether the right face's x is tied and free instead of prescribed.
     """
@@ -80,7 +80,7 @@ def build_model(case: Case, grid: Grid) -> Model:
         items = [_ogden_body(case, grid, region, index, felupe) for index in range(len(case.laws))]
     boundaries = build_boundaries(case, grid, field[0], felupe)
     if case.slides:
-        items.append(tie_plate(grid, field, felupe, multiplier=TIE))
+        items.append(tie_handle(grid, field, felupe, multiplier=TIE))
     return Model(felupe=felupe, grid=grid, field=field, items=items, boundaries=boundaries, slides=case.slides)
 
 
@@ -132,7 +132,7 @@ def build_boundaries(case: Case, grid: Grid, displacement: Any, felupe: ModuleTy
     return result
 
 
-def tie_plate(grid: Grid, field: Any, felupe: ModuleType, *, multiplier: float) -> Any:
+def tie_handle(grid: Grid, field: Any, felupe: ModuleType, *, multiplier: float) -> Any:
     """Return the item that keeps the right face's x displacements equal."""
     face = grid.face(right=True)
     return felupe.MultiPointConstraint(

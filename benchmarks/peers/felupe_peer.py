@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.cases import Case, CaseName, LogNeoHooke
 from benchmarks.peers.felupe_model import MILLIMETRES, Model, build_model
-from benchmarks.peers.peer import Array, PeerSolution, Variant, plate_reaction
+from benchmarks.peers.peer import Array, PeerSolution, Variant, handle_reaction
 
 TOLERANCE = 1e-3
 """Newton's tolerance on residual over reactions: tighter ones move no printed digit of the error."""
@@ -76,7 +76,7 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
     displacement = result.x[0].values / MILLIMETRES
     return PeerSolution(
         displacement=grid.evaluate(displacement, points),
-        reaction=plate_reaction(grid, displacement, nodal_forces(model, displacement)),
+        reaction=handle_reaction(grid, displacement, nodal_forces(model, displacement)),
         time_setup=built - start,
         time_solve=solved - built,
         settings={
@@ -110,11 +110,11 @@ def run_newton(
         options: further arguments of `felupe.newtonraphson`.
     """
     felupe = model.felupe
-    plate = model.grid.points()[model.grid.face(right=True)]
+    handle = model.grid.points()[model.grid.face(right=True)]
     fixed, free = felupe.dof.partition(model.field, model.boundaries)
     state, iterations, result = None, 0, None
     for step in range(1, steps + 1):
-        model.prescribe(case.plate_displacement(plate, load=step / steps))
+        model.prescribe(case.handle_displacement(handle, load=step / steps))
         result = felupe.newtonraphson(
             x0=state,
             items=model.items,
@@ -135,7 +135,7 @@ def run_newton(
 def nodal_forces(model: Model, displacement: Array) -> Array:
     """Return what acts on the body at every node [N], shape (n, 3), at the last evaluated state.
 
-    Only the solids count: the tie of a sliding plate is part of the plate, not of the body.
+    Only the solids count: the tie of a sliding handle is part of the handle, not of the body.
     """
     solids = model.items[:-1] if model.slides else model.items
     forces = np.zeros(displacement.size)

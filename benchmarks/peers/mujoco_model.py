@@ -23,8 +23,8 @@ Array = npt.NDArray[np.float64]
 
 DENSITY = 10.0
 """Density of the bar [kg/m^3]: light, so that inertia does not delay the static solution."""
-PLATE_MASS = 1e5
-"""Mass of a node of a driven plate [kg]: so heavy that the bar cannot slow it within a step."""
+HANDLE_MASS = 1e5
+"""Mass of a node of a driven handle [kg]: so heavy that the bar cannot slow it within a step."""
 
 
 class Drive(Enum):
@@ -96,7 +96,7 @@ def _bodies(grid: Grid, drive: Drive) -> list[str]:
         if node in right and drive is Drive.MOCAP:
             lines.append(f'{head} mocap="true"/>')
             continue
-        mass = PLATE_MASS if node in right else masses[node]
+        mass = HANDLE_MASS if node in right else masses[node]
         joints = "".join(
             f'<joint name="{body_name(node)}_{axis}" type="slide" axis="{direction}"/>'
             for axis, direction in (("x", "1 0 0"), ("y", "0 1 0"), ("z", "0 0 1"))

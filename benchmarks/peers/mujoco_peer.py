@@ -3,7 +3,7 @@
 
 MuJoCo is a dynamics engine. Driven to the full load in one step and then held, its implicit
 integrator with large steps converges on the static solution like Newton's method. It prescribes
-the plate's x displacement on bend5, and it has no Ogden law.
+the handle's x displacement on bend5, and it has no Ogden law.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from benchmarks.cases import Case, CaseName, LogNeoHooke
 from benchmarks.grids import Grid
 from benchmarks.peers.mujoco_model import Drive, body_name, write_model
-from benchmarks.peers.peer import Array, PeerError, PeerSolution, Variant, plate_reaction
+from benchmarks.peers.peer import Array, PeerError, PeerSolution, Variant, handle_reaction
 
 TIMESTEP = 0.2
 """Step of the integrator [s]."""
@@ -89,7 +89,7 @@ class Bar:
         data: MuJoCo's state.
         free: ids of lattice nodes with degrees of freedom, shape (f,).
         dofs: their degrees of freedom, shape (f, 3).
-        plate: ids of the right face's nodes.
+        handle: ids of the right face's nodes.
         handles: their degrees of freedom (k, 3), or mocap ids (k,).
     """
 
@@ -100,15 +100,15 @@ class Bar:
     data: Any
     free: npt.NDArray[np.int64]
     dofs: npt.NDArray[np.int64]
-    plate: npt.NDArray[np.int32]
+    handle: npt.NDArray[np.int32]
     handles: npt.NDArray[np.int64]
 
     def advance(self, load: float) -> None:
-        """Make one step towards the plate's position at a load fraction."""
+        """Make one step towards the handle's position at a load fraction."""
         import mujoco
 
-        rest = self.grid.points()[self.plate]
-        target = self.case.plate_displacement(rest, load=load)
+        rest = self.grid.points()[self.handle]
+        target = self.case.handle_displacement(rest, load=load)
         if self.drive is Drive.MOCAP:
             self.data.mocap_pos[self.handles] = rest + target
             mujoco.mj_step(self.model, self.data)
@@ -121,7 +121,7 @@ class Bar:
         """Return the displacement of all lattice nodes, shape (n, 3), float64 [m]."""
         result = np.zeros((len(self.grid.points()), 3))
         result[self.free] = self.data.qpos[self.dofs]
-        result[self.plate] = self.case.plate_displacement(self.grid.points()[self.plate], load=load)
+        result[self.handle] = self.case.handle_displacement(self.grid.points()[self.handle], load=load)
         return result
 
 
@@ -130,17 +130,17 @@ def compile_bar(case: Case, grid: Grid, drive: Drive) -> Bar:
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(write_model(case, grid, drive, timestep=TIMESTEP))
-    plate, left = grid.face(right=True), grid.face(right=False)
-    held = left if drive is Drive.HEAVY else np.concatenate([left, plate])
+    handle, left = grid.face(right=True), grid.face(right=False)
+    held = left if drive is Drive.HEAVY else np.concatenate([left, handle])
     free = np.setdiff1d(np.arange(len(grid.points())), held)
     bodies = np.array([model.body(body_name(int(node))).id for node in free])
     dofs = model.body_dofadr[bodies][:, None] + np.arange(3)
     if drive is Drive.MOCAP:
-        handles = np.array([model.body_mocapid[model.body(body_name(int(node))).id] for node in plate])
+        handles = np.array([model.body_mocapid[model.body(body_name(int(node))).id] for node in handle])
     else:
-        handles = dofs[np.searchsorted(free, plate)]
+        handles = dofs[np.searchsorted(free, handle)]
     data = mujoco.MjData(model)
-    return Bar(case, grid, drive, model, data, free, dofs.astype(np.int64), plate, handles.astype(np.int64))
+    return Bar(case, grid, drive, model, data, free, dofs.astype(np.int64), handle, handles.astype(np.int64))
 
 
 def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
@@ -225,7 +225,7 @@ def _warning_kinds(mujoco: Any) -> list[Any]:
 
 
 def _reaction(case: Case, grid: Grid, displacement: Array) -> Array:
-    """Return the plate's wrench from the elastic forces of a bar whose plate has freedom."""
+    """Return the handle's wrench from the elastic forces of a bar whose handle has freedom."""
     import mujoco
 
     bar = compile_bar(case, grid, Drive.HEAVY)
@@ -233,4 +233,4 @@ def _reaction(case: Case, grid: Grid, displacement: Array) -> Array:
     mujoco.mj_forward(bar.model, bar.data)
     forces = np.zeros_like(displacement)
     forces[bar.free] = -bar.data.qfrc_spring[bar.dofs]
-    return plate_reaction(grid, displacement, forces)
+    return handle_reaction(grid, displacement, forces)

@@ -209,7 +209,7 @@ def run_peer(
         return PeerResult.from_json(json.loads(result_path.read_text()))
 
 
-def plate_reaction(grid: Grid, displacement: Array, forces: Array) -> Array:
+def handle_reaction(grid: Grid, displacement: Array, forces: Array) -> Array:
     """Return the wrench of nodal forces on the right face.
 
     Args:

@@ -92,7 +92,7 @@ DRIVES: dict[str, Drive] = {
 }  # fmt: skip
 GROWTHS: dict[str, Drive] = {
     "growth to three times and a third": Drive(SEED, "growth: {stretch: [3.0, 0.33, 1.5]}", (1.0, 0.0), back=1e-5),
-    "growth against plates": Drive(CLAMPED, "growth: {stretch: [1.0, 1.0, 1.6]}", (0.5, 1.0, 0.0), back=1e-4),
+    "growth against handles": Drive(CLAMPED, "growth: {stretch: [1.0, 1.0, 1.6]}", (0.5, 1.0, 0.0), back=1e-4),
 }
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Group 7: long random walks of plates and actuators: no drift, no growth of memory, no growth of the step time."""
+"""Group 7: long random walks of handles and actuators: no drift, no growth of memory, no growth of the step time."""
 
 from __future__ import annotations
 
@@ -75,14 +75,14 @@ class Track:
     command: Drive
 
 
-def _plate(point: NDArray[np.float64]) -> Command:
+def _handle(point: NDArray[np.float64]) -> Command:
     x, y, z, a, b, c = point.tolist()
     return Command({"tip": Pose((0.08 * x, 0.15 * y, 0.15 * z), (1.5 * a, 0.8 * b, 0.8 * c))})
 
 
 TRACKS: dict[str, Track] = {
-    "a bar's plate": Track(
-        lambda: make_scene(BAR, LAWS["neo-hookean"], policy=Policy.ENERGY, tolerance=3e-7), 6, _plate
+    "a bar's handle": Track(
+        lambda: make_scene(BAR, LAWS["neo-hookean"], policy=Policy.ENERGY, tolerance=3e-7), 6, _handle
     ),
     "two cables": Track(
         lambda: scene_from_text(FINGER),

@@ -28,7 +28,7 @@ REASONS = {
     "NEWTON_STEPS": "Bound of a Newton iteration for a scalar or a point, which takes three to five.",
     "LARGEST_RATIO": "Largest share of the last motion that a start repeats.",
     "SMOOTH": "Part of a motion that may be new for it to count as the last one repeated.",
-    "LARGEST_TURN": "Turn of a plate in one increment: below 180 degrees the nearest turn is the one meant.",
+    "LARGEST_TURN": "Turn of a handle in one increment: below 180 degrees the nearest turn is the one meant.",
     "MOST_SWINGS": "Swings in a row after which the bulk modulus beside the pressures is raised.",
     "FIRST": "First change of a command that is tried for a difference, over its range or size.",
     "SMALLEST": "Least change of a command that is tried for a difference.",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What moves a body besides its plates: cables, chambers, growth, loads."""
+"""What moves a body besides its handles: cables, chambers, growth, loads."""
 
 from __future__ import annotations
 

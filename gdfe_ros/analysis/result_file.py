@@ -17,7 +17,7 @@ def write_result(path: Path, simulation: Simulation, result: StepResult, *, step
     """Write positions, element fields, reactions and metadata, SI units.
 
     Keys: ``X, x`` (n, 3) rest and current vertices [m]; ``cells`` (m, 8); ``eps_eq, J, omega`` (m,); ``energy`` [J];
-    ``reaction_<handle>`` (6,) force [N] and moment [N m] about the plate's deformed centre that the handle exerts on
+    ``reaction_<handle>`` (6,) force [N] and moment [N m] about the handle's deformed centre that the handle exerts on
     the body; ``actuator_<name>`` (3,) command, length [m] or volume [m^3], tension [N] or pressure [Pa];
     ``probe_<name>`` (3,) position [m]; ``meta``: JSON text.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handles: sets of vertices that move as rigid plates."""
+"""Handles: sets of vertices that are held, or move together as one rigid piece."""
 
 from gdfe_ros.constraints.handle import Axis, Handle
 from gdfe_ros.constraints.pose import Pose

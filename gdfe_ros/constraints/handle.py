@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A handle: vertices that move together as a rigid plate."""
+"""A handle: vertices that are held, or move together as one rigid piece."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Handle:
     Attributes:
         name: unique in the scene; part of topic names.
         vertices: sorted vertex ids (k,) int32.
-        fixed: the plate stays at rest and takes no commands.
-        free: world axes along which the plate slides unloaded; its position there is an unknown.
-        turning: world axes, through the plate's centre, about which it turns freely; the components of its rotation
+        fixed: the handle stays at rest and takes no commands.
+        free: world axes along which the handle slides unloaded; its position there is an unknown.
+        turning: world axes, through the handle's centre, about which it turns freely; the components of its rotation
             vector there are unknowns. No moment is left where one or three are free; two end at the least energy.
     """
 
@@ -42,5 +42,5 @@ class Handle:
             raise ValueError(f"handle {self.name!r} is fixed and has free axes; drop one of the two")
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean (3,) [m] of the plate's vertices out of all ``vertices`` (n, 3)."""
+        """Return the mean (3,) [m] of the handle's vertices out of all ``vertices`` (n, 3)."""
         return vertices[self.vertices].mean(axis=0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pose of a plate relative to its rest pose."""
+"""The pose of a handle relative to its rest pose."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _ZERO = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Pose:
-    """Translation and rotation of a plate about its own rest centre.
+    """Translation and rotation of a handle about its own rest centre.
 
     Attributes:
-        translation: displacement of the plate's centre [m].
+        translation: displacement of the handle's centre [m].
         rotation: rotation vector [rad]; a vector, so that a program can turn by more than half a turn.
 
     Raises:
@@ -40,7 +40,7 @@ class Pose:
             object.__setattr__(self, name, values)
 
     def apply(self, points: ArrayLike, centre: ArrayLike) -> NDArray[np.float64]:
-        """Move rest ``points`` (k, 3) [m] with the plate whose rest centre is ``centre`` (3,) [m]."""
+        """Move rest ``points`` (k, 3) [m] with the handle whose rest centre is ``centre`` (3,) [m]."""
         points, centre = np.asarray(points, dtype=np.float64), np.asarray(centre, dtype=np.float64)
         if self.rotation == _ZERO:
             return points + np.asarray(self.translation)

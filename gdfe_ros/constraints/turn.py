@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a quaternion to the rotation vector that continues a plate's turn."""
+"""From a quaternion to the rotation vector that continues a handle's turn."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ NO_TURN = 1e-9
 def nearest_turn(quaternion: Sequence[float], reference: Pose) -> tuple[float, float, float]:
     """Return the rotation vector [rad] of a quaternion (x, y, z, w) that lies nearest to ``reference``'s.
 
-    A pose message cannot tell a turn from the same turn plus 360 degrees; the shortest way from where the plate is
-    decides, so that a plate can be turned on and on. Plain floats: for four numbers numpy takes ten times as long.
+    A pose message cannot tell a turn from the same turn plus 360 degrees; the shortest way from where the handle is
+    decides, so that a handle can be turned on and on. Plain floats: for four numbers numpy takes ten times as long.
     """
     x, y, z, w = map(float, quaternion)
     sine = math.hypot(x, y, z)

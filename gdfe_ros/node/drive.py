@@ -19,7 +19,7 @@ from gdfe_ros.simulation import Command, Simulation
 class Drive:
     """Turns orders into one command a step; used by the stepping thread only.
 
-    A pose ends the velocity of its plate, a command of an actuator ends that actuator's trajectory and no other's.
+    A pose ends the velocity of its handle, a command of an actuator ends that actuator's trajectory and no other's.
 
     Args:
         simulation: that is driven.

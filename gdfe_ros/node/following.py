@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plates that are held where something else is: a topic's pose, or a frame on /tf."""
+"""Handles that are held where something else is: a topic's pose, or a frame on /tf."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gdfe_ros.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Leader:
-    """What a plate follows: a topic or a frame; the other is empty."""
+    """What a handle follows: a topic or a frame; the other is empty."""
 
     handle: Handle
     topic: str = ""
@@ -39,7 +39,7 @@ def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict
 
     Args:
         entries: of the parameter.
-        scene: whose plates follow.
+        scene: whose handles follow.
         listening: whether /tf can be listened to.
 
     Raises:
@@ -65,12 +65,12 @@ def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict
 
 
 def refuse_followed(message: object, leader: Leader) -> PoseOrder:
-    """Refuse a command to a plate that follows."""
+    """Refuse a command to a handle that follows."""
     raise Refusal(Reason.FOLLOWS, f"handle {leader.handle.name!r} follows {leader} and takes no commands")
 
 
 def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames: Frames) -> PoseOrder:
-    """Check where a topic says that a plate is to be; ``size`` of the body [m].
+    """Check where a topic says that a handle is to be; ``size`` of the body [m].
 
     Raises:
         Refusal: no transforms lead to the header's frame, a number is not finite, the quaternion is not of unit
@@ -83,10 +83,10 @@ def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames:
 
 
 class Followers:
-    """Moves plates with their frames on /tf.
+    """Moves handles with their frames on /tf.
 
     Args:
-        leaders: frames, of the plates.
+        leaders: frames, of the handles.
         size: of the body [m].
         frames: finds them.
         put: takes an order of an input.
@@ -106,7 +106,7 @@ class Followers:
         self._last: dict[str, PoseOrder] = {}
 
     def look(self, *, anew: bool = False) -> None:
-        """Command each plate whose frame has moved since the last time; ``anew``: each whose frame is known."""
+        """Command each handle whose frame has moved since the last time; ``anew``: each whose frame is known."""
         if anew:
             self._last.clear()
         for leader in self._leaders:

@@ -132,7 +132,7 @@ class Frames:
     """The frames of a body, and the way from others' to them.
 
     All but the node's own begin with what stands before the last slash of its name, so that robots do not meet:
-    ``left/base_link`` has the plate ``left/tip``.
+    ``left/base_link`` has the handle ``left/tip``.
 
     Args:
         frame_id: the node's own: that of the rest shape.
@@ -150,15 +150,15 @@ class Frames:
         self.positions: Callable[[], NDArray[np.float64]] = lambda: scene.mesh.vertices
 
     def rest(self, handle: str) -> str:
-        """Name the frame at the centre of a plate at rest, in which its pose and its target are given."""
+        """Name the frame at the centre of a handle at rest, in which its pose and its target are given."""
         return f"{self._prefix}{handle}_rest"
 
     def centre(self, handle: str) -> str:
-        """Name the frame at the present centre of a plate, with the axes of the node's frame: that of its wrench."""
+        """Name the frame at the present centre of a handle, with the axes of the node's frame: that of its wrench."""
         return f"{self._prefix}{handle}_centre"
 
-    def plate(self, handle: str) -> str:
-        """Name the frame that moves and turns with a plate, at its centre."""
+    def handle(self, handle: str) -> str:
+        """Name the frame that moves and turns with a handle, at its centre."""
         return f"{self._prefix}{handle}"
 
     def probe(self, probe: str) -> str:
@@ -168,16 +168,16 @@ class Frames:
     @property
     def moving(self) -> list[str]:
         """Name the frames that ``places`` gives, in its order."""
-        plates = [name(handle.name) for handle in self._scene.handles for name in (self.centre, self.plate)]
-        return [*plates, *map(self.probe, self._scene.probes)]
+        handles = [name(handle.name) for handle in self._scene.handles for name in (self.centre, self.handle)]
+        return [*handles, *map(self.probe, self._scene.probes)]
 
     def rests(self) -> dict[str, Placement]:
-        """Give where the centres of the plates are at rest, by frame."""
+        """Give where the centres of the handles are at rest, by frame."""
         vertices = self._scene.mesh.vertices
         return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._scene.handles}
 
     def places(self, poses: Mapping[str, Pose], probes: Mapping[str, Pose]) -> list[Placement]:
-        """Give where the moving frames are, of poses of the plates relative to rest and of the material points."""
+        """Give where the moving frames are, of poses of the handles relative to rest and of the material points."""
         found = []
         for handle in self._scene.handles:
             pose = poses[handle.name]
@@ -193,7 +193,7 @@ class Frames:
         return self.transforms and self.transforms.find(frame, self.frame_id, self._own())
 
     def relative(self, frame: str, handle: str) -> Placement | None:
-        """Give where the frame of a command is in that of a plate at rest; None where it is the same, or an alias.
+        """Give where the frame of a command is in that of a handle at rest; None where it is the same, or an alias.
 
         Raises:
             Refusal: no transforms lead there.
@@ -204,7 +204,7 @@ class Frames:
         if self.transforms is None:
             text = (
                 f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r} or {rest!r}, as a target is relative "
-                "to the plate's rest pose in these axes: transform it before it is sent, or have tf2_msgs installed"
+                "to the handle's rest pose in these axes: transform it before it is sent, or have tf2_msgs installed"
             )
             raise Refusal(Reason.FRAME, text)
         found = self.transforms.find(frame, rest, self._own())
@@ -217,14 +217,14 @@ class Frames:
         return found
 
     def _own(self) -> dict[str, tuple[str, Placement]]:
-        """Give what the node knows by itself; plates and points turn as their vertices did."""
+        """Give what the node knows by itself; handles and points turn as their vertices did."""
         rest, now = self._scene.mesh.vertices, self.positions()
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
         for handle in self._scene.handles:
             centre = handle.centre(now)
             arms = now[handle.vertices] - centre, rest[handle.vertices] - handle.centre(rest)
             own[self.centre(handle.name)] = self.frame_id, Placement(centre)
-            own[self.plate(handle.name)] = self.frame_id, Placement(centre, Rotation.align_vectors(*arms)[0])
+            own[self.handle(handle.name)] = self.frame_id, Placement(centre, Rotation.align_vectors(*arms)[0])
         return own
 
 

@@ -11,7 +11,7 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 
 class Freshness:
-    """Remembers the last stamp of each plate and actuator. A stamp of zero means "now" and is always taken.
+    """Remembers the last stamp of each handle and actuator. A stamp of zero means "now" and is always taken.
 
     When the clock goes back, as at the start of a bag that is played again, all stamps are forgotten.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a message that commands a plate to an order, or a refusal that says why not."""
+"""From a message that commands a handle to an order, or a refusal that says why not."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 UNIT_SLACK = 1e-3
 FARTHEST = 10.0
-"""Of the body's size: the farthest that a plate may be from rest, and the farthest that it may move in a second."""
+"""Of the body's size: the farthest that a handle may be from rest, and the farthest that it may move in a second."""
 FASTEST_TURN = 1e3
 """Fastest turn [rad/s]."""
 
@@ -27,7 +27,7 @@ def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fra
         message: of the handle.
         handle: that is commanded.
         size: of the body [m].
-        frames: of the body; a target in another's is a place, where the plate's own frame is to be.
+        frames: of the body; a target in another's is a place, where the handle's own frame is to be.
 
     Raises:
         Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, the quaternion
@@ -44,7 +44,7 @@ def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fra
 
 
 def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frames) -> PoseOrder:
-    """Command a plate to a place in the node's frame; ``size`` of the body [m].
+    """Command a handle to a place in the node's frame; ``size`` of the body [m].
 
     Raises:
         Refusal: it is over ten times the body's size away.
@@ -108,7 +108,7 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
 
 
 def _near(handle: Handle, place: Placement, size: float) -> PoseOrder:
-    """Command a plate to a place relative to rest, if it is within reach."""
+    """Command a handle to a place relative to rest, if it is within reach."""
     translation = tuple(place.origin.tolist())
     require_near(translation, size)
     return PoseOrder(handle.name, translation, tuple(place.turn.as_quat().tolist()))

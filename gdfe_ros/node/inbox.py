@@ -17,7 +17,7 @@ class Inbox:
     """Commands that wait for their step.
 
     In lockstep none is left out: those of one input wait in the order received, and a step takes one of each (or,
-    without a command set, one). Under the other clocks the latest command of each plate and of each actuator counts,
+    without a command set, one). Under the other clocks the latest command of each handle and of each actuator counts,
     whoever sent it and on whichever topic.
 
     Args:

@@ -74,7 +74,7 @@ class Inputs:
         node: that subscribes.
         scene: that is commanded.
         frames: of the body.
-        leaders: of plates that follow, by handle.
+        leaders: of handles that follow, by handle.
         refusals: counts and warns.
         times: that commands are measured by.
 
@@ -109,7 +109,7 @@ class Inputs:
         return [*self._inputs, *(leader.key for leader in self._leaders.values() if leader.frame)]
 
     def led(self) -> dict[str, str]:
-        """Say what plates follow and whether it was heard, by plate."""
+        """Say what handles follow and whether it was heard, by handle."""
         leaders = self._leaders.items()
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
@@ -174,7 +174,7 @@ class Inputs:
 
 
 def _inputs(scene: Scene, frames: Frames, leaders: Mapping[str, Leader], times: Times) -> Iterator[Input]:
-    """List what a scene can be commanded by; plates that are fixed or follow refuse by name."""
+    """List what a scene can be commanded by; handles that are fixed or follow refuse by name."""
     size = scene.mesh.size
     for handle in scene.handles:
         leader = leaders.get(handle.name)

@@ -74,20 +74,20 @@ PARAMETERS = (
     ParameterSpec(
         name="frame_id",
         default="base_link",
-        meaning="REP-105 frame of the rest shape, in the header of every output but poses and wrenches of plates",
+        meaning="REP-105 frame of the rest shape, in the header of every output but poses and wrenches of handles",
         change=Change.UNCONFIGURED,
     ),
     ParameterSpec(
         name="publish_tf",
         default=True,
-        meaning="publish frames of plates and probes on /tf and /tf_static, where tf2_msgs is installed",
+        meaning="publish frames of handles and probes on /tf and /tf_static, where tf2_msgs is installed",
         change=Change.UNCONFIGURED,
     ),
     ParameterSpec(
         name="follow",
         default=[""],
-        meaning="plates that are held where something else is, as handle=topic:/arm/tool_pose (PoseStamped) or "
-        "handle=frame:tool0 (TF, needs tf2_msgs); such a plate takes no other commands",
+        meaning="handles that are held where something else is, as handle=topic:/arm/tool_pose (PoseStamped) or "
+        "handle=frame:tool0 (TF, needs tf2_msgs); such a handle takes no other commands",
         change=Change.UNCONFIGURED,
     ),
     ParameterSpec(name="record", default=False, meaning="write a bag while active", change=Change.INACTIVE),
@@ -159,15 +159,15 @@ MODULUS = ParameterSpec(
 TARGET = TopicSpec(
     name="~/handles/{handle}/target",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="target of the plate relative to its rest pose [m], rotation about its own centre by the nearest turn; "
+    meaning="target of the handle relative to its rest pose [m], rotation about its own centre by the nearest turn; "
     "`frame_id` empty, the node's or `<handle>_rest`; any other is looked up on TF, or refused by name",
     delivery=Delivery.COMMAND,
 )
 VELOCITY = TopicSpec(
     name="~/handles/{handle}/velocity",
     type="geometry_msgs/msg/TwistStamped",
-    meaning="velocity of the plate's target [m/s], [rad/s], axes of the node's frame, in force for `velocity_timeout`; "
-    "turns add up beyond 180 degrees; `frame_id` as for the target",
+    meaning="velocity of the handle's target [m/s], [rad/s], axes of the node's frame, in force for "
+    "`velocity_timeout`; turns add up beyond 180 degrees; `frame_id` as for the target",
     delivery=Delivery.COMMAND,
 )
 ACTUATION = TopicSpec(
@@ -193,7 +193,7 @@ TRAJECTORY = TopicSpec(
 FOLLOWED = TopicSpec(
     name="",  # the parameter names it
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where a plate that follows a topic is held: pose of the plate's frame in the header's; empty: the node's",
+    meaning="where a handle that follows a topic is held: pose of its frame in the header's; empty: the node's",
     delivery=Delivery.FOLLOWED,
 )
 COMMANDS = (TARGET, VELOCITY, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
@@ -219,20 +219,20 @@ STRAIN = TopicSpec(
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where the plate is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the plate's centre at "
+    meaning="where the handle is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the handle's centre at "
     "rest with the axes of the node's frame",
 )
 HANDLE_WRENCH = TopicSpec(
     name="~/handles/{handle}/wrench",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that the handle exerts on the body, about the plate's present centre: "
-    "`frame_id` is `<handle>_centre`, which moves with the plate and keeps the axes of the node's frame",
+    meaning="force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre: "
+    "`frame_id` is `<handle>_centre`, which moves with the handle and keeps the axes of the node's frame",
 )
 HANDLE_SENSOR = TopicSpec(
     name="~/handles/{handle}/force_torque",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="what a force-torque sensor between the plate and what holds it reads: force [N] and moment [N m] that the "
-    "body exerts on the plate, about its centre; `frame_id` is `<handle>`, which turns with the plate; not recorded",
+    meaning="what a force-torque sensor between the handle and what holds it reads: force [N] and moment [N m] which "
+    "the body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with the handle; not recorded",
     recorded=False,
 )
 PROBE = TopicSpec(
@@ -267,7 +267,7 @@ MARKERS = TopicSpec(
 TF = TopicSpec(
     name="/tf",
     type="tf2_msgs/msg/TFMessage",
-    meaning="with `publish_tf`, in the node's frame: `<handle>`, which moves and turns with the plate, "
+    meaning="with `publish_tf`, in the node's frame: `<handle>`, which moves and turns with the handle, "
     "`<handle>_centre`, which keeps the axes, and `<probe>_probe`; not recorded",
     recorded=False,
     delivery=Delivery.TRANSFORMS,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checked commands on their way to the step that consumes them.
 
-Each tells what is left of it once a later one has come (``without``), None for nothing: what commands another plate or
+Each tells what is left of it once a later one has come (``without``), None for nothing: what commands another handle or
 another actuator takes nothing away.
 """
 
@@ -19,7 +19,7 @@ from gdfe_ros.constraints import Pose, nearest_turn
 
 @dataclass(frozen=True)
 class PoseOrder:
-    """A target of a plate; which turn its quaternion means depends on the target before it.
+    """A target of a handle; which turn its quaternion means depends on the target before it.
 
     Attributes:
         handle: name.
@@ -32,7 +32,7 @@ class PoseOrder:
     quaternion: tuple[float, float, float, float]
 
     def without(self, later: Order) -> PoseOrder | None:
-        """Stay, but for another pose of the plate; a velocity goes on from here."""
+        """Stay, but for another pose of the handle; a velocity goes on from here."""
         return None if isinstance(later, PoseOrder) and later.handle == self.handle else self
 
     def after(self, last: Pose) -> Pose:
@@ -42,12 +42,12 @@ class PoseOrder:
 
 @dataclass(frozen=True)
 class TwistOrder:
-    """A velocity of a plate's target, in force until another command or its time is over.
+    """A velocity of a handle's target, in force until another command or its time is over.
 
     Attributes:
         handle: name.
-        linear: of the plate's centre [m/s].
-        angular: about the plate's centre, world axes [rad/s].
+        linear: of the handle's centre [m/s].
+        angular: about the handle's centre, world axes [rad/s].
     """
 
     handle: str
@@ -56,11 +56,11 @@ class TwistOrder:
 
     @property
     def still(self) -> bool:
-        """Whether it stops the plate."""
+        """Whether it stops the handle."""
         return not any((*self.linear, *self.angular))
 
     def without(self, later: Order) -> TwistOrder | None:
-        """Stay, but for another pose or velocity of the plate."""
+        """Stay, but for another pose or velocity of the handle."""
         return None if isinstance(later, (PoseOrder, TwistOrder)) and later.handle == self.handle else self
 
     def after(self, last: Pose, dt: float) -> Pose:

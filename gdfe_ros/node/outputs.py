@@ -86,7 +86,7 @@ class Outputs:
         self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
         self._pose_packers = {name: PosePacker(frames.rest(name)) for name in names}
         self._wrench_packers = {name: WrenchPacker(frames.centre(name)) for name in names}
-        self._sensor_packers = {name: WrenchPacker(frames.plate(name)) for name in names}
+        self._sensor_packers = {name: WrenchPacker(frames.handle(name)) for name in names}
         self._probe_packer = PosePacker(self._frame_id)
         self._transform_packer = TransformPacker(frames.moving, self._frame_id) if publish_tf else None
         self._strain_packer: StrainPacker | None = None
@@ -171,7 +171,7 @@ class Outputs:
             channel.destroy()
 
     def _publish_plates(self, step: Step) -> None:
-        """Publish what has to do with the present turn of the plates."""
+        """Publish what has to do with the present turn of the handles."""
         stamp = step.record.stamp
         for name, channel in _due(self._poses, step):
             channel.send_step(step, self._pose_packers[name].pack(stamp, step.poses[name]))

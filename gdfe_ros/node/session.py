@@ -31,7 +31,7 @@ from gdfe_ros.node.outputs import MarkerChoice, Outputs
 from gdfe_ros.node.pace import ClockMode, Pace, Timing, make_pace
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
-from gdfe_ros.node.step import Demand, Step, observe, plate_error
+from gdfe_ros.node.step import Demand, Step, handle_error, observe
 from gdfe_ros.node.stepper import Hooks, Stepper
 from gdfe_ros.node.strays import Strays
 from gdfe_ros.node.walk import Walk
@@ -171,13 +171,13 @@ class Session:
         return ", ".join(f"~/{key}" for key in missing) or "any command"
 
     def arrived(self) -> bool:
-        """Tell whether the last step is within its tolerance, every plate where it was commanded.
+        """Tell whether the last step is within its tolerance, every handle where it was commanded.
 
         A deadline may end a solve that has nothing left to do but to say so.
         """
         result, solver, mesh = self.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
-        off = (plate_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
+        off = (handle_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
         return result.residual <= solver.tolerance and max(off, default=0.0) <= reach
 
     def interrupt(self, why: str) -> None:
@@ -186,7 +186,7 @@ class Session:
             self.walk.interrupt(why)
 
     def reset(self) -> None:
-        """Go back, between steps, to rest at time 0; plates that follow go where their leaders are."""
+        """Go back, between steps, to rest at time 0; handles that follow go where their leaders are."""
         self.stepper.reset()
         self.inputs.freshness.reset()
         self.inputs.followers.look(anew=True)
@@ -233,7 +233,7 @@ class Session:
         return text
 
     def _lead(self) -> None:
-        """Have plates follow what was told on /tf."""
+        """Have handles follow what was told on /tf."""
         self.inputs.followers.look()
 
     def _positions(self) -> NDArray[np.float64]:

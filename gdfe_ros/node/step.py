@@ -30,7 +30,7 @@ class Demand:
     Attributes:
         messages: any message at all.
         fields: element fields.
-        poses: of the plates.
+        poses: of the handles.
         actuators: their states.
     """
 
@@ -53,7 +53,7 @@ class Step:
         again: told before; for those that have begun to listen since.
         wanted: whether anything of it is to be published or recorded.
         fields: evaluates the element fields, in the thread that publishes; None where nobody wants them.
-        poses: where each plate is; empty where nobody wants it, like the following.
+        poses: where each handle is; empty where nobody wants it, like the following.
         actuators: states by name.
     """
 
@@ -94,8 +94,8 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
     }
 
 
-def plate_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
-    """Give how far a plate is from its target along the axes that it has not free [m]; vertices are all (n, 3) [m]."""
+def handle_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
+    """Give how far a handle is from its target along the axes that it has not free [m]; vertices are all (n, 3) [m]."""
     before, now = rest[handle.vertices], positions[handle.vertices]
     centre = before.mean(axis=0)
     wanted = Rotation.from_rotvec(target.rotation).apply(before - centre) + centre + target.translation

@@ -14,6 +14,7 @@ from enum import Enum
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
+from gdfe_ros.solver.settings import FORMER_NAMES
 
 FORMAT = 1
 
@@ -98,6 +99,7 @@ class StepRecord:
             entries["residual"] = math.inf if entries["residual"] is None else entries["residual"]
             poses = entries["handles"].items()
             entries["handles"] = {name: Pose(tuple(six[:3]), tuple(six[3:])) for name, six in poses}
+            entries["skipped"] = {FORMER_NAMES.get(name, name): count for name, count in entries["skipped"].items()}
             return cls(**entries)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordingError(

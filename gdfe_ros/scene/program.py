@@ -7,6 +7,8 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from gdfe_ros.constraints import Pose
 
 
@@ -55,6 +57,12 @@ class Program:
         for tracks in (self.keyframes, self.actuators, self.loads):
             times.update(frame.time for frames in tracks.values() for frame in frames)
         return tuple(sorted(times))
+
+    def moments(self, steps: int | None) -> list[float]:
+        """Return the ends of so many equal load steps [s]; None takes one for each of `times`."""
+        if steps is None:
+            return list(self.times[1:])
+        return list(np.linspace(0.0, self.duration, steps + 1)[1:])
 
     def handle_poses(self, time: float) -> dict[str, Pose]:
         """Return the pose of every handle of the program at a time [s], clamped to [0, duration]."""

@@ -44,14 +44,14 @@ class RegionModel(Entry):
 
 
 class HandleModel(Entry):
-    """A set of vertices held or moved as a rigid plate."""
+    """Vertices that are held, or moved together as one rigid piece."""
 
     where: WhereModel = Field(description="the vertices, e.g. {face: x-}")
-    fixed: bool = Field(False, description="the plate stays at rest")
+    fixed: bool = Field(False, description="the handle stays at rest")
     free: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = Field(
         (),
         description="x, y, z: axes along which it slides without a force; rx, ry, rz: axes of the world, through the "
-        "plate's centre, about which it turns freely: "
+        "handle's centre, about which it turns freely: "
         "without a moment where one or three are free; of two, to the least energy of all rotation vectors along them",
     )
 
@@ -73,7 +73,7 @@ class HandleModel(Entry):
 
 
 class KeyframeModel(Entry):
-    """The complete pose of a plate relative to rest at a time; what is left out is zero."""
+    """The complete pose of a handle relative to rest at a time; what is left out is zero."""
 
     time: Annotated[float, _TIME]
     translation: Annotated[tuple[float, float, float], _TRANSLATION] = (0.0, 0.0, 0.0)
@@ -128,7 +128,9 @@ class SceneModel(Entry):
         description="materials by name, e.g. soft: {law: linear, young: 1.0e5, poisson: 0.45}", min_length=1
     )
     regions: tuple[RegionModel, ...] = Field(description="a list of {material, where}, later ones win", min_length=1)
-    handles: dict[Name, HandleModel] = Field(description="plates by name, as base: {where: {face: x-}, fixed: true}")
+    handles: dict[Name, HandleModel] = Field(
+        description="what holds and moves the body, by name, as base: {where: {face: x-}, fixed: true}"
+    )
     actuators: dict[Name, ActuatorModel] = Field(
         {}, description="by name, as tendon: {cable: {points: [...], command: tension}}"
     )

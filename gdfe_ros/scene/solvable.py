@@ -13,6 +13,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
 LARGEST_CONTRAST = 1e10
@@ -35,6 +36,15 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
     )
     if defects:
         raise SceneError(f"scene {scene.name}", [text for _, text in defects])
+
+
+def remarks(scene: Scene, policy: Policy) -> list[str]:
+    """Say what is doubtful about a scene: unstable materials, contrasts beyond the policy's calibration."""
+    notes = [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
+    if policy is Policy.RELATIVE:
+        used = [item for item in scene.materials.values() if item.omega is None]
+        notes += calibration_remarks(np.array([item.young0 for item in used])) if used else []
+    return notes
 
 
 def unsolvable(

@@ -17,7 +17,7 @@ def handle_reactions(
     force: NDArray[np.float64],
     outside: NDArray[np.float64] | None = None,
 ) -> dict[str, NDArray[np.float64]]:
-    """Sum the corner forces at each plate.
+    """Sum the corner forces at each handle.
 
     Args:
         body: the discretised body.
@@ -26,7 +26,7 @@ def handle_reactions(
         outside: dE/dx (n, 3) [N] of what acts from outside; None for nothing.
 
     Returns:
-        By handle (6,): force [N], then moment [N m] about the mean of the plate's current vertices.
+        By handle (6,): force [N], then moment [N m] about the mean of the handle's current vertices.
     """
     reactions = {}
     for handle in body.handles:

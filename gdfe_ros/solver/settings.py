@@ -14,6 +14,10 @@ class Policy(str, Enum):
     RELATIVE = "relative"
 
 
+FORMER_NAMES = {"elements inside plates": "elements inside handles"}
+"""Of skipped work in scenes and bags that were written before a handle had one word; each with today's."""
+
+
 class Skip(str, Enum):
     """Work that is left out where a scene does not need it; the name under which results count it.
 
@@ -21,12 +25,16 @@ class Skip(str, Enum):
     """
 
     SOLVE = "solve"
-    PLATES = "elements inside plates"
+    HANDLES = "elements inside handles"
     DORMANT = "dormant elements"
     SHAPE_FACTORS = "shape factor updates"
     PRESSURES = "pressure updates"
     EIGENVALUES = "eigenvalues"
     ACTUATORS = "actuators"
+
+    @classmethod
+    def _missing_(cls, value: object) -> Skip | None:
+        return cls(FORMER_NAMES[value]) if value in FORMER_NAMES else None
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Any
 
 import gdfe_ros
+from gdfe_ros.testing.forking import start
 
 _PATIENCE = 180.0
 """How long a process may take to end after a signal [s]."""
@@ -47,12 +48,10 @@ class NodeProcess:
         # JSON is YAML; a file spares the quoting that -p asks for.
         (folder / "parameters.yaml").write_text(json.dumps(values), encoding="utf-8")
         self._log = folder / "log.txt"
-        command = [sys.executable, "-m", "gdfe_ros.node", "--ros-args"]
-        command += ["--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:={namespace}"]
+        arguments = ["--ros-args", "--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:={namespace}"]
         for before, after in (remaps or {}).items():
-            command += ["-r", f"{before}:={after}"]
-        with self._log.open("wb") as log:
-            self._process = subprocess.Popen(command, stdout=log, stderr=log, env=package_environment(home))
+            arguments += ["-r", f"{before}:={after}"]
+        self._process = start(arguments, self._log, package_environment(home))
         self.status: int | None = None
 
     @property

@@ -49,20 +49,20 @@ def test_bulk_moduli_match_those_of_the_references() -> None:
     assert (law.mu, law.lame, law.bulk) == pytest.approx((40.0, 40.0, 200.0 / 3.0))
 
 
-def test_a_turning_plate_keeps_its_shape() -> None:
-    """Turn the plate of twist90 rigidly about the bar's axis."""
+def test_a_turning_handle_keeps_its_shape() -> None:
+    """Turn the handle of twist90 rigidly about the bar's axis."""
     case = CASES[CaseName.TWIST90]
     points = case.grid().points()[case.grid().face(right=True)]
-    moved = points + case.plate_displacement(points, load=1.0)
+    moved = points + case.handle_displacement(points, load=1.0)
     np.testing.assert_allclose(moved[:, 1:], np.stack([-points[:, 2], points[:, 1]], axis=1), atol=1e-15)
-    half = points + case.plate_displacement(points, load=0.5)
+    half = points + case.handle_displacement(points, load=0.5)
     np.testing.assert_allclose(np.hypot(*half[:, 1:].T), np.hypot(*points[:, 1:].T), atol=1e-15)
 
 
-def test_a_sliding_plate_foreshortens_with_the_square_of_the_load() -> None:
+def test_a_sliding_handle_foreshortens_with_the_square_of_the_load() -> None:
     """Prescribe a quarter of the slide at half the lift."""
     case = CASES[CaseName.BEND5]
-    moved = case.plate_displacement(np.array([[0.5, 0.01, 0.02]]), load=0.5)
+    moved = case.handle_displacement(np.array([[0.5, 0.01, 0.02]]), load=0.5)
     np.testing.assert_allclose(moved, [[-0.0490 / 4, 0.0, 0.1]], atol=1e-15)
 
 

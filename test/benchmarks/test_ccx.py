@@ -45,8 +45,8 @@ def test_neo_hookean_materials_use_the_ciarlet_law() -> None:
     assert cards == ["*MATERIAL, NAME=CIARLET_EL_LAW3", "*USER MATERIAL, CONSTANTS=2", "0.04,0.45"]
 
 
-def test_a_sliding_plate_is_tied_and_not_prescribed_along_x() -> None:
-    """Tie all x displacements of the plate to one of them and prescribe y and z only."""
+def test_a_sliding_handle_is_tied_and_not_prescribed_along_x() -> None:
+    """Tie all x displacements of the handle to one of them and prescribe y and z only."""
     text = _deck(CaseName.BEND5, (5, 1, 1), CcxElement.C3D8I)
     assert text.count("*EQUATION\n2\n") == 3
     step = text[text.index("*STEP") :]
@@ -66,7 +66,7 @@ def test_quadratic_elements_have_twenty_nodes_and_no_face_centres() -> None:
     assert set(numbers[1:]) == {int(line.split(",")[0]) for line in nodes}
 
 
-def test_load_steps_follow_the_arc_of_a_turning_plate() -> None:
+def test_load_steps_follow_the_arc_of_a_turning_handle() -> None:
     """Prescribe positions on the circle at the end of every step."""
     text = _deck(CaseName.TWIST90, (2, 1, 1), CcxElement.C3D8, steps=2)
     first = text.split("*STEP")[1]
@@ -101,7 +101,7 @@ def test_the_last_block_of_displacements_counts() -> None:
 
 
 def test_reactions_are_read_and_balance_sideways() -> None:
-    """Read the plate's nodal forces, which pull along x and cancel across."""
+    """Read the handle's nodal forces, which pull along x and cancel across."""
     forces = read_reactions(DATA.joinpath("bar.dat").read_text())
     total = np.sum(list(forces.values()), axis=0)
     assert set(forces) == {3, 6, 9, 12}

@@ -22,7 +22,7 @@ BARE = Cost(1250, False, False, 2.2, 2.0, 1.9, 0.2, {"gdfe-courier": 0.04, "pyth
 FULL = Cost(1250, True, True, 2.4, 2.1, 1.9, 0.3, {"gdfe-courier": 0.5})
 IDLE = Idleness("wall, paused", 20.0, 0.002, 0, 20.0)
 STEPS = Lockstep(5000, 5000, 10.0)
-FLOOD = Flood("plates", 1000, 1000, {"stale": 1000}, 0.5, True, 0.0, 1000, 0)
+FLOOD = Flood("handles", 1000, 1000, {"stale": 1000}, 0.5, True, 0.0, 1000, 0)
 
 
 def _report() -> dict[str, Any]:
@@ -37,7 +37,7 @@ def test_tables_hold_the_figures() -> None:
     assert rows["latency"] == [("1250", "2.00", "4.00", "1.50", "3.00")]
     assert rows["node cost"][1] == ("1250", "mesh, strain", "yes", "2.40", "2.10", "1.90", "0.30", "12.5", "0.50")
     assert rows["idle"] == [("wall, paused", "0.20", "20 s", "0")]
-    assert rows["commands"][1] == ("bad, plates", "1000", "0", "1000", "2000", "yes", "0.0")
+    assert rows["commands"][1] == ("bad, handles", "1000", "0", "1000", "2000", "yes", "0.0")
 
 
 def test_tables_take_their_place_in_a_readme() -> None:

@@ -15,7 +15,7 @@ from benchmarks.fine_model import condensed_solve, invert_blocks
 from benchmarks.grids import Grid
 from benchmarks.peers import PeerError, PeerResult, PeerSolution, Solver, Variant, load_peer, run_peer
 from benchmarks.peers.mujoco_model import Drive, node_masses, tetrahedra, write_model
-from benchmarks.peers.peer import plate_reaction, worker_environment
+from benchmarks.peers.peer import handle_reaction, worker_environment
 from benchmarks.peers.worker import measure
 from benchmarks.references import load_reference
 
@@ -121,12 +121,12 @@ def test_the_papers_mesh_is_always_among_the_meshes() -> None:
             assert case.cells in {variant.cells for variant in load_peer(solver).variants(case)}
 
 
-def test_the_reaction_is_the_wrench_about_the_deformed_plate() -> None:
-    """Sum the plate's forces and their moments about where the plate is now."""
+def test_the_reaction_is_the_wrench_about_the_deformed_handle() -> None:
+    """Sum the handle's forces and their moments about where the handle is now."""
     grid = Grid(size=(1.0, 1.0, 1.0), cells=(1, 1, 1))
     forces, displacement = np.zeros((8, 3)), np.tile([0.0, 0.0, 0.5], (8, 1))
     forces[grid.face(right=True)] = [[0, 1, 0], [0, 1, 0], [0, -1, 0], [2, -1, 0]]
-    np.testing.assert_allclose(plate_reaction(grid, displacement, forces), [2, 0, 0, 2, 1, -1])
+    np.testing.assert_allclose(handle_reaction(grid, displacement, forces), [2, 0, 0, 2, 1, -1])
 
 
 def test_the_mujoco_model_has_a_body_for_every_moving_node() -> None:

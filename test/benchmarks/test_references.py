@@ -60,12 +60,12 @@ def test_meaningless_comparisons_are_refused(displacement, reference, text: str)
 
 @pytest.mark.parametrize("name", list(CaseName))
 def test_references_are_sampled_on_the_papers_mesh(name: CaseName) -> None:
-    """Hold the scene's own vertices in the scene's own order, with the plate where the scene puts it."""
+    """Hold the scene's own vertices in the scene's own order, with the handle where the scene puts it."""
     reference, grid = load_reference(name), CASES[name].grid()
     np.testing.assert_allclose(reference.vertices, grid.points(), atol=1e-12)
     np.testing.assert_array_equal(reference.displacement[grid.face(right=False)], 0.0)
     face = grid.face(right=True)
-    target = CASES[name].plate_displacement(reference.vertices[face])
+    target = CASES[name].handle_displacement(reference.vertices[face])
     columns = slice(1, 3) if CASES[name].slides else slice(0, 3)
     np.testing.assert_allclose(reference.displacement[face][:, columns], target[:, columns], atol=1e-9)
 

@@ -12,7 +12,7 @@ from gdfe_ros.mesh.quality import check_mesh
 
 @pytest.mark.parametrize(("rows", "length"), [((4, 2), 20), ((20, 5), 40)])
 def test_a_brush_is_a_sound_body(rows: tuple[int, int], length: int) -> None:
-    """Make it small and large: cubes in one piece, every tip a plate of nine vertices."""
+    """Make it small and large: cubes in one piece, every tip a handle of nine vertices."""
     brush = Brush(rows=rows, length=length)
     scene = brush.scene(brush.bristles)
     assert not check_mesh(scene.mesh).defects

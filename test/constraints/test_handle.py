@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handles: plates of vertices."""
+"""Handles: sets of vertices that move as one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from gdfe_ros.constraints import Axis, Handle
 
 
-def test_centre_is_the_mean_of_the_plates_vertices() -> None:
+def test_centre_is_the_mean_of_the_handles_vertices() -> None:
     """Take two vertices of three: their mean, whatever the third does."""
     vertices = np.array([[0.0, 0.0, 0.0], [9.0, 9.0, 9.0], [2.0, 4.0, 6.0]])
     handle = Handle("tip", np.array([0, 2], dtype=np.int32))
@@ -21,13 +21,13 @@ def test_axes_index_coordinates() -> None:
     assert [np.array([5, 6, 7])[axis] for axis in (Axis.X, Axis.Y, Axis.Z)] == [5, 6, 7]
 
 
-def test_a_fixed_plate_cannot_slide() -> None:
-    """Refuse a plate that is fixed and free at once; name it and the remedy."""
+def test_a_fixed_handle_cannot_slide() -> None:
+    """Refuse a handle that is fixed and free at once; name it and the remedy."""
     with pytest.raises(ValueError, match=r"handle 'tip' is fixed and has free axes; drop one"):
         Handle("tip", np.zeros(1, np.int32), fixed=True, free=(Axis.X,))
 
 
-def test_a_plate_is_held_unless_said_otherwise() -> None:
+def test_a_handle_is_held_unless_said_otherwise() -> None:
     """Name only the vertices: commanded along every axis, not fixed."""
     handle = Handle("tip", np.zeros(1, np.int32))
     assert not handle.fixed

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of plates: rotation vectors beyond half a turn, interpolation, refusals."""
+"""Poses of handles: rotation vectors beyond half a turn, interpolation, refusals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_translation_moves_every_point() -> None:
     np.testing.assert_array_equal(moved, SQUARE + np.array([1.0, 2.0, 3.0]))
 
 
-def test_rotation_is_about_the_centre_of_the_plate() -> None:
+def test_rotation_is_about_the_centre_of_the_handle() -> None:
     """Turn a square off the origin by a right angle: its centre stays, y becomes z (right-handed)."""
     centre = np.array([10.0, 20.0, 30.0])
     moved = Pose(rotation=(math.pi / 2.0, 0.0, 0.0)).apply(SQUARE + centre, centre)

@@ -73,7 +73,7 @@ def _wrong() -> Iterator[tuple[str, str, str, Any]]:
     long = _pose()
     long.pose.orientation.w = 2.0
     yield "a quaternion of length 2", "quaternion not of unit length", target, long
-    yield "a target of a fixed plate", "handle is fixed", "handles/base/target", _pose(z=0.1)
+    yield "a target of a fixed handle", "handle is fixed", "handles/base/target", _pose(z=0.1)
 
 
 def actuators() -> Iterator[Row]:

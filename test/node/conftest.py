@@ -86,7 +86,7 @@ class Client:
             self._executor.spin_once(timeout_sec=left)
 
     def target(self, z: float = 0.0, *, handle: str = "tip", turn: tuple = (0, 0, 0), **changes: Any) -> None:
-        """Command a plate: ``z`` [m], ``turn`` rotation vector [rad]; ``changes`` set parts of the quaternion."""
+        """Command a handle: ``z`` [m], ``turn`` rotation vector [rad]; ``changes`` set parts of the quaternion."""
         message = PoseStamped()
         message.pose.position.z = float(z)
         parts = dict(zip("xyzw", map(float, Rotation.from_rotvec(turn).as_quat()), strict=True))
@@ -133,13 +133,25 @@ class Client:
         messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         return self.call(SetParameters, "set_parameters", SetParameters.Request(parameters=messages)).results
 
+    def last(self, topic: str) -> Any:
+        """Give the message of a topic that arrived last; before the first, wait for it."""
+        return self.wait(lambda: self.received[topic])[-1]
+
+    def record(self) -> StepRecord:
+        """Give the record that arrived last; before the first, wait for it."""
+        return StepRecord.from_json(self.last("step_record").data)
+
     def records(self) -> list[StepRecord]:
         """Give the records of all steps that arrived."""
         return [StepRecord.from_json(message.data) for message in self.received["step_record"]]
 
+    def mesh(self) -> np.ndarray:
+        """Give the mesh that arrived last, (n, 6) float32; before the first, wait for it."""
+        return _vertices(self.last("mesh"))
+
     def meshes(self) -> list[np.ndarray]:
         """Give all meshes that arrived: (n, 6) float32."""
-        return [np.frombuffer(message.data, "<f4").reshape(-1, 6) for message in self.received["mesh"]]
+        return [_vertices(message) for message in self.received["mesh"]]
 
     def wait_steps(self, count: int) -> None:
         """Spin until records and meshes of ``count`` steps arrived."""
@@ -233,6 +245,10 @@ def records_of() -> Callable[[Path], list[StepRecord]]:
 def coarse() -> dict[str, Any]:
     """Give parameters of a scene that is solved in a millisecond."""
     return dict(COARSE)
+
+
+def _vertices(cloud: PointCloud2) -> np.ndarray:
+    return np.frombuffer(cloud.data, "<f4").reshape(-1, 6)
 
 
 def to_nanoseconds(stamp: Time) -> int:

@@ -82,7 +82,7 @@ def test_two_publishers_of_one_topic_lose_no_command(client: Any, start: Callabl
                 publisher.publish(message if count == 2 else JointState(name=[name], effort=[float(count)]))
         client.wait_taken(10 * count)
         assert client.call(Trigger, "step", Trigger.Request()).success
-        client.wait(lambda count=count: client.records()[-1].actuators == {"flexor": count, "extensor": count})
+        client.wait(lambda count=count: client.record().actuators == {"flexor": count, "extensor": count})
     assert client.diagnostics()["commands refused"] == "0"
 
 
@@ -120,7 +120,7 @@ def test_the_jacobian_predicts_the_motion_of_the_tip(client: Any, start: Callabl
     client.node.create_subscription(PoseStamped, client.full("probe/tip"), tips.append, 10)
     client.node.create_subscription(Float64MultiArray, client.full("jacobian"), jacobians.append, 10)
     client.publish("commands", Float64MultiArray(data=[1.0, 0.0]))
-    client.wait(lambda: client.records() and client.records()[-1].actuators.get("flexor") == 1.0)
+    client.wait(lambda: client.record().actuators.get("flexor") == 1.0)
     response = client.call(Trigger, "compute_jacobian", Trigger.Request())
     assert response.success, response.message
     client.wait(lambda: jacobians)
@@ -135,7 +135,7 @@ def _tip_at(client: Any, tips: list[PoseStamped], tension: float) -> np.ndarray:
     count = len(client.records())
     client.publish("commands", Float64MultiArray(data=[tension, 0.0]))
     client.wait(lambda: len(client.records()) > count)
-    assert client.records()[-1].actuators["flexor"] == tension
-    moment = to_time(client.records()[-1].stamp)
+    assert client.record().actuators["flexor"] == tension
+    moment = to_time(client.record().stamp)
     tip = client.wait(lambda: [tip.pose.position for tip in tips if tip.header.stamp == moment])[0]
     return np.array([tip.x, tip.z])

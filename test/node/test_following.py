@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plates that follow: a topic's pose, as of the example's arm; frames are in test_frames.py."""
+"""Handles that follow: a topic's pose, as of the example's arm; frames are in test_frames.py."""
 
 from __future__ import annotations
 
@@ -93,6 +93,6 @@ def test_a_wrong_leader_is_refused(entry: str, scene: str, said: str) -> None:
 
 
 def test_a_plate_has_one_leader() -> None:
-    """Give a plate two: the second is refused."""
+    """Give a handle two: the second is refused."""
     with pytest.raises(GdfeError, match="handle 'tip' follows topic /x already"):
         leaders_of(["tip=topic:/x", "tip=topic:/y"], load_scene("bend5"), listening=False)

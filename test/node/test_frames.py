@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames on /tf: those that the node tells of, and those that commands and plates follow.
+"""Frames on /tf: those that the node tells of, and those that commands and handles follow.
 
 tf2_msgs is not among the wheels of ROS: where it is not installed, its messages are built from their definition.
 """
@@ -74,12 +74,12 @@ def test_plates_are_told_on_tf(client: Any, start: Callable, coarse: dict, inter
     named = {message[-1].header.frame_id for name, message in client.received.items() if name.startswith("handles")}
     assert {*named, felt[-1].header.frame_id} == {"left/tip_rest", "left/tip_centre", "left/tip"} <= set(tree.heard)
     assert {each.header.frame_id for each in tree.heard.values()} == {"left/base_link"}
-    plate = tree.heard["left/tip"].transform
+    handle = tree.heard["left/tip"].transform
     centre = client.meshes()[-1][client.meshes()[0][:, 0] > client.meshes()[0][:, 0].max() - 1e-6, :3].mean(axis=0)
-    np.testing.assert_allclose(_vector(plate.translation), centre, atol=1e-6)
+    np.testing.assert_allclose(_vector(handle.translation), centre, atol=1e-6)
     rest = _vector(tree.heard["left/tip_rest"].transform.translation)
-    np.testing.assert_allclose(_vector(plate.translation), np.add(rest, _vector(pose.pose.position)), atol=1e-12)
-    turn = plate.rotation
+    np.testing.assert_allclose(_vector(handle.translation), np.add(rest, _vector(pose.pose.position)), atol=1e-12)
+    turn = handle.rotation
     np.testing.assert_allclose([turn.x, turn.y, turn.z, turn.w], Rotation.from_rotvec([0, 0.3, 0]).as_quat(), atol=1e-9)
     back = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).inv()
     for part in ("force", "torque"):

@@ -44,7 +44,7 @@ def test_the_latest_command_of_each_actuator_counts_whoever_sent_it() -> None:
     assert not inbox.ready()
 
 
-def test_the_latest_command_of_each_plate_counts() -> None:
+def test_the_latest_command_of_each_handle_counts() -> None:
     """Put poses and velocities: a pose ends what came before, a velocity goes on from the pose before it."""
     there, back = (PoseOrder("tip", (0.0, 0.0, z), (0.0, 0.0, 0.0, 1.0)) for z in (0.1, 0.0))
     slow, fast = (TwistOrder("tip", (v, 0.0, 0.0), (0.0, 0.0, 0.0)) for v in (0.1, 0.2))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -69,11 +70,10 @@ def newcomer(ros: Any) -> _Newcomer:
     """Give a node that listens to diagnostics only."""
 
     def wait(done: Callable[[], Any]) -> None:
-        for _ in range(600):
-            if done():
-                return
+        end = time.monotonic() + 300.0
+        while not done():
+            assert time.monotonic() < end, "waited in vain"
             ros.executor.spin_once(timeout_sec=0.05)
-        raise AssertionError("waited in vain")
 
     return _Newcomer(ros, wait)
 

@@ -80,17 +80,17 @@ def test_the_state_outlives_deactivate_but_not_cleanup(client: Any, start: Calla
     """Lift the tip, deactivate, activate: it is still lifted; after cleanup and configure it is at rest."""
     start(**coarse)
     client.target(0.1)
-    client.wait(lambda: client.meshes() and client.meshes()[-1][:, 5].max() > 0.09)
+    client.wait(lambda: client.mesh()[:, 5].max() > 0.09)
     assert client.transition("deactivate")
     made = int(client.diagnostics()["steps"])
     assert client.transition("activate")
-    client.wait(lambda: client.records()[-1].step >= made)
-    lifted = to_time(client.records()[-1].stamp)
+    client.wait(lambda: client.record().step >= made)
+    lifted = to_time(client.record().stamp)
     assert np.frombuffer(client.arrived("mesh", lifted).data, "<f4").reshape(-1, 6)[:, 5].max() > 0.09
     assert all(client.transition(label) for label in ("deactivate", "cleanup", "configure"))
     client.received["mesh"].clear()
     assert client.transition("activate")
-    client.wait(lambda: client.meshes() and abs(client.meshes()[-1][:, 3:]).max() < 1e-6)
+    client.wait(lambda: abs(client.mesh()[:, 3:]).max() < 1e-6)
     assert client.diagnostics()["state"] == "active"
 
 
@@ -103,7 +103,7 @@ def test_a_bag_in_the_way_is_said_and_can_be_put_right(
     process = start(**coarse, record=True, bag_path=str(tmp_path / "bag"))
     client.wait(lambda: "could not be activated" in process.log)
     assert "exists and is not empty" in process.log
-    assert client.state() == "inactive"
+    client.wait(lambda: client.state() == "inactive")
     assert client.set(bag_path=str(tmp_path / "other"))[0].successful
     assert client.transition("activate")
     assert process.stop() == 0

@@ -64,7 +64,7 @@ def test_a_manager_that_configures_an_active_node_is_answered(client: Any, start
     client.wait(client.records)
     assert [client.transition(label) for label in ("configure", "activate")] == [False, False]
     client.target(0.05)
-    client.wait(lambda: client.meshes()[-1][:, 5].max() > 0.049)
+    client.wait(lambda: client.mesh()[:, 5].max() > 0.049)
     assert [client.transition(label) for label in ("deactivate", "cleanup", "configure", "activate")] == [True] * 4
 
 

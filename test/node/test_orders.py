@@ -87,7 +87,7 @@ def test_bad_velocities_are_refused(changes: dict, reason: Reason) -> None:
     assert _refused(lambda: twist_order(_twist(**changes), TIP, size=0.5, frames=FRAMES)) is reason
 
 
-def test_velocities_turn_a_plate_on_and_on() -> None:
+def test_velocities_turn_a_handle_on_and_on() -> None:
     """Turn at 40 rad/s in steps of 0.1 s: each adds 4 rad, past full turns; the offset axis stays."""
     pose = Pose()
     for step in range(1, 9):
@@ -191,7 +191,7 @@ def test_stamps_must_not_be_old_or_ahead_or_go_back() -> None:
 
 @pytest.mark.parametrize("frame", ["odom", "/base_link", "tip"])
 def test_commands_in_other_frames_are_refused_by_name(frame: str) -> None:
-    """Name another frame in a target and in a velocity: both are refused; empty, the node's and the plate's are not."""
+    """Name another frame in a target, in a velocity: both are refused; empty, the node's, the handle's are not."""
     for message, order in ((_pose(), pose_order), (_twist(), twist_order)):
         for allowed in ("", "base_link", "tip_rest"):
             message.header.frame_id = allowed

@@ -17,7 +17,7 @@ def test_bad_commands_change_nothing(client: Any, start: Callable, coarse: dict)
     """Send NaN, a long quaternion, a leap, a fixed and an unknown handle: each is counted, the mesh stays."""
     process = start(**coarse)
     client.target(0.05)
-    client.wait(lambda: client.meshes() and client.meshes()[-1][:, 5].max() > 0.049)
+    client.wait(lambda: client.mesh()[:, 5].max() > 0.049)
     for _ in range(3):
         client.target(math.nan)
         client.target(w=2.0)
@@ -35,9 +35,9 @@ def test_bad_commands_change_nothing(client: Any, start: Callable, coarse: dict)
     assert values["refused: unknown name"] == "1"
     assert "must be finite numbers" in process.log
     assert process.log.count("must be finite numbers") == 1
-    assert math.isclose(client.meshes()[-1][:, 5].max(), 0.05, abs_tol=1e-6)
+    assert math.isclose(client.mesh()[:, 5].max(), 0.05, abs_tol=1e-6)
     client.target(0.06)
-    client.wait(lambda: client.meshes()[-1][:, 5].max() > 0.0599)
+    client.wait(lambda: client.mesh()[:, 5].max() > 0.0599)
 
 
 def test_warnings_are_throttled_by_input_and_reason(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,11 +18,19 @@ from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.testing.discovery import await_discovery
 
+WAITING = """
+name: waiting
+mesh: {bar: {size: [0.2, 0.02, 0.02], cells: [4, 1, 1]}}
+materials: {rubber: {law: curve, csv: table.csv, poisson: 0.45}}
+regions: [{material: rubber}]
+handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
+"""
+
 
 def _parts(client: Any) -> dict[str, DiagnosticStatus]:
     """Give the statuses of the node by part."""
     client.status()
-    return {status.name.partition(": ")[2]: status for status in client.received["/diagnostics"][-1].status}
+    return {status.name.partition(": ")[2]: status for status in client.last("/diagnostics").status}
 
 
 def _reasons(client: Any) -> list[str]:
@@ -48,7 +57,7 @@ def test_many_steps_leave_the_node_responsive_and_can_be_ended(client: Any, star
     start(**coarse, clock="lockstep", step_count=1_000_000)
     client.wait(client.records)
     walk = _begin(client, Trigger, "step", Trigger.Request())
-    client.wait(lambda: client.records()[-1].step > 10)
+    client.wait(lambda: client.record().step > 10)
     assert client.state() == "active"
     assert client.set(rate=50.0)[0].successful
     second = client.call(Trigger, "step", Trigger.Request())
@@ -69,25 +78,27 @@ def test_a_node_that_ends_answers_those_who_wait(client: Any, start: Callable, c
     start(**coarse, clock="lockstep", step_count=1_000_000)
     client.wait(client.records)
     walk = _begin(client, Trigger, "step", Trigger.Request())
-    client.wait(lambda: client.records()[-1].step > 10)
+    client.wait(lambda: client.record().step > 10)
     assert client.transition("deactivate")
     client.wait(walk.done)
     assert (walk.result().success, walk.result().message) == (False, "the stepping has ended")
 
 
-def test_a_node_that_is_being_configured_answers(client: Any, start: Callable, coarse: dict) -> None:
-    """Configure: meanwhile the state is asked for and parameters are read, and no other transition is taken."""
-    start(**coarse, autostart=False)
-    client.state()
-    client.call(GetParameters, "get_parameters", GetParameters.Request(names=["scene"]))
+def test_a_node_that_is_being_configured_answers(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Hold the table of a material back: meanwhile the node tells state and parameters, and takes no transition."""
+    table = tmp_path / "table.csv"
+    os.mkfifo(table)
+    (tmp_path / "bar.yaml").write_text(WAITING, encoding="utf-8")
+    start(scene=str(tmp_path / "bar.yaml"), autostart=False)
     request = ChangeState.Request()
     request.transition.label = "configure"
     configured = _begin(client, ChangeState, "change_state", request)
     client.wait(lambda: client.state() == "configuring")
     assert client.call(GetParameters, "get_parameters", GetParameters.Request(names=["scene"])).values
-    assert not configured.done()
     for label in ("configure", "transition_success"):
         assert not client.transition(label)
+    assert not configured.done()
+    table.write_text("strain,stress\n0.1,1e4\n1.0,8e4\n", encoding="utf-8")
     client.wait(configured.done)
     assert configured.result().success
     assert client.state() == "inactive"

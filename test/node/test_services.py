@@ -51,9 +51,9 @@ def test_reset_goes_back_to_rest_at_time_zero(client: Any, start: Callable, coar
     client.wait_steps(2)
     assert _trigger(client, "reset")[0]
     client.wait_steps(3)
-    record = client.records()[-1]
+    record = client.record()
     assert (record.step, record.time, record.begin, record.energy < 1e-12) == (2, 0.0, Begin.REST, True)
-    assert abs(client.meshes()[-1][:, 3:]).max() < 1e-6
+    assert abs(client.mesh()[:, 3:]).max() < 1e-6
     client.target(0.1)
     client.wait_steps(4)
     assert np.array_equal(client.meshes()[3], client.meshes()[1])
@@ -142,8 +142,8 @@ def test_a_modulus_is_a_parameter(client: Any, start: Callable, coarse: dict) ->
     assert client.set(**{"materials.e20.young": 1e5})[0].successful
     client.wait_steps(3)
     client.wait(lambda: len(client.received["handles/tip/wrench"]) == 3)
-    client.wait(lambda: "young: 100000.0" in client.received["scene"][-1].data)
+    client.wait(lambda: "young: 100000.0" in client.last("scene").data)
     before, after = (message.wrench.force.z for message in client.received["handles/tip/wrench"][1:])
     assert after > 1.5 * before
-    assert client.meshes()[-1][:, 5].max() == client.meshes()[-2][:, 5].max()
-    assert client.records()[-1].time == client.records()[-2].time
+    assert client.mesh()[:, 5].max() == client.meshes()[-2][:, 5].max()
+    assert client.record().time == client.records()[-2].time

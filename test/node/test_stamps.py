@@ -49,13 +49,12 @@ def test_commands_in_other_frames_are_refused(client: Any, start: Callable, coar
     client.wait(lambda: client.diagnostics().get("refused: other frame") == "2")
     assert "header.frame_id is 'odom'; allowed: empty, 'base_link' or 'tip_rest'" in process.log
     assert "header.frame_id is 'tool0'" in process.log
-    assert abs(client.meshes()[-1][:, 3:]).max() == 0.0
+    assert abs(client.mesh()[:, 3:]).max() == 0.0
     client.publish("handles/tip/target", _target(0.1, frame="base_link"))
-    client.wait(lambda: client.meshes()[-1][:, 5].max() == pytest.approx(0.1, abs=1e-6))
-    client.wait(lambda: client.received["handles/tip/pose"] and client.received["handles/tip/wrench"])
-    frames = [client.received[f"handles/tip/{name}"][-1].header.frame_id for name in ("pose", "wrench")]
+    client.wait(lambda: client.mesh()[:, 5].max() == pytest.approx(0.1, abs=1e-6))
+    frames = [client.last(f"handles/tip/{name}").header.frame_id for name in ("pose", "wrench")]
     assert frames == ["tip_rest", "tip_centre"]
-    client.publish("handles/tip/target", client.received["handles/tip/pose"][-1])
+    client.publish("handles/tip/target", client.last("handles/tip/pose"))
     client.wait(lambda: client.diagnostics()["commands taken"] == "2")
 
 
@@ -68,7 +67,7 @@ def test_one_wrong_stamp_blocks_nothing(client: Any, start: Callable, coarse: di
     client.wait_steps(2)
     client.wait(lambda: client.diagnostics().get("refused: stamp ahead") == "1")
     assert "command_max_lead is 0.5 s" in process.log
-    assert client.records()[-1].handles["tip"].translation[2] == 0.1
+    assert client.record().handles["tip"].translation[2] == 0.1
 
 
 def test_commands_are_taken_up_again_after_the_clock_went_back(client: Any, start: Callable, coarse: dict) -> None:
@@ -91,7 +90,7 @@ def _shown(client: Any, clock: _Clock, milliseconds: int) -> bool:
     clock.show(milliseconds)
     client.publish("handles/tip/target", _target(0.0))
     client.spin(0.05)
-    return client.records()[-1].stamp == milliseconds * 10**6
+    return client.record().stamp == milliseconds * 10**6
 
 
 def test_headers_tell_the_nodes_time_and_records_both(client: Any, start: Callable, coarse: dict) -> None:
@@ -100,7 +99,7 @@ def test_headers_tell_the_nodes_time_and_records_both(client: Any, start: Callab
     start(**coarse, clock="lockstep")
     client.target(0.1)
     client.wait_steps(2)
-    record = client.records()[-1]
+    record = client.record()
     assert before < record.stamp < time.time_ns()
     assert record.time == 0.01
     assert client.arrived("mesh", to_time(record.stamp)).header.stamp == to_time(record.stamp)
@@ -111,8 +110,8 @@ def test_headers_tell_the_simulations_time_where_the_node_gives_it(client: Any, 
     start(**coarse, clock="lockstep", publish_clock=True, dt=0.25)
     client.target(0.1)
     client.wait_steps(2)
-    assert client.received["mesh"][-1].header.stamp == Time(nanosec=250_000_000)
-    assert client.records()[-1].stamp == 250_000_000
+    assert client.last("mesh").header.stamp == Time(nanosec=250_000_000)
+    assert client.record().stamp == 250_000_000
 
 
 def test_steps_follow_anothers_clock(client: Any, start: Callable, coarse: dict) -> None:
@@ -153,7 +152,7 @@ def _stamped(client: Any, seconds: int) -> bool:
 
 
 def _is_at(client: Any, milliseconds: int) -> bool:
-    return client.records()[-1].stamp == milliseconds * 10**6
+    return client.record().stamp == milliseconds * 10**6
 
 
 def test_another_clock_must_be_there_to_be_followed(client: Any, start: Callable, coarse: dict) -> None:

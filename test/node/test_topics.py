@@ -25,8 +25,8 @@ def test_the_mesh_follows_the_commands(client: Any, start: Callable, coarse: dic
     """Lift the tip by 0.1 m: vertices, pose, wrench, strain and topology say so."""
     start(**coarse)
     client.target(0.1)
-    client.wait(lambda: client.meshes() and np.isclose(client.meshes()[-1][:, 5].max(), 0.1, atol=1e-6))
-    mesh, stamp = client.meshes()[-1], client.received["mesh"][-1].header.stamp
+    client.wait(lambda: np.isclose(client.mesh()[:, 5].max(), 0.1, atol=1e-6))
+    mesh, stamp = client.mesh(), client.last("mesh").header.stamp
     assert mesh.shape == (21 * 9, 6)
     np.testing.assert_allclose(mesh[:21, 0] - mesh[:21, 3], np.linspace(0, 0.5, 21), atol=1e-6)
     assert client.arrived("handles/tip/pose", stamp).pose.position.z == 0.1
@@ -34,13 +34,13 @@ def test_the_mesh_follows_the_commands(client: Any, start: Callable, coarse: dic
     strain = client.arrived("strain", stamp)
     assert [field.name for field in strain.fields][3:] == ["eps_eq", "J", "omega", "tangent", "energy_density"]
     assert np.frombuffer(strain.data, "<f4").reshape(-1, 8)[:, 3].max() > 1e-3
-    topology = client.wait(lambda: client.received["topology"])[-1]
+    topology = client.last("topology")
     assert [dimension.size for dimension in topology.layout.dim] == [80, 8]
     assert max(topology.data) == 21 * 9 - 1
-    assert client.received["mesh"][-1].header.frame_id == "base_link"
+    assert client.last("mesh").header.frame_id == "base_link"
 
 
-def test_a_plate_turns_on_and_on(client: Any, start: Callable, coarse: dict) -> None:
+def test_a_handle_turns_on_and_on(client: Any, start: Callable, coarse: dict) -> None:
     """Command quaternions of a growing angle: the targets consumed pass half a turn without a jump."""
     start(**{**coarse, "scene": "twist90", "clock": "lockstep"})
     for angle in np.arange(0.5, 4.6, 0.5):
@@ -60,7 +60,7 @@ def test_a_signal_leaves_a_whole_bag_that_others_read(
         client.target(z)
         client.spin(0.03)
     client.wait_taken(10)
-    client.wait(lambda: client.meshes()[-1][:, 5].max() > 0.0999)
+    client.wait(lambda: client.mesh()[:, 5].max() > 0.0999)
     assert process.stop(number) == 0, process.log
     live = [_stamped(message) for message in client.received["mesh"]]
     with AnyReader([tmp_path / "bag"]) as reader:

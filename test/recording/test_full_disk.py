@@ -4,75 +4,84 @@
 from __future__ import annotations
 
 import resource
-import time
-from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing import NodeProcess
-from gdfe_ros.testing.discovery import await_discovery
+from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
 
 PARAMETERS = {
     "scene": "bend5",
     "scene_overrides": ["mesh.bar.cells=[25, 4, 4]"],
     "publish_clock": True,
+    "autostart": False,
     "record": True,
 }
 ROOM = 5 << 20
 """More than is reserved at first [B]: what was promised then can still be written."""
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Watcher(Client):
+    """Follows steps and the recording's part of the diagnostics.
+
+    Attributes:
+        step: number of the last step; -1 before the first.
+        report: messages dropped, messages written and the bag's error, by the last diagnostics.
+    """
+
+    def __init__(self, process: NodeProcess) -> None:
+        super().__init__(process, "/gdfe_sim", "watcher", patience=PATIENCE)
+        self.step, self.report = -1, ["", "", ""]
+        self._record = self.node.create_client(SetBool, "/gdfe_sim/record")
+        self.node.create_subscription(String, "/gdfe_sim/step_record", self._see, STATE_QOS)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._read, STATE_QOS)
+        self.meet([self._record])
+
+    def wait_for_steps(self, count: int) -> None:
+        """Wait until so many more steps are made."""
+        last = self.step
+        self.wait(lambda: self.step >= last + count, f"{count} steps")
+
+    def stop_recording(self) -> SetBool.Response:
+        """Ask the node to end the bag."""
+        return self.call(self._record, SetBool.Request(data=False))
+
+    def _see(self, message: String) -> None:
+        self.step = StepRecord.from_json(message.data).step
+
+    def _read(self, message: DiagnosticArray) -> None:
+        values = {value.key: value.value for status in message.status for value in status.values}
+        self.report = [values.get(key, "") for key in ("messages dropped", "messages written", "bag error")]
 
 
 @pytest.mark.parametrize("clock", ["wall", "fast"])
-def test_a_full_disk_is_told_at_once_and_agreed_upon(ros: Any, tmp_path: Path, clock: str) -> None:
+def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str) -> None:
     """Let a file grow to 5 MiB only: log, diagnostics, bag and ~/record agree, and steps go on being made."""
-    node, steps, counts = ros.node("watcher"), [], []
-
-    def count(message: DiagnosticArray) -> None:
-        values = {value.key: value.value for status in message.status for value in status.values}
-        counts.append((values.get("messages dropped"), values.get("messages written"), values.get("bag error", "none")))
-
-    node.create_subscription(
-        String, "/gdfe_sim/step_record", lambda m: steps.append(StepRecord.from_json(m.data)), LATCHED
-    )
-    node.create_subscription(DiagnosticArray, "/diagnostics", count, LATCHED)
-    record = node.create_client(SetBool, "/gdfe_sim/record")
-    bag, end = tmp_path / "bag", time.monotonic() + 300.0
-    with NodeProcess({**PARAMETERS, "clock": clock, "bag_path": str(bag)}) as process:
-
-        def wait(done: Callable[[], Any]) -> Any:
-            while not (value := done()):
-                assert process.running
-                assert time.monotonic() < end
-                ros.executor.spin_once(timeout_sec=0.05)
-            return value
-
-        wait(lambda: steps)
+    bag = tmp_path / "bag"
+    with (
+        NodeProcess({**PARAMETERS, "clock": clock, "bag_path": str(bag)}) as process,
+        closing(Watcher(process)) as watcher,
+    ):
+        watcher.transition("configure")
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (ROOM, resource.RLIM_INFINITY))
-        wait(lambda: "recording ended, the simulation goes on" in process.log)
-        last = steps[-1].step
-        wait(lambda: steps[-1].step > last + 20)
-        wait(lambda: counts and counts[-1][2] != "none")
-        dropped, written, error = counts[-1]
-        assert "File too large" in error
+        watcher.transition("activate")
+        watcher.wait(lambda: "recording ended, the simulation goes on" in process.log, "the end of the recording")
+        watcher.wait_for_steps(20)
+        watcher.wait(lambda: "File too large" in watcher.report[2], "the error in diagnostics")
+        dropped, written, _ = watcher.report
         notes = BagReader(bag).notes
         assert (notes["messages_dropped"], notes["messages_written"]) == (dropped, written)
         assert f"{written} messages, {dropped} dropped" in process.log
-        wait(record.service_is_ready)
-        await_discovery(node, "/gdfe_sim", wait)
-        future = record.call_async(SetBool.Request(data=False))
-        answer = wait(lambda: future.result() if future.done() else None)
+        answer = watcher.stop_recording()
         assert not answer.success
         assert f"{written} messages, {dropped} dropped" in answer.message
-        last = steps[-1].step
-        wait(lambda: steps[-1].step > last)
+        watcher.wait_for_steps(1)
         assert process.stop() == 0
     assert len(BagReader(bag)) == int(written)

@@ -77,6 +77,7 @@ def test_every_message_arrives_in_order(
         assert [(stamp, raw) for _, stamp, raw in reader.messages()] == list(enumerate(clouds))
 
 
+@pytest.mark.bench
 def test_record_costs_less_than_a_tenth_of_a_millisecond(tmp_path: Path, mesh_topic: TopicInfo) -> None:
     """Time `record` at 100 Hz with 1836 vertices: the median of the processor time stays under 0.1 ms."""
     data = b"\0\1\0\0" + np.random.default_rng(3).bytes(24 * 1836)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.solver.settings import Skip
 
 _NUMBER = st.floats(allow_nan=False, allow_infinity=False)
 _TRIPLE = st.tuples(_NUMBER, _NUMBER, _NUMBER)
@@ -62,3 +63,11 @@ def test_a_record_of_before_stamps_is_read() -> None:
     assert StepRecord.from_json(json.dumps(entries)).stamp is None
     stamped = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5, stamp=1_795_000_000_123_456_789)
     assert StepRecord.from_json(stamped.to_json()) == stamped
+
+
+def test_skipped_work_has_one_name_in_records_old_and_new() -> None:
+    """Read a record from before handles had one word: what was skipped has today's name."""
+    entries = json.loads(StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5).to_json())
+    entries["skipped"] = {"elements inside plates": 18, "solve": 1}
+    assert StepRecord.from_json(json.dumps(entries)).skipped == {"elements inside handles": 18, "solve": 1}
+    assert Skip("elements inside plates") is Skip.HANDLES

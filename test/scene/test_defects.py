@@ -177,7 +177,7 @@ def test_missing_sections_are_all_named() -> None:
 
 
 def test_a_piece_that_nothing_holds_is_named() -> None:
-    """Hold one of two separate bars; join them along y by a plate that is free in y."""
+    """Hold one of two separate bars; join them along y by a handle that is free in y."""
     one = bar([1, 1, 1], [1, 1, 1])
     mesh = HexMesh(np.vstack([one.vertices, one.vertices + 5]), np.vstack([one.cells, one.cells + 8]))
     base = Handle("base", np.array([0, 2], dtype=np.int32), fixed=True)

@@ -44,7 +44,7 @@ def test_shipped_scenes_rebuild_from_their_source(name: str) -> None:
 
 
 def test_bend5_is_the_scene_of_section_5_1() -> None:
-    """Find 250 cells of each modulus from left to right, 36 vertices on each plate."""
+    """Find 250 cells of each modulus from left to right, 36 vertices on each handle."""
     scene = load_scene("bend5")
     assert scene.mesh.n_cells == 1250
     np.testing.assert_allclose(scene.mesh.bounds, [[0, -0.025, -0.025], [0.5, 0.025, 0.025]], atol=1e-15)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies under test: regular, distorted and sheared meshes, each law, plates at chosen faces."""
+"""Bodies under test: regular, distorted and sheared meshes, each law, handles at chosen faces."""
 
 from __future__ import annotations
 

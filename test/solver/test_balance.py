@@ -66,7 +66,7 @@ def test_a_spring_keeps_its_energy(stepper: Stepper) -> None:
 
 
 def test_moments_work_on_turns_in_world_axes(stepper: Stepper) -> None:
-    """Turn a plate further about another axis: the motion is that of the turn between, not of rotation vectors."""
+    """Turn a handle further about another axis: the motion is that of the turn between, not of rotation vectors."""
     begin, end = (1.0, 0.4, -0.3), (1.01, 0.41, -0.28)
     turn = (Rotation.from_rotvec(end) * Rotation.from_rotvec(begin).inv()).as_rotvec()
     rest = stepper.at_rest()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The constant matrix: symmetric positive definite, one solution from every library, sliding plates eliminated."""
+"""The constant matrix: symmetric positive definite, one solution from every library, sliding handles eliminated."""
 
 from __future__ import annotations
 
@@ -68,18 +68,18 @@ def test_centring_matrix_is_the_papers(end: End) -> None:
 
 @pytest.mark.parametrize("library", FACTORS)
 def test_every_library_solves_the_full_system(library: Factorisation, sliding: Unknowns) -> None:
-    """Solve for free vertices and sliding plates: the same as one dense system for each axis."""
+    """Solve for free vertices and sliding handles: the same as one dense system for each axis."""
     matrix = stiffness()
     found = solve(ConstantMatrix(matrix, MESH.vertices, sliding, library=library), gradient(sliding), sliding)
     expected = np.zeros_like(found)
     for axis in range(3):
-        plates = np.flatnonzero(sliding.slides[:, axis])
-        motions = np.zeros((MESH.n_vertices, len(sliding.free) + len(plates)))
+        handles = np.flatnonzero(sliding.slides[:, axis])
+        motions = np.zeros((MESH.n_vertices, len(sliding.free) + len(handles)))
         motions[sliding.free, np.arange(len(sliding.free))] = 1.0
-        for column, plate in enumerate(plates):
-            members = sliding.members[sliding.member_start[plate] : sliding.member_start[plate + 1]]
+        for column, handle in enumerate(handles):
+            members = sliding.members[sliding.member_start[handle] : sliding.member_start[handle + 1]]
             motions[members, len(sliding.free) + column] = 1.0
-        rows = np.concatenate([np.arange(len(sliding.free)), len(sliding.free) + plates])
+        rows = np.concatenate([np.arange(len(sliding.free)), len(sliding.free) + handles])
         full = motions.T @ (matrix @ motions)
         expected[rows, axis] = np.linalg.solve(full, gradient(sliding)[rows, axis])
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
@@ -112,14 +112,14 @@ def test_turning_handles_are_eliminated(library: Factorisation, turn: tuple[floa
 
 
 @pytest.mark.parametrize("library", FACTORS)
-def test_constant_motion_of_all_plates_extends_to_the_body(library: Factorisation, sliding: Unknowns) -> None:
-    """Move every plate alike: the harmonic predictor moves every vertex alike."""
+def test_constant_motion_of_all_handles_extends_to_the_body(library: Factorisation, sliding: Unknowns) -> None:
+    """Move every handle alike: the harmonic predictor moves every vertex alike."""
     motion = np.tile([1.0, -2.0, 3.0], (len(sliding.prescribed), 1))
     spread = ConstantMatrix(stiffness(), MESH.vertices, sliding, library=library).extend(motion)
     np.testing.assert_allclose(spread, np.tile([1.0, -2.0, 3.0], (len(sliding.free), 1)), rtol=1e-9)
 
 
-def test_harmonic_predictor_stays_between_the_plates(end: End) -> None:
+def test_harmonic_predictor_stays_between_the_handles(end: End) -> None:
     """Hold one end and lift the other: every vertex rises by something between."""
     handles = [Handle("base", end(MESH, "x-"), fixed=True), Handle("tip", end(MESH, "x+"))]
     unknowns = number_unknowns(MESH.vertices, MESH.cells, handles)

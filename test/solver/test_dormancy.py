@@ -79,7 +79,7 @@ def test_forces_at_the_border_wake_the_rest() -> None:
     assert 1 <= len(woken) <= 5
 
 
-def test_a_plate_wakes_what_it_moves() -> None:
+def test_a_handle_wakes_what_it_moves() -> None:
     """Move another bristle while it sleeps: that step solves the whole body, and its bristle bends."""
     sleeping, awake = Simulation(BRUSH.scene(8)), Simulation(BRUSH.scene(8, settings=AWAKE))
     for simulation in (sleeping, awake):

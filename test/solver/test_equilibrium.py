@@ -33,7 +33,7 @@ MESH = bar([0.3, 0.1, 0.1], [6, 2, 2])
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar held at x- and bent at x+ by a pose of the plate."""
+    """A bar held at x- and bent at x+ by a pose of the handle."""
 
     body: Body
     base: NDArray[np.float64]
@@ -78,7 +78,7 @@ def test_forces_of_free_vertices_vanish(bend: Callable[..., Bar], law: Material)
 
 
 def test_reactions_balance(bend: Callable[..., Bar], law: Material) -> None:
-    """Add forces and moments of both plates: nothing is left (action and reaction)."""
+    """Add forces and moments of both handles: nothing is left (action and reaction)."""
     bar_ = bend(law)
     _, outcome = bar_.solve(tolerance=1e-8)
     reactions = outcome.state.summary.reactions
@@ -197,7 +197,7 @@ def test_nearly_incompressible_elements_keep_their_volume(bend: Callable[..., Ba
 
 @pytest.mark.parametrize("poisson", [0.3, 0.45, 0.46, 0.49, 0.499, 0.4999])
 def test_confined_tension_has_the_oedometric_modulus(make_body: MakeBody, end: End, poisson: float) -> None:
-    """Pull a layer one element thick between plates: no thinning, so K + 4/3 mu to the percent at any nu."""
+    """Pull a layer one element thick between handles: no thinning, so K + 4/3 mu to the percent at any nu."""
     law = Linear(young=1e5, poisson=poisson)
     mesh = bar([0.01, 0.1, 0.1], [1, 3, 3])
     handles = [Handle("base", end(mesh, "x-"), fixed=True), Handle("tip", end(mesh, "x+"))]

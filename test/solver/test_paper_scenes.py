@@ -83,7 +83,7 @@ def test_reactions_meet_the_references(name: str, component: int) -> None:
 
 @pytest.mark.parametrize("name", ["bend5", "twist90", "tensile"])
 def test_both_ends_feel_the_same_at_the_default_tolerance(name: str) -> None:
-    """Add the forces of the two plates: what is left over is within 5 % of the force."""
+    """Add the forces of the two handles: what is left over is within 5 % of the force."""
     base, tip = (play(name, "energy").last.reactions[end] for end in ("base", "tip"))
     assert np.linalg.norm(base[:3] + tip[:3]) < 0.05 * np.linalg.norm(tip[:3])
 

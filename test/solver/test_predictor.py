@@ -77,7 +77,7 @@ def after(
 
 
 def lifted(amount: float, axis: int = 2) -> NDArray[np.float64]:
-    """Return the plates' positions with the tip moved along an axis."""
+    """Return the handles' positions with the tip moved along an axis."""
     base = REST.copy()
     base[REST[:, 0] == 0.4, axis] += amount
     return base

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reactions of plates: sums of corner forces and their moments."""
+"""Reactions of handles: sums of corner forces and their moments."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def body(make_body: MakeBody, end: End) -> Body:
     return make_body(mesh, None, [Handle("base", end(mesh, "x-"), fixed=True), Handle("tip", end(mesh, "x+"))])
 
 
-def test_reaction_sums_the_corners_at_the_plate(body: Body) -> None:
-    """Put random forces on all corners: each plate gets those at its vertices, about its present centre."""
+def test_reaction_sums_the_corners_at_the_handle(body: Body) -> None:
+    """Put random forces on all corners: each handle gets those at its vertices, about its present centre."""
     random = np.random.default_rng(0)
     force, x = random.normal(size=(12, 8, 3)), random.normal(size=body.rest.shape)
     reactions = handle_reactions(body, x, force)
@@ -37,8 +37,8 @@ def test_reaction_sums_the_corners_at_the_plate(body: Body) -> None:
         np.testing.assert_allclose(reactions[handle.name], expected, atol=1e-12)
 
 
-def test_every_plate_reports(body: Body) -> None:
-    """Ask without forces: a zero wrench of six numbers for each plate, fixed or not."""
+def test_every_handle_reports(body: Body) -> None:
+    """Ask without forces: a zero wrench of six numbers for each handle, fixed or not."""
     reactions = handle_reactions(body, body.rest, np.zeros((12, 8, 3)))
     assert {name: value.tolist() for name, value in reactions.items()} == {"base": [0.0] * 6, "tip": [0.0] * 6}
 
@@ -53,7 +53,7 @@ def test_vertex_forces_of_all_vertices_are_the_assembly(body: Body) -> None:
 
 
 def test_a_couple_has_no_force(body: Body) -> None:
-    """Push one corner of the plate up and the opposite one down: a moment of force times distance about x."""
+    """Push one corner of the handle up and the opposite one down: a moment of force times distance about x."""
     tip = body.handles[1]
     force = np.zeros((12, 8, 3))
     y = body.rest[body.cells][..., 1]

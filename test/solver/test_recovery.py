@@ -51,8 +51,8 @@ def test_a_start_without_gradients_is_made_again_from_rest(policy: Policy) -> No
     assert simulation.step().skipped["solve"] == 1
 
 
-def test_plates_stay_where_they_are_commanded() -> None:
-    """Give positions that move the plates, too: they are not moved."""
+def test_handles_stay_where_they_are_commanded() -> None:
+    """Give positions that move the handles, too: they are not moved."""
     simulation = _simulation()
     held = simulation.scene.handles[0].vertices
     simulation.set_positions(BAR.vertices + 1.0)

@@ -145,10 +145,10 @@ def test_state_is_the_energy_formula_at_the_shape(series: Callable[..., tuple[Bo
 
 
 @pytest.mark.parametrize("angle", [0.5, np.pi, 4.0])
-def test_rigid_motion_of_all_plates_moves_the_body_rigidly(
+def test_rigid_motion_of_all_handles_moves_the_body_rigidly(
     series: Callable[..., tuple[Body, NDArray[np.float64]]], angle: float
 ) -> None:
-    """Turn both plates about one axis: the body turns along, without strain."""
+    """Turn both handles about one axis: the body turns along, without strain."""
     body, _ = series(Linear(young=4e5, poisson=0.45), Linear(young=1e5, poisson=0.45))
     exact = Rotation.from_rotvec([0.0, angle, 0.3]).apply(MESH.vertices) + np.array([0.1, 0.2, 0.3])
     start = exact + 0.01 * np.random.default_rng(0).normal(size=exact.shape)

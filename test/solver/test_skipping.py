@@ -17,7 +17,7 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 
 MESH = bar([0.3, 0.1, 0.1], [9, 3, 3])
-"""81 elements, of which the last two layers, 18, lie inside the tip's plate."""
+"""81 elements, of which the last two layers, 18, lie inside the tip's handle."""
 HYPERELASTIC = NeoHookean(young=1e5, poisson=0.495)
 
 
@@ -27,7 +27,7 @@ def without(*skips: Skip) -> SolverSettings:
 
 
 def scene(material: Material, settings: SolverSettings) -> Scene:
-    """Return a bar held at one end, with a thick plate at the other."""
+    """Return a bar held at one end, with a thick handle at the other."""
     x = MESH.vertices[:, 0]
     base = Handle("base", np.flatnonzero(x < 1e-9).astype(np.int32), fixed=True)
     tip = Handle("tip", np.flatnonzero(x > 0.3 - 2.5 * 0.3 / 9).astype(np.int32))
@@ -42,7 +42,7 @@ def scene(material: Material, settings: SolverSettings) -> Scene:
 
 
 def lifted(material: Material, settings: SolverSettings) -> tuple[Simulation, StepResult]:
-    """Lift and turn the plate in two steps; return the last."""
+    """Lift and turn the handle in two steps; return the last."""
     simulation = Simulation(scene(material, settings))
     simulation.step(Command(handles={"tip": Pose(translation=(0.0, 0.0, 0.02))}))
     result = simulation.step(Command(handles={"tip": Pose(translation=(0.0, 0.0, 0.04), rotation=(0.0, -0.3, 0.0))}))
@@ -50,27 +50,27 @@ def lifted(material: Material, settings: SolverSettings) -> tuple[Simulation, St
     return simulation, result
 
 
-def test_elements_inside_a_plate_are_left_out() -> None:
+def test_elements_inside_a_handle_are_left_out() -> None:
     """Eighteen elements are moved rigidly: they are not evaluated, and nothing that anybody sees changes."""
     simulation, result = lifted(HYPERELASTIC, SolverSettings())
-    busy, full = lifted(HYPERELASTIC, without(Skip.PLATES))
-    assert result.skipped["elements inside plates"] == 18
-    assert "elements inside plates" not in full.skipped
+    busy, full = lifted(HYPERELASTIC, without(Skip.HANDLES))
+    assert result.skipped["elements inside handles"] == 18
+    assert "elements inside handles" not in full.skipped
     np.testing.assert_allclose(result.positions, full.positions, atol=1e-9 * MESH.size)
     np.testing.assert_allclose(result.reactions["tip"], full.reactions["tip"], rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(simulation.fields().eps_eq, busy.fields().eps_eq, atol=1e-6)
     assert result.energy == pytest.approx(full.energy, rel=1e-9)
 
 
-def test_two_plates_in_one_element_are_not_one() -> None:
-    """Split the plate into two handles: the elements between them deform, so that they stay in."""
+def test_two_handles_in_one_element_are_not_one() -> None:
+    """Split the handle into two handles: the elements between them deform, so that they stay in."""
     plain = scene(HYPERELASTIC, SolverSettings())
     x, tip = MESH.vertices[:, 0], plain.handles[1].vertices
     end = x[tip] > 0.3 - 1e-9
     halves = Handle("inner", tip[~end]), Handle("outer", tip[end])
     simulation = Simulation(dataclasses.replace(plain, handles=(plain.handles[0], *halves)))
     result = simulation.step(Command(handles={"outer": Pose(translation=(0.005, 0.0, 0.0))}))
-    assert result.skipped["elements inside plates"] == 9
+    assert result.skipped["elements inside handles"] == 9
     assert result.reactions["outer"][0] > 1.0
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plates that turn freely: hinged, pinned and free ends against beam theory, and what a state keeps of them."""
+"""Handles that turn freely: hinged, pinned and free ends against beam theory, and what a state keeps of them."""
 
 from __future__ import annotations
 
@@ -77,8 +77,8 @@ def test_pinned_column_buckles_at_eulers_load() -> None:
     assert -result.reactions["tip"][0] == pytest.approx(expected, rel=0.02)
 
 
-def test_free_plate_carries_a_load() -> None:
-    """Let go of the tip's plate altogether: the cantilever under its weight, q L^4 / (8 E I) and q L^3 / (6 E I)."""
+def test_free_handle_carries_a_load() -> None:
+    """Let go of the tip's handle altogether: the cantilever under its weight, q L^4 / (8 E I) and q L^3 / (6 E I)."""
     simulation = beam("", "x, y, z, rx, ry, rz", **{"solver.tolerance": 1e-5})
     result = simulation.step(Command(loads={"weight": 0.1}))
     assert result.converged
@@ -90,7 +90,7 @@ def test_free_plate_carries_a_load() -> None:
 
 
 def test_commands_about_other_axes_count() -> None:
-    """Twist a plate that hinges about y by 90 degrees about x: the body is twisted, and nothing turns about y."""
+    """Twist a handle that hinges about y by 90 degrees about x: the body is twisted, and nothing turns about y."""
     simulation = beam("", "ry", **{"loads.weight.gravity": [0, 0, 0]})
     pose = Pose(rotation=(np.pi / 2, 0.3, 0.0))
     result = simulation.step(Command(handles={"tip": pose}))
@@ -113,7 +113,7 @@ def test_state_holds_the_turns() -> None:
 
 
 def test_relative_policy_and_commands_about_free_axes_are_refused() -> None:
-    """Name the plate, and what to do."""
+    """Name the handle, and what to do."""
     with pytest.raises(SceneError, match=r"cannot take weight, base; remedy: policy: energy"):
         beam("ry", "", **{"solver.policy": "relative"})
     program = "program: {duration: 1, handles: {tip: [{time: 1, rotation_deg: [0, 5, 0]}]}}"
@@ -121,7 +121,7 @@ def test_relative_policy_and_commands_about_free_axes_are_refused() -> None:
         scene_from_text(SCENE.format(base="", tip="ry", load=GRAVITY) + program)
 
 
-def test_a_plate_that_is_fixed_cannot_turn() -> None:
+def test_a_handle_that_is_fixed_cannot_turn() -> None:
     """Refuse both at once."""
     with pytest.raises(SceneError, match=r"fixed: true and free axes exclude each other"):
         scene_from_text(

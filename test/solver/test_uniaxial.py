@@ -71,15 +71,15 @@ def closed_form(material: Material, stretch: float) -> tuple[float, float]:
 
 
 def held_by_its_ends(mesh: HexMesh) -> list[Handle]:
-    """Give each vertex of the two ends a plate of its own, free across x but for what stops rigid motion."""
+    """Give each vertex of the two ends a handle of its own, free across x but for what stops rigid motion."""
     x, y, z = mesh.vertices.T
-    plates = []
+    handles = []
     for vertex in np.flatnonzero((x == 0.0) | (x == SIDE)):
         free = [Axis.Y] if abs(y[vertex]) > 1e-9 or x[vertex] > 0.0 else []
         if not (x[vertex] == 0.0 and abs(z[vertex]) < 1e-9):
             free.append(Axis.Z)
-        plates.append(Handle(f"v{vertex}", np.array([vertex], dtype=np.int32), free=tuple(free)))
-    return plates
+        handles.append(Handle(f"v{vertex}", np.array([vertex], dtype=np.int32), free=tuple(free)))
+    return handles
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45, 0.495, 0.4999])

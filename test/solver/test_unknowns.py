@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbering of the unknowns: free vertices, then one row for each plate that slides."""
+"""Numbering of the unknowns: free vertices, then one row for each handle that slides."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ HANDLES = [Handle("base", LEFT, fixed=True), Handle("tip", RIGHT, free=(Axis.X, 
 
 
 def test_held_vertices_are_no_unknowns() -> None:
-    """Hold both ends: the vertices between are free, those of the plates prescribed, plate by plate."""
+    """Hold both ends: the vertices between are free, those of the handles prescribed, handle by handle."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     assert unknowns.free.tolist() == [1, 4, 7, 10]
     assert unknowns.prescribed.tolist() == [*LEFT, *RIGHT]
 
 
-def test_a_sliding_plate_is_one_row() -> None:
-    """Free two axes of a plate: one row more, with a flag for each axis."""
+def test_a_sliding_handle_is_one_row() -> None:
+    """Free two axes of a handle: one row more, with a flag for each axis."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     assert unknowns.rows == 5
     assert unknowns.slides.tolist() == [[1.0, 0.0, 1.0]]
@@ -49,8 +49,8 @@ def test_each_vertex_lists_its_corners_in_order() -> None:
         assert (np.diff(corners) > 0).all()
 
 
-def test_placing_moves_a_sliding_plate_as_one() -> None:
-    """Place unknowns: free vertices go where they say, the plate along its free axes only, prescribed ones nowhere."""
+def test_placing_moves_a_sliding_handle_as_one() -> None:
+    """Place unknowns: free vertices go where they say, the handle along its free axes only, prescribed ones nowhere."""
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     u = np.arange(15.0).reshape(5, 3)
     x = MESH.vertices.copy()

@@ -47,7 +47,7 @@ class Lab:
         return Simulation(self.scene(**how))
 
     def go(self, simulation: Simulation, pose: Pose | None = None, **actuators: float) -> StepResult:
-        """Step to commands of actuators, and to a pose of the plate ``tip``."""
+        """Step to commands of actuators, and to a pose of the handle ``tip``."""
         return simulation.step(Command(handles={} if pose is None else {"tip": pose}, actuators=actuators))
 
     def fresh(self, simulation: Simulation, *commands: Command, tolerance: float = 1e-9) -> Simulation:

@@ -66,7 +66,7 @@ def test_a_cut_step_arrives(lab: Any, make: Callable, cut: dict[str, float]) -> 
 
 @pytest.mark.parametrize("cut", CUTS, ids=str)
 def test_a_cut_step_of_free_rotations_arrives(lab: Any, cut: dict[str, float]) -> None:
-    """Let go of a plate altogether and cut every step: it hangs where it hangs without cuts."""
+    """Let go of a handle altogether and cut every step: it hangs where it hangs without cuts."""
     simulation = lab.bar(handles=LOOSE, actuators="", more=WEIGHT)
     exact = Simulation(simulation.scene).step()
     assert exact.converged

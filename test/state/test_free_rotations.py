@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several free rotations of a plate beside a commanded one: the least energy, within the iterations given."""
+"""Several free rotations of a handle beside a commanded one: the least energy, within the iterations given."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CELLS = {"mesh__bar__cells": [4, 2, 2]}
 CONSERVATIVE = {"materials__rubber": {"law": "linear", "young": 1.0e6, "poisson": 0.45}}
 """The linear law, whose hourglass stiffness is constant: of the others a change of it is no part of the forces."""
 TWIST = 1.2
-"""Commanded about z [rad], while the plate turns freely about x and y."""
+"""Commanded about z [rad], while the handle turns freely about x and y."""
 OFFSETS = [(-0.02, 0.03, 0.02), (-0.03, 0.03, 0.01), (0.0, 0.02, 0.02)]
 
 
@@ -89,7 +89,7 @@ def test_the_way_to_free_rotations_does_not_matter(lab: Any) -> None:
 
 @pytest.mark.parametrize("most", [50, 100, 200, 400, 700])
 @pytest.mark.parametrize("free", ["rx", "rx, ry", "rx, ry, rz"])
-def test_turning_plates_keep_to_the_iterations(lab: Any, free: str, most: int) -> None:
+def test_turning_handles_keep_to_the_iterations(lab: Any, free: str, most: int) -> None:
     """Allow few iterations: no step takes more, what is unfinished is said, and further steps finish it."""
     simulation = hinged(lab, free, solver__max_iterations=most)
     pose = Pose((0.0, 0.02, 0.02), (0.0, 0.0, 0.0 if "rz" in free else TWIST))

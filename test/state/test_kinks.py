@@ -16,7 +16,7 @@ from gdfe_ros.scene import scene_from_text
 BASE = "base: {where: {face: x-}, fixed: true}"
 HINGE = f"{BASE}, tip: {{where: {{face: x+}}, free: [x, z, ry]}}"
 INSIDE = "pull: {{cable: {{points: [[0.02, 0, 0.008], [0.08, 0, 0.008]], command: {mode}}}}}"
-PLATE = "pull: {{cable: {{points: [[0, -0.005, 0.008], [0, 0.005, 0.008]], command: {mode}}}}}"
+HANDLE = "pull: {{cable: {{points: [[0, -0.005, 0.008], [0, 0.005, 0.008]], command: {mode}}}}}"
 ACROSS = "pull: {{cable: {{points: [[0, 0, 0.008], [0.1, 0, 0.008]], command: {mode}}}}}"
 BALL = """\
 name: ball
@@ -129,14 +129,14 @@ def test_jacobian_at_the_limit_is_not_small(filled: Filled, below: float) -> Non
     assert found is None or found[0] > filled.slope(filled.pressure - 20.0)
 
 
-# --- cables that hold on to plates ---
+# --- cables that hold on to handles ---
 
 
 @pytest.mark.parametrize("mode", ["tension", "shortening", "length"])
-def test_a_cable_inside_a_fixed_plate_is_refused_or_reads_sense(lab: Any, mode: str) -> None:
+def test_a_cable_inside_a_fixed_handle_is_refused_or_reads_sense(lab: Any, mode: str) -> None:
     """Shorten what cannot be shortened: refused with its name, or a tension of the body's order and soon an end."""
     try:
-        simulation = lab.bar(actuators=PLATE.format(mode=mode))
+        simulation = lab.bar(actuators=HANDLE.format(mode=mode))
         command = {"tension": 1.0, "shortening": 0.001, "length": 0.005}[mode]
         result = lab.go(simulation, pull=command)
     except GdfeError as error:
@@ -149,8 +149,8 @@ def test_a_cable_inside_a_fixed_plate_is_refused_or_reads_sense(lab: Any, mode: 
 
 
 @pytest.mark.parametrize("mode", ["shortening", "length"])
-def test_a_straight_cable_between_two_plates_draws_them_together(lab: Any, mode: str) -> None:
-    """Shorten a cable from the fixed plate to one that slides by 1 mm: it slides by that, at a tension that fits."""
+def test_a_straight_cable_between_two_handles_draws_them_together(lab: Any, mode: str) -> None:
+    """Shorten a cable from the fixed handle to one that slides by 1 mm: it slides by that, at a tension that fits."""
     simulation = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}, free: [x]}}", actuators=ACROSS.format(mode=mode))
     result = lab.go(simulation, pull=0.001 if mode == "shortening" else 0.099)
     assert result.converged, result.message

@@ -70,7 +70,7 @@ def thinning(history: History) -> str:
 
 
 def _motion(history: History) -> list[Chart]:
-    """Commanded and found position, and commanded rotation, of each plate that was commanded."""
+    """Commanded and found position, and commanded rotation, of each handle that was commanded."""
     charts = []
     for name, targets in history.targets.items():
         table = np.array(targets)

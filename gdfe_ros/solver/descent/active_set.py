@@ -78,7 +78,7 @@ class ActiveSet(Movable):
         """
         elements = np.arange(len(body.material), dtype=np.int32)
         blocks = body.blocks
-        if rigid and Skip.PLATES in skip:
+        if rigid and Skip.HANDLES in skip:
             inside = elements_inside_handles(body)
             if inside.any():
                 elements = elements[~inside]
@@ -151,7 +151,7 @@ class ActiveSet(Movable):
     def skipped(self, body: Body, whole: ActiveSet) -> dict[str, int]:
         """Count the work that a solve of this set leaves out, by name: elements, or 1."""
         counts = {
-            Skip.PLATES: len(body.material) - len(whole.elements),
+            Skip.HANDLES: len(body.material) - len(whole.elements),
             Skip.DORMANT: len(whole.elements) - len(self.elements),
             Skip.SHAPE_FACTORS: len(self.elements) - len(self.softening),
             Skip.PRESSURES: len(self.elements) - len(self.carried),

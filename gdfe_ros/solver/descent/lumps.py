@@ -23,7 +23,7 @@ CONTRAST = 30.0
 
 
 class Lump(NamedTuple):
-    """A connected piece of hard elements that no plate holds.
+    """A connected piece of hard elements that no handle holds.
 
     Attributes:
         vertices: (k,) int32.

@@ -56,10 +56,12 @@ def element_fields(
     omega: NDArray[np.float64] | None = None,
     *,
     operators: Operators | None = None,
+    origin: NDArray[np.float64] | float = 0.0,
 ) -> ElementFields:
     """Evaluate all fields at ``positions`` (n, 3) [m]; ``omega`` (m,) where the policy has its own.
 
     ``operators`` are those of the present growth; None where nothing has grown, as everywhere in this module.
+    Positions are counted from ``origin`` (3,) [m], centroids of the result from the world's.
     """
     count, shape = len(body.material), (operators or body).shape
     values, centroids = np.empty((4, count)), np.empty((count, 3))
@@ -72,7 +74,7 @@ def element_fields(
     none, material = np.zeros(count), body.material
     evaluate(positions, shape, (operators or body).blocks, material, none, scale, body.table, force, energies, None)
     density = (energies + missing) / shape.volume
-    return ElementFields(centroids, strain, volume_ratio, secant, tangent, density, np.asarray(omega))
+    return ElementFields(centroids + origin, strain, volume_ratio, secant, tangent, density, np.asarray(omega))
 
 
 def strain_energies(

@@ -11,23 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.constraints import Pose
-from gdfe_ros.materials.tensor import (
-    cofactor,
-    determinant,
-    rotation_from_stretch_sum,
-    squared_norm,
-    stretch_sum,
-)
-from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import Movable
 from gdfe_ros.solver.descent.minimiser import Observer
 from gdfe_ros.solver.descent.quasi_newton import largest
 from gdfe_ros.solver.elements.fields import corner_forces, store_energies, strain_states, volume_pressures
-from gdfe_ros.solver.elements.measures import mean_gradient
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
 from gdfe_ros.solver.handle_motions import HandleMotions
@@ -36,15 +26,13 @@ from gdfe_ros.solver.matrix.coupling import close_coupling
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.relative.shape_factor import shape_factors
+from gdfe_ros.solver.relative.shapes import blend, capture_shapes, shape_differences
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation
 
 SAFETY = 0.01
 """One step of the fixed point falls short of the distance to its limit by up to this factor."""
-LEAST_VOLUME = 1e-3
-"""Volume ratio below which V^V is no longer scaled up further; of an inverted element the size of its volume counts,
-or it would be blown up without end."""
 
 
 class RelativeEquilibrium:
@@ -118,7 +106,7 @@ class RelativeEquilibrium:
         message = ""
         if converged:
             captured = np.empty_like(self._rest)
-            _capture_shapes(x, operators.shape, captured)
+            capture_shapes(x, operators.shape, captured)
             # Kept as it would be without growth, so that it grows and shrinks with the element.
             shapes = ShapeState(captured=self._stretched(captured, operators, back=True), strain=strain, omega=omega)
         else:
@@ -174,7 +162,7 @@ class RelativeEquilibrium:
             place(u.ravel(), frame, unknowns, x)
             omega, strain = self._factors(x, operators)
             alpha = blend(start.shapes.strain, strain)
-            _shape_differences(x, operators.shape, rest, captured, alpha, omega, self._difference)
+            shape_differences(x, operators.shape, rest, captured, alpha, omega, self._difference)
             gather_rows(self._difference, unknowns, gradient.reshape(-1))
             gather_rigid_rows(u.ravel(), x, self._difference, none, False, frame, unknowns, gradient.reshape(-1))
             self.matrix.solve(gradient[:count], step[:count])
@@ -231,63 +219,3 @@ class RelativeEquilibrium:
         strain_states(x, operators.shape, body.material, body.table, values)
         omega = shape_factors(values[3])
         return np.where(np.isnan(self._given), omega, self._given), values[0]
-
-
-def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return alpha = eps_p / eps_c of Eq. 9, or its inverse where a strain has become smaller.
-
-    The paper has loading in mind, where the ratio is at most 1. Of an element that is let go the captured shape must
-    not stay the desired one: as its strain vanishes so does alpha, and it comes home.
-    """
-    most = np.maximum(before, now)
-    return np.minimum(before, now) / np.maximum(most, 1e-12)
-
-
-@internal
-def _frame(x, shape, e):
-    """Return the proper rotation of an element and the factor that scales it to its rest volume."""
-    f = mean_gradient(x, shape, e)
-    c = cofactor(f)
-    j = determinant(f, c)
-    first = squared_norm(f)
-    s = stretch_sum(first, squared_norm(c), j)
-    r, _ = rotation_from_stretch_sum(f, c, first, s, j)
-    return r, max(abs(j), LEAST_VOLUME) ** (-1.0 / 3.0)
-
-
-@kernel
-def _shape_differences(x, shape, rest, captured, alpha, omega, difference):
-    """Write Omega_e (N V - V^B) (m, 8, 3) with the desired shapes of Eqs. 9 and 10."""
-    centre = np.empty(3)
-    for e in range(len(shape.cells)):
-        r, scale = _frame(x, shape, e)
-        centre[:] = 0.0
-        for a in range(8):
-            for i in range(3):
-                centre[i] += 0.125 * x[shape.cells[e, a], i]
-        for a in range(8):
-            p0 = (1.0 - alpha[e]) * rest[e, a, 0] + alpha[e] * captured[e, a, 0]
-            p1 = (1.0 - alpha[e]) * rest[e, a, 1] + alpha[e] * captured[e, a, 1]
-            p2 = (1.0 - alpha[e]) * rest[e, a, 2] + alpha[e] * captured[e, a, 2]
-            for i in range(3):
-                current = x[shape.cells[e, a], i] - centre[i]
-                previous = r[3 * i] * p0 + r[3 * i + 1] * p1 + r[3 * i + 2] * p2
-                desired = omega[e] * previous + (1.0 - omega[e]) * scale * current
-                difference[e, a, i] = shape.volume[e] * (current - desired)
-
-
-@kernel
-def _capture_shapes(x, shape: ShapeOperators, captured):
-    """Write R^T V^V (m, 8, 3), the volume-conserving shapes in the elements' own frames."""
-    centre = np.empty(3)
-    for e in range(len(shape.cells)):
-        r, scale = _frame(x, shape, e)
-        centre[:] = 0.0
-        for a in range(8):
-            for i in range(3):
-                centre[i] += 0.125 * x[shape.cells[e, a], i]
-        for a in range(8):
-            v = shape.cells[e, a]
-            y0, y1, y2 = x[v, 0] - centre[0], x[v, 1] - centre[1], x[v, 2] - centre[2]
-            for i in range(3):
-                captured[e, a, i] = scale * (r[i] * y0 + r[3 + i] * y1 + r[6 + i] * y2)

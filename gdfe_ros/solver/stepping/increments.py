@@ -15,11 +15,11 @@ LARGEST_SHIFT = 1.0
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
-    """Return the increments with which no plate turns or shifts too far from ``poses`` to ``targets`` in one of them.
+    """Return the increments with which no handle turns or shifts too far from ``poses`` to ``targets`` in one of them.
 
     Args:
-        targets: of every plate.
-        poses: where the plates are.
+        targets: of every handle.
+        poses: where the handles are.
         size: of the body [m].
     """
     most = 1.0

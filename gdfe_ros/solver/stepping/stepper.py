@@ -18,10 +18,11 @@ from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.attempt import Verdict, Way, judge, reason_to_withdraw, unstable_chamber
+from gdfe_ros.solver.stepping.attempt import Attempt
 from gdfe_ros.solver.stepping.balance import jumped
 from gdfe_ros.solver.stepping.increments import planned_increments
 from gdfe_ros.solver.stepping.march import NEAR, March
+from gdfe_ros.solver.stepping.way import Goal, Verdict, Way
 from gdfe_ros.solver.terms.actuation import Actuation
 
 SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling; smaller steps do not change that"
@@ -81,17 +82,17 @@ class Stepper:
             deadline: when it has passed, the way ends where it is.
         """
         tolerance = tolerance or self._settings.tolerance * (FINER if self.equilibrium.handles.turn else 1.0)
+        goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
         doubtful = state.suspect or not (state.tried or np.array_equal(state.positions, self.body.rest))
-        march, suspect, tried = self._march(state, targets, commands, tolerance, deadline), state.suspect, state.tried
+        march, suspect, tried = self._march(state, goal), state.suspect, state.tried
         unfinished = march.state.unfinished
         given_up = unfinished is None or unfinished.iterations >= self.equilibrium.patience
         if given_up and state.anchor is not None and not march.sound and not past(deadline):
             # What a cut solve left behind leads nowhere: the last equilibrium may.
-            again = self._march(state.anchor, targets, commands, tolerance, deadline)
+            again = self._march(state.anchor, goal)
             march = _after(again if again.sound else march, march, again)
         if (suspect or (march.inverted and doubtful)) and not past(deadline):
-            march = self._better_from_rest(march, targets, commands, tolerance, deadline)
-            suspect, tried = False, True
+            march, suspect, tried = self._better_from_rest(march, goal), False, True
         if march.inverted:
             text = f"folded or inverted elements, least volume ratio {march.state.summary.min_det:.3g}; {UNFOLD}"
             march = replace(march, converged=False, message=f"{march.message}; {text}".lstrip("; "))
@@ -133,95 +134,89 @@ class Stepper:
         anchor = None if state.anchor is None else self.completed(state.anchor)
         return state.with_(operators=growths.at(state.commands, growths.ungrown), anchor=anchor)
 
-    def _march(
-        self,
-        state: State,
-        targets: Mapping[str, Pose],
-        commands: Mapping[str, float],
-        tolerance: float,
-        deadline: Deadline | None,
-    ) -> March:
-        """Follow the commands, in smaller increments where the solver asks for them."""
-        planned = planned_increments(targets, state.poses, self.body.size)
-        way = Way(state.poses, state.commands, dict(targets), dict(commands), 0.0, 1.0 / planned)
-        budget, iterations, attempts = planned * self._settings.max_iterations, 0, 0
+    def _march(self, state: State, goal: Goal) -> March:
+        """Follow a goal from ``state``, in smaller increments where an attempt asks for them."""
+        planned = planned_increments(goal.poses, state.poses, self.body.size)
+        way = Way.between(state, goal, planned, self._settings.max_iterations)
         while True:
-            solution = self._attempt(way, state, tolerance, max(1, budget - iterations), deadline)
-            iterations, attempts = iterations + solution.iterations, attempts + 1
-            spent = iterations >= budget or past(deadline)
-            jumps = way.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
-            unstable = bool(unstable_chamber(state, solution, way.at(way.next)[1], self.actuation))
-            before = state.unfinished.iterations if state.unfinished else 0
-            patient = before + iterations < self.equilibrium.patience
-            flags = {"jumps": jumps, "unstable": unstable, "spent": spent, "patient": patient}
-            verdict = judge(way, state, solution, **flags)
-            way = way.after(solution, jumps=jumps)
-            if verdict is Verdict.HALVE:
-                way = replace(way, length=0.5 * way.length)
-                continue
-            if verdict is Verdict.WITHDRAW and way.leap and not (way.leaping or spent):
-                way = replace(way, length=way.leap, leaping=True)
-                continue
+            attempt = self._attempt(way, state)
+            verdict = attempt.verdict
+            way = attempt.way.after(verdict)
             if verdict is Verdict.WITHDRAW:
-                message = reason_to_withdraw(way, state, solution, self.actuation)
-                return self._end(self._withdrawn(state, message), way, solution, iterations, attempts)
-            state, way = self._accepted(state, solution), replace(way, done=way.next, leap=0.0, leaping=False)
-            snapped = jumps or (way.jumped and not solution.converged)
-            if snapped or spent or way.done == 1.0:
-                return self._end(_snapped(state) if snapped else state, way, solution, iterations, attempts)
+                return self._end(_withdrawn(state, attempt), way, attempt.solution)
+            if verdict in (Verdict.ACCEPT, Verdict.STOP):
+                state = self._accepted(state, attempt)
+            if verdict is Verdict.STOP:
+                return self._end(state, way, attempt.solution)
 
-    def _attempt(self, way: Way, state: State, tolerance: float, left: int, deadline: Deadline | None) -> Solution:
-        poses, commands = way.at(way.next)
-        limit = left if way.shortest else min(left, self.equilibrium.patience)
-        problem = Increment(poses=poses, commands=commands, tolerance=tolerance, limit=limit, deadline=deadline)
-        return self.equilibrium.solve(problem, state)
+    def _attempt(self, way: Way, state: State) -> Attempt:
+        """Solve for the next share of a way."""
+        (poses, commands), deadline, patience = way.aim, way.goal.deadline, self.equilibrium.patience
+        limit = way.left if way.shortest else min(way.left, patience)
+        problem = Increment(
+            poses=poses, commands=commands, tolerance=way.goal.tolerance, limit=limit, deadline=deadline
+        )
+        solution = self.equilibrium.solve(problem, state)
+        spent = way.iterations + solution.iterations >= way.budget or past(deadline)
+        jumps = way.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
+        way, before = way.tried(solution, jumps=jumps), state.unfinished.iterations if state.unfinished else 0
+        return Attempt(
+            way=way,
+            began=state,
+            solution=solution,
+            jumps=jumps,
+            unstable=self._unstable_chamber(state, solution, commands),
+            spent=spent,
+            patient=before + way.iterations < patience,
+        )
 
-    def _accepted(self, state: State, solution: Solution) -> State:
-        """Return the state of an accepted solution; on the way to an equilibrium it remembers the last one."""
-        accepted = self.equilibrium.accept(solution, state)
+    def _unstable_chamber(self, state: State, solution: Solution, commands: Mapping[str, float]) -> str:
+        """Name the chamber that lost its stability in an attempt that came to an end without an equilibrium."""
+        if solution.converged or solution.cut:
+            return ""
+        before = state.commands if solution.diverged else None
+        return self.actuation.unstable(solution.positions, commands, before)
+
+    def _accepted(self, state: State, attempt: Attempt) -> State:
+        """Return the state of an accepted attempt; on the way to an equilibrium it remembers the last one."""
+        accepted = self.equilibrium.accept(attempt.solution, state)
         before = state if state.unfinished is None and state.sound else None
         anchor = state.anchor or before if accepted.unfinished is not None else None
-        return accepted.with_(sound=bool(solution.min_det > 0.0), anchor=anchor)
+        changes = {"sound": attempt.sound, "anchor": anchor}
+        if attempt.snapped:
+            message = f"{SNAPPED}; {accepted.summary.message}".rstrip("; ")
+            changes["summary"] = replace(accepted.summary, converged=False, message=message)
+        return accepted.with_(**changes)
 
-    def _withdrawn(self, state: State, message: str) -> State:
-        """Return the last sound state, with the reason for going back to it."""
-        sound = state.anchor or state
-        return sound.with_(summary=replace(sound.summary, converged=False, message=message))
-
-    def _end(self, state: State, way: Way, solution: Solution, iterations: int, attempts: int) -> March:
+    def _end(self, state: State, way: Way, solution: Solution) -> March:
         reached = way.done == 1.0
         return March(
             state=state,
-            iterations=iterations,
-            increments=attempts,
+            iterations=way.iterations,
+            increments=way.attempts,
             reached=reached,
             converged=state.summary.converged and reached,
             message=state.summary.message,
             skipped=self.equilibrium.skipped(solution),
         )
 
-    def _better_from_rest(
-        self,
-        march: March,
-        targets: Mapping[str, Pose],
-        commands: Mapping[str, float],
-        tolerance: float,
-        deadline: Deadline | None,
-    ) -> March:
-        """Go to the commands again from rest; return the better of the two and say so."""
-        again = self._march(self.at_rest(), targets, commands, tolerance, deadline)
-        if not again.is_better(march, NEAR * tolerance * self.body.size):
+    def _better_from_rest(self, march: March, goal: Goal) -> March:
+        """Follow the goal again from rest; return the better of the two and say so."""
+        again = self._march(self.at_rest(), goal)
+        if not again.is_better(march, NEAR * goal.tolerance * self.body.size):
             return _after(march, march, again)
         message = f"restarted from rest: the other way ended in {march.flaw}; {again.message}".rstrip("; ")
         return replace(_after(again, march, again), message=message, restarts=1)
+
+
+def _withdrawn(state: State, attempt: Attempt) -> State:
+    """Return the last sound state, with the reason for going back to it."""
+    sound = state.anchor or state
+    summary = replace(sound.summary, converged=False, message=attempt.reason_to_withdraw)
+    return sound.with_(summary=summary)
 
 
 def _after(chosen: March, first: March, second: March) -> March:
     """Return one of two marches with the work of both."""
     iterations, increments = first.iterations + second.iterations, first.increments + second.increments
     return replace(chosen, iterations=iterations, increments=increments)
-
-
-def _snapped(state: State) -> State:
-    message = f"{SNAPPED}; {state.summary.message}".rstrip("; ")
-    return state.with_(summary=replace(state.summary, converged=False, message=message))

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``make bench-since COMMIT=...``: run times of this tree over those of another commit, both played in turn.
+
+Each plays with its own package in a process of its own, one thread, on one core that they share: whatever else the
+machine does meets both alike, and the median of the ratios of pairs says more than any pair of times. The commit is
+checked out and installed beside the build, once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from benchmarks.markdown import markdown_table
+
+ROOT = Path(__file__).resolve().parent.parent
+PLAYER = Path(__file__).with_name("player.py")
+TURNS = 7
+"""Pairs of runs of each play, after one of each that is not timed."""
+
+
+@dataclass(frozen=True)
+class Play:
+    """What is played.
+
+    Attributes:
+        scene: a shipped scene.
+        steps: equal steps of its program; None as its settings say, which is a cold solve for most.
+        overrides: of the scene's keys.
+    """
+
+    scene: str
+    steps: int | None
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+
+
+PLAYS: dict[str, Play] = {
+    "bend5, streamed": Play("bend5", 200),
+    "twist90, streamed": Play("twist90", 90),
+    "tensile, streamed": Play("tensile", 100),
+    "bend5 10x1x1, streamed": Play("bend5", 400, {"mesh.bar.cells": [10, 1, 1]}),
+    "bend5, cold": Play("bend5", None),
+    "twist90, cold": Play("twist90", None),
+    "tensile, cold": Play("tensile", None),
+    "tendon_finger": Play("tendon_finger", 150),
+    "pneunet": Play("pneunet", 60),
+    "bending_tube": Play("bending_tube", 60),
+    "three_chamber_arm": Play("three_chamber_arm", 60),
+    "gripper": Play("gripper", 60),
+    "shape_memory_strip": Play("shape_memory_strip", 60),
+    "two_material_bar": Play("two_material_bar", 100),
+}
+"""By name: streams of small steps, cold solves, and the robots' programs."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One play in both trees.
+
+    Attributes:
+        name: of the play.
+        steps: made in a run.
+        before, after: median processor time of a run [s].
+        ratio: median over the pairs of after over before.
+        iterations: in a run, before and after.
+        same: the body ends in the same place, bit by bit.
+    """
+
+    name: str
+    steps: int
+    before: float
+    after: float
+    ratio: float
+    iterations: tuple[int, int]
+    same: bool
+
+
+class Player:
+    """A process that plays with the package of one tree.
+
+    Args:
+        tree: a checkout with its own ``.venv``.
+        core: that it runs on.
+    """
+
+    def __init__(self, tree: Path, core: int) -> None:
+        threads = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        # The script's own directory would come first on the path, and with it this tree's modules.
+        command = [
+            tree / ".venv/bin/python",
+            "-c",
+            f"import runpy; runpy.run_path({str(PLAYER)!r}, run_name='__main__')",
+        ]
+        self._process = subprocess.Popen(
+            command, cwd=tree, env=os.environ | threads, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        os.sched_setaffinity(self._process.pid, {core})
+
+    def play(self, play: Play) -> dict[str, Any]:
+        """Play once; return what the player answers.
+
+        Raises:
+            RuntimeError: it ended instead.
+        """
+        self._process.stdin.write(json.dumps([play.scene, play.steps, dict(play.overrides)]) + "\n")
+        self._process.stdin.flush()
+        answer = self._process.stdout.readline()
+        if not answer:
+            raise RuntimeError(f"the player of {self._process.args[0]} ended: {self._process.wait()}")
+        return json.loads(answer)
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.stdin.close()
+        self._process.wait()
+
+
+def checkout(commit: str) -> Path:
+    """Return a tree of a commit with its package installed; made where it is not there yet."""
+    command = ["git", "rev-parse", "--short", f"{commit}^{{commit}}"]
+    short = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+    tree = ROOT / "build" / "since" / short
+    if not tree.exists():
+        subprocess.run(["git", "worktree", "add", "--detach", tree, short], cwd=ROOT, check=True)
+    subprocess.run(["make", "install"], cwd=tree, check=True)
+    return tree
+
+
+def compare(name: str, before: Player, after: Player, turns: int) -> Comparison:
+    """Play in turn; whoever began the last pair is second in the next."""
+    play, pairs = PLAYS[name], []
+    before.play(play), after.play(play)
+    for turn in range(turns):
+        order = (before, after) if turn % 2 == 0 else (after, before)
+        answers = {player: player.play(play) for player in order}
+        pairs.append((answers[before], answers[after]))
+    first, second = pairs[0]
+    return Comparison(
+        name=name,
+        steps=second["steps"],
+        before=median(old["seconds"] for old, _ in pairs),
+        after=median(new["seconds"] for _, new in pairs),
+        ratio=median(new["seconds"] / old["seconds"] for old, new in pairs),
+        iterations=(first["iterations"], second["iterations"]),
+        same=first["digest"] == second["digest"],
+    )
+
+
+def since_table(found: Sequence[Comparison]) -> str:
+    """Return the comparisons as a Markdown table."""
+    heads = ("play", "steps", "before [ms a step]", "after [ms a step]", "ratio", "iterations", "same bits")
+    rows = [
+        (item.name, str(item.steps), f"{1e3 * item.before / item.steps:.3f}", f"{1e3 * item.after / item.steps:.3f}",
+         f"{item.ratio:.3f}", "{} to {}".format(*item.iterations), "yes" if item.same else "no")
+        for item in found
+    ]  # fmt: skip
+    return markdown_table(heads, rows)
+
+
+def main() -> None:
+    """Compare, print as it goes, and print the table."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.since", description=__doc__)
+    parser.add_argument("commit", help="any name of a commit, or the path of a checkout with its .venv")
+    parser.add_argument("plays", nargs="*", metavar="PLAY", help=f"default: all of {', '.join(PLAYS)}")
+    parser.add_argument("--turns", type=int, default=TURNS, help=f"pairs of each (default: {TURNS})")
+    parser.add_argument("--core", type=int, default=0, help="that both run on (default: 0)")
+    arguments = parser.parse_args()
+    unknown = set(arguments.plays) - PLAYS.keys()
+    if unknown:
+        parser.error(f"no play {', '.join(sorted(unknown))}; plays: {', '.join(PLAYS)}")
+    given = Path(arguments.commit)
+    tree = given.resolve() if (given / ".venv").is_dir() else checkout(arguments.commit)
+    players, found = [Player(tree, arguments.core), Player(ROOT, arguments.core)], []
+    for name in arguments.plays or PLAYS:
+        found.append(compare(name, *players, arguments.turns))
+        print(f"{name}: {found[-1].ratio:.3f}", file=sys.stderr, flush=True)
+    for player in players:
+        player.close()
+    print(since_table(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The way from where a step begins to what is commanded, and how much of it is behind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.solution import Solution
+from gdfe_ros.solver.state import State
+
+SHORTEST_SUBSTEP = 1.0 / 256.0
+"""Share of a way that is not cut further."""
+ROUNDING = 1e-9
+"""Share of a way that counts as none."""
+
+
+class Verdict(Enum):
+    """What follows from an attempt."""
+
+    ACCEPT = "accept, and go on from there"
+    STOP = "accept, and go no farther"
+    HALVE = "try half of it"
+    LEAP = "take the jump that was avoided so far"
+    WITHDRAW = "go back to the last sound state"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Goal:
+    """What a step is to reach.
+
+    Attributes:
+        poses: of every handle, relative to its rest pose.
+        commands: of every actuator and load.
+        tolerance: estimated largest distance to the equilibrium over the body's size.
+        deadline: when it has passed, the way ends where it is; None: never.
+    """
+
+    poses: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    tolerance: float
+    deadline: Deadline | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Way:
+    """How far a goal was followed.
+
+    Attributes:
+        poses, commands: where it begins.
+        goal: where it ends.
+        budget: most iterations on it.
+        length: share of it that is attempted next.
+        done: share of it behind.
+        iterations, attempts: made on it so far.
+        jumped: the body has jumped on it.
+        folded: an attempt ended in folded or inverted elements.
+        leap: length of the first attempt from here that jumped to a sound equilibrium; 0 for none.
+        leaping: shorter attempts led nowhere, and that jump is taken.
+    """
+
+    poses: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    goal: Goal
+    budget: int
+    length: float
+    done: float = 0.0
+    iterations: int = 0
+    attempts: int = 0
+    jumped: bool = False
+    folded: bool = False
+    leap: float = 0.0
+    leaping: bool = False
+
+    @classmethod
+    def between(cls, state: State, goal: Goal, increments: int, limit: int) -> Way:
+        """Return the way from a state to a goal, planned in so many increments of at most ``limit`` iterations."""
+        budget, length = increments * limit, 1.0 / increments
+        return cls(poses=state.poses, commands=state.commands, goal=goal, budget=budget, length=length)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the end differs from the beginning."""
+        return self.poses != self.goal.poses or self.commands != self.goal.commands
+
+    @property
+    def shortest(self) -> bool:
+        """Whether a shorter attempt is not made."""
+        return self.length <= SHORTEST_SUBSTEP or not self.moves
+
+    @property
+    def next(self) -> float:
+        """Share of the way at which the next attempt ends."""
+        return 1.0 if self.done + self.length > 1.0 - ROUNDING else self.done + self.length
+
+    @property
+    def left(self) -> int:
+        """Iterations that are left; one is always made."""
+        return max(1, self.budget - self.iterations)
+
+    @property
+    def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
+        """Poses and commands that are attempted next."""
+        share, goal = self.next, self.goal
+        if share == 1.0:
+            return goal.poses, goal.commands
+        poses = {name: self.poses[name].blend(target, share) for name, target in goal.poses.items()}
+        commands = {name: value + share * (goal.commands[name] - value) for name, value in self.commands.items()}
+        return poses, commands
+
+    def tried(self, solution: Solution, *, jumps: bool) -> Way:
+        """Return the way with what an attempt on it has cost and shown."""
+        sound = solution.min_det > 0.0
+        return replace(
+            self,
+            iterations=self.iterations + solution.iterations,
+            attempts=self.attempts + 1,
+            jumped=self.jumped or jumps,
+            folded=self.folded or not sound,
+            leap=self.leap or (self.length if jumps and sound and solution.converged else 0.0),
+        )
+
+    def after(self, verdict: Verdict) -> Way:
+        """Return the way as it goes on after a verdict."""
+        if verdict is Verdict.HALVE:
+            return replace(self, length=0.5 * self.length)
+        if verdict is Verdict.LEAP:
+            return replace(self, length=self.leap, leaping=True)
+        return self if verdict is Verdict.WITHDRAW else replace(self, done=self.next, leap=0.0, leaping=False)

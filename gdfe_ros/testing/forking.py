@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes that are forked off a process which has imported all that they need.
+
+A fresh ``sim_node`` takes seconds for its imports. After ``prepare`` each later ``NodeProcess`` starts in a fraction of
+that; it is a process of its own as before, with its own log, signals and exit status. For the conftest.py of tests that
+start many nodes.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from multiprocessing.context import ForkServerContext
+from pathlib import Path
+
+_PRELOAD = ("gdfe_ros.node.sim_node", "gdfe_ros.node.process", "cholespy")
+_SERVER: list[ForkServerContext] = []
+
+
+def prepare() -> None:
+    """Fork all nodes that this process starts from now on; variables that numba reads must be set by then."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(_PRELOAD))
+    _SERVER[:] = [context]
+
+
+def start(arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> subprocess.Popen[bytes] | Forked:
+    """Start ``sim_node`` with command-line arguments and a file for all that it prints."""
+    if _SERVER:
+        return Forked(_SERVER[0], arguments, log, environment)
+    with log.open("wb") as file:
+        command = [sys.executable, "-m", "gdfe_ros.node", *arguments]
+        return subprocess.Popen(command, stdout=file, stderr=file, env=dict(environment))
+
+
+class Forked:
+    """What a caller needs of ``subprocess.Popen``, for a process that is forked off the server.
+
+    Attributes:
+        pid: number of the process.
+    """
+
+    def __init__(
+        self, server: ForkServerContext, arguments: Sequence[str], log: Path, environment: Mapping[str, str]
+    ) -> None:
+        log.touch()
+        given = (tuple(arguments), str(log), dict(environment))
+        self._process = server.Process(target=_run, args=given, name="sim_node", daemon=True)
+        self._process.start()
+        self.pid = self._process.pid
+
+    def poll(self) -> int | None:
+        """Return the exit status, negative: the signal that ended it; None while it runs."""
+        return self._process.exitcode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for the end, at most ``timeout`` [s], and return the exit status.
+
+        Raises:
+            TimeoutExpired: of ``subprocess``.
+        """
+        self._process.join(timeout)
+        if (status := self.poll()) is None:
+            raise subprocess.TimeoutExpired("sim_node", timeout or 0.0)
+        return status
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, unless the process has ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """End the process at once."""
+        self._process.kill()
+
+
+def _run(arguments: tuple[str, ...], log: str, environment: dict[str, str]) -> None:
+    """Be ``sim_node``, in the forked process."""
+    from gdfe_ros.entry import sim_node
+
+    file = os.open(log, os.O_WRONLY)
+    for descriptor in (1, 2):
+        os.dup2(file, descriptor)
+    os.close(file)
+    os.environ.clear()
+    os.environ.update(environment)
+    sys.argv[:] = ["sim_node", *arguments]
+    sys.exit(sim_node())
