@@ -46,7 +46,7 @@ class _Mark:
     def of(cls, session: Session) -> _Mark:
         stepper, courier = session.stepper, session.courier
         other = stepper.spent - stepper.solving + (courier.spent if courier else 0.0)
-        pace = session.pace
+        pace = session.run.pace
         overruns = pace.overruns if pace else 0
         return cls(time.monotonic(), session.simulation.time, stepper.count, stepper.solving, other, overruns)
 
@@ -128,7 +128,7 @@ class Diagnostics:
         reason = "ok"
         if session is not None:
             counts |= {f"{name} follows": leader for name, leader in session.inputs.led().items()}
-        if session is not None and session.mode is ClockMode.LOCKSTEP and session.pace is not None:
+        if session is not None and session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
             counts["waits for"] = reason = f"waits for {session.waiting()}"
         if faults > 0:
             return _Part(counts, _ERROR, f"a callback failed: {self._node.faults.last}")
@@ -153,9 +153,9 @@ def _solver(session: Session, last: _Mark, mark: _Mark) -> _Part:
     if steps > 0:
         values["solve time per step [ms]"] = f"{1e3 * (mark.solving - last.solving) / steps:.3f}"
         values["other time per step [ms]"] = f"{1e3 * (mark.other - last.other) / steps:.3f}"
-    if session.last is None:
+    if session.run.last is None:
         return _Part(values, _OK, "no step yet")
-    result = session.last.result
+    result = session.run.last.result
     values |= {
         "converged": result.converged,
         "iterations": result.iterations,
