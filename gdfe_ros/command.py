@@ -96,8 +96,8 @@ class Orders:
             if self.handle(name).fixed:
                 movable = [handle.name for handle in self._scene.handles if not handle.fixed]
                 raise CommandError(f"handle {name!r} is fixed; handles that move: {_list(movable)}")
-            far = np.linalg.norm(pose.translation) / self._scene.mesh.size
-            turns = np.linalg.norm(pose.rotation) / (2.0 * np.pi)
+            far = math.hypot(*pose.translation) / self._scene.mesh.size
+            turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
             if far > FARTHEST or turns > FARTHEST:
                 raise CommandError(
                     f"handle {name!r} is commanded {far:.3g} body lengths and {turns:.3g} turns away; at most "

@@ -182,7 +182,8 @@ class Simulation:
             positions: (n, 3) finite [m].
 
         Raises:
-            CommandError: the shape is another, or a value is not finite; the state is unchanged.
+            CommandError: the shape is another, a value is not finite, or a handle that turns freely is flattened so
+                that its rotation cannot be told; the state is unchanged.
         """
         given = checked_positions(positions, self.mesh.vertices.shape)
         self._state = self._stepper.place(self._state, given - self._origin)

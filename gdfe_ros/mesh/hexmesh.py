@@ -75,7 +75,7 @@ class HexMesh:
         """Lowest and highest corner of the bounding box [m], shape (2, 3)."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Diagonal of the bounding box [m]."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))

@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.unknowns import Frame, handle_centres
 
 Vectors = NDArray[np.float64]
+
+
+LEAST_TURN = 1e-6
+"""Share of what tells a handle's rotation at rest that is left where it can still be told."""
 
 
 class HandleMotions:
@@ -86,13 +91,17 @@ class HandleMotions:
     def within_a_turn(self, turns: Vectors) -> Vectors:
         """Replace rotation vectors of ball joints beyond half a turn by those of the same rotation within it."""
         for p, handle in enumerate(self._loose):
-            angle = float(np.linalg.norm(turns[p]))
-            if len(handle.turning) == 3 and angle > np.pi:
+            angle = float(np.linalg.norm(turns[p])) if len(handle.turning) == 3 else 0.0
+            if angle > np.pi:
                 turns[p] *= 1.0 - 2.0 * np.pi / angle
         return turns
 
     def fit(self, positions: Vectors, base: Vectors) -> tuple[Vectors, Vectors]:
-        """Return the free translations and rotations (p, 3) that bring handles at ``base`` nearest to ``positions``."""
+        """Return the free translations and rotations (p, 3) that bring handles at ``base`` nearest to ``positions``.
+
+        Raises:
+            CommandError: a handle that turns freely is so flat or small there that its rotation cannot be told.
+        """
         slides, turns = np.zeros((len(self._loose), 3)), np.zeros((len(self._loose), 3))
         for p, handle in enumerate(self._loose):
             here, there = base[handle.vertices], positions[handle.vertices]
@@ -101,6 +110,7 @@ class HandleMotions:
             if handle.turning:
                 shift = there.mean(axis=0) - here.mean(axis=0)
                 arms, found = here - here.mean(axis=0), there - there.mean(axis=0)
+                _require_a_turn(handle, arms, found)
                 axes = list(handle.turning)
                 turns[p, axes] = Rotation.align_vectors(found, arms)[0].as_rotvec()[axes]
             slides[p, list(handle.free)] = shift[list(handle.free)]
@@ -112,3 +122,16 @@ class HandleMotions:
         rotation = np.array(pose.rotation)
         rotation[list(handle.turning)] = 0.0
         return Pose(pose.translation, tuple(rotation))
+
+
+def _require_a_turn(handle: Handle, arms: Vectors, found: Vectors) -> None:
+    """Refuse vertices ``found`` (k, 3) [m] about their mean that do not tell how ``arms`` were turned.
+
+    The sum of the two least singular values of their covariance tells: it vanishes where either lies on a line.
+    """
+    own, given = (np.linalg.svd(each.T @ arms, compute_uv=False)[1:].sum() for each in (arms, found))
+    if given < LEAST_TURN * own:
+        raise CommandError(
+            f"handle {handle.name!r} turns freely, and its vertices at the given positions lie in one point or on a "
+            "line: its rotation cannot be told; remedy: give positions at which it has the shape that it has at rest"
+        )

@@ -16,6 +16,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver import state as states
 from gdfe_ros.solver.descent.history import History
 from gdfe_ros.solver.elements.operators import Operators
+from gdfe_ros.solver.tangent.level import Tangent
 
 _VALUES = (
     states.Balance,
@@ -31,6 +32,7 @@ _VALUES = (
     ActuatorState,
     History,
     Pose,
+    Tangent,
 )
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """What a tree may be made of besides plain values."""

@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.errors import CommandError
 
 BASE = "base: {where: {face: x-}, fixed: true}"
 CELLS = {"mesh__bar__cells": [4, 2, 2]}
@@ -99,3 +100,16 @@ def test_turning_handles_keep_to_the_iterations(lab: Any, free: str, most: int) 
     assert max(result.iterations for result in results) <= most
     assert all(result.message for result in results[:-1])
     assert results[-1].converged, results[-1].message
+
+
+@pytest.mark.parametrize("onto", ["a point", "a line"])
+def test_positions_that_hide_a_rotation_are_refused(lab: Any, onto: str) -> None:
+    """Flatten a handle that turns freely: how it is turned cannot be told, and the handle is named."""
+    tip = "tip: {where: {face: x+}, free: [rx, ry, rz]}"
+    simulation = lab.bar(handles=f"{BASE}, {tip}", actuators="")
+    positions = simulation.mesh.vertices.copy()
+    end = positions[:, 0] > 0.0999
+    positions[end, 1:] *= 0.0 if onto == "a point" else (1.0, 0.0)
+    with pytest.raises(CommandError, match=r"'tip' turns freely.*remedy: give positions"):
+        simulation.set_positions(positions)
+    assert np.array_equal(simulation.positions, simulation.mesh.vertices)

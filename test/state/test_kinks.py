@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from gdfe_ros import Command, Simulation
+from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import scene_from_text
 
@@ -158,3 +158,18 @@ def test_a_straight_cable_between_two_handles_draws_them_together(lab: Any, mode
     twin = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}}}", actuators="")
     push = lab.go(twin, simulation.handle_pose("tip")).reactions["tip"][0]
     assert result.actuators["pull"].effort == pytest.approx(-push, rel=0.02)
+
+
+@pytest.mark.parametrize("mode", ["shortening", "length"])
+def test_a_cable_shorter_than_its_handles_are_apart_is_named(lab: Any, mode: str) -> None:
+    """Command it to 90 mm between handles 100 mm apart: nothing moves, and it is named; nearer, they can follow."""
+    points = "[[0, 0, 0.008], [0.05, 0, 0.009], [0.1, 0, 0.008]]"
+    cable = f"pull: {{cable: {{points: {points}, command: {mode}}}}}"
+    simulation = lab.bar(handles=f"{BASE}, tip: {{where: {{face: x+}}}}", actuators=cable)
+    length = simulation.actuator_states()["pull"].extent
+    result = lab.go(simulation, pull=0.09 if mode == "length" else length - 0.09)
+    assert not result.converged
+    assert np.array_equal(result.positions, simulation.mesh.vertices)
+    for words in ("'pull'", "a length of 0.09 m", "0.1 m apart", "remedy: command at least that"):
+        assert words in result.message
+    assert lab.go(simulation, Pose(translation=(-0.02, 0.0, 0.0))).converged

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.history import HistoryKeeper
-from gdfe_ros.solver.descent.workspace import Workspace, allocate, allocate_part
+from gdfe_ros.solver.descent.workspace import STATUS, Workspace, allocate, allocate_part
 from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns
@@ -52,6 +53,7 @@ class ActiveSet(Movable):
         carried: int32, of these, the elements whose pressures are updated.
         softening: int32, of these, the elements whose hourglass scales are updated.
         blocks: the elements for the kernels, ungrown.
+        skipped: work that is left out, by name: elements, or 1.
         workspace: of its descents; a part shares positions and forces with the whole.
         keeper: of the workspace's history.
     """
@@ -60,6 +62,7 @@ class ActiveSet(Movable):
     carried: NDArray[np.int32]
     softening: NDArray[np.int32]
     blocks: Blocks
+    skipped: Mapping[str, int]
     workspace: Workspace
     keeper: HistoryKeeper
 
@@ -86,24 +89,37 @@ class ActiveSet(Movable):
         work = allocate(body.unknowns.rows, body.rest, len(body.material), memory)
         none = np.zeros(0, np.int32)
         updated = _updated(body, elements, skip)
-        return cls(body.unknowns, none, matrix, elements, *updated, blocks, work, HistoryKeeper(work))
+        skipped = _skipped(body, elements, elements, *updated)
+        return cls(body.unknowns, none, matrix, elements, *updated, blocks, skipped, work, HistoryKeeper(work))
 
     def part(self, body: Body, awake: NDArray[np.bool_], skip: Collection[Skip]) -> ActiveSet:
         """Take in only those of the free vertices that are ``awake`` (n,) and the elements around them."""
         elements = self.elements[awake[body.cells[self.elements]].any(axis=1)]
         free = self.unknowns.free
         unknowns = self.unknowns.restricted(free[awake[free]])
-        work = allocate_part(unknowns.rows, self.workspace)
+        work, updated = allocate_part(unknowns.rows, self.workspace), _updated(body, elements, skip)
         return ActiveSet(
             unknowns,
             free[~awake[free]],
             self.matrix.part(unknowns),
             elements,
-            *_updated(body, elements, skip),
+            *updated,
             make_blocks(body.shape, body.material, body.table, elements),
+            _skipped(body, self.elements, elements, *updated),
             work,
             HistoryKeeper(work),
         )
+
+    @cached_property
+    def status(self) -> np.void:
+        """The workspace's numbers by the names of `STATUS`, to read and write faster than through a record array."""
+        return self.workspace.status.view(STATUS, np.ndarray)[0]
+
+    @cached_property
+    def turning(self) -> NDArray[np.bool_] | None:
+        """Which of the handles with a free axis turn freely, (p,); None where none does."""
+        turning = self.unknowns.turn_row >= 0
+        return turning if turning.any() else None
 
     def place(
         self,
@@ -127,8 +143,8 @@ class ActiveSet(Movable):
         u = work.u.reshape(-1, 3)
         np.take(positions, unknowns.free, axis=0, out=u[:count], mode="clip")
         u[count : count + len(slides)] = slides * unknowns.slides
-        turning = unknowns.turn_row >= 0
-        if not turning.any():
+        turning = self.turning
+        if turning is None:
             return
         u[unknowns.turn_row[turning]] = (turns * unknowns.turns * unknowns.radius[:, None])[turning]
 
@@ -137,8 +153,8 @@ class ActiveSet(Movable):
         unknowns, u = self.unknowns, self.workspace.u.reshape(-1, 3)
         count = len(unknowns.free)
         slides, turns = u[count : count + len(unknowns.slides)].copy(), np.zeros_like(unknowns.turns)
-        turning = unknowns.turn_row >= 0
-        turns[turning] = u[unknowns.turn_row[turning]] / unknowns.radius[turning, None]
+        if (turning := self.turning) is not None:
+            turns[turning] = u[unknowns.turn_row[turning]] / unknowns.radius[turning, None]
         return slides, turns
 
     def threads(self, most: int) -> int | None:
@@ -147,17 +163,6 @@ class ActiveSet(Movable):
             return None
         count = min(most, len(self.blocks.element) // LEAST_BLOCKS)
         return count if count > 1 else None
-
-    def skipped(self, body: Body, whole: ActiveSet) -> dict[str, int]:
-        """Count the work that a solve of this set leaves out, by name: elements, or 1."""
-        counts = {
-            Skip.HANDLES: len(body.material) - len(whole.elements),
-            Skip.DORMANT: len(whole.elements) - len(self.elements),
-            Skip.SHAPE_FACTORS: len(self.elements) - len(self.softening),
-            Skip.PRESSURES: len(self.elements) - len(self.carried),
-            Skip.EIGENVALUES: int((body.table.law[body.material[self.elements]] != Law.OGDEN).sum()),
-        }
-        return {skip.value: count for skip, count in counts.items() if count}
 
 
 def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
@@ -181,3 +186,21 @@ def _updated(
         elements[carried] if Skip.PRESSURES in skip else elements,
         elements[softening] if Skip.SHAPE_FACTORS in skip else elements,
     )
+
+
+def _skipped(
+    body: Body,
+    movable: NDArray[np.int32],
+    elements: NDArray[np.int32],
+    carried: NDArray[np.int32],
+    softening: NDArray[np.int32],
+) -> dict[str, int]:
+    """Count what is left out where of the ``movable`` elements only ``elements`` are evaluated."""
+    counts = {
+        Skip.HANDLES: len(body.material) - len(movable),
+        Skip.DORMANT: len(movable) - len(elements),
+        Skip.SHAPE_FACTORS: len(elements) - len(softening),
+        Skip.PRESSURES: len(elements) - len(carried),
+        Skip.EIGENVALUES: int((body.table.law[body.material[elements]] != Law.OGDEN).sum()),
+    }
+    return {skip.value: count for skip, count in counts.items() if count}

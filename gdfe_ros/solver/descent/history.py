@@ -62,14 +62,14 @@ class HistoryKeeper:
 
     def export(self) -> History:
         """Return what the last descent ended with."""
-        work = self._workspace
+        work, known = self._workspace, self._pairs
         count = int(work.status[0]["count"])
         rows = work.row[:count]
         self._pairs = {
-            int(serial): self._pairs.get(int(serial)) or (work.steps[row].copy(), work.images[row].copy())
-            for row, serial in zip(rows, work.serial[rows], strict=True)
+            serial: known.get(serial) or (work.steps[row].copy(), work.images[row].copy())
+            for row, serial in zip(rows.tolist(), work.serial[rows].tolist(), strict=True)
         }
         steps, images = zip(*self._pairs.values(), strict=True) if count else ((), ())
         triangle, gram = work.triangle[:count, :count].copy(), work.gram[:count, :count].copy()
-        self._held = History(tuple(steps), tuple(images), triangle, gram)
+        self._held = History(steps, images, triangle, gram)
         return self._held

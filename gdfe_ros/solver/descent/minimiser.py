@@ -18,8 +18,10 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.lumps import find_lumps, largest_turn
 from gdfe_ros.solver.descent.stopping import way_left
 from gdfe_ros.solver.descent.workspace import End, Problem, Workspace
+from gdfe_ros.solver.distance import largest_shift
 from gdfe_ros.solver.matrix.constant_matrix import Factorisation
 from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
+from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
 SAFETY = 0.1
 """The quasi-Newton step falls short of the distance to the equilibrium by up to this factor on slender bodies."""
@@ -48,16 +50,27 @@ class Task:
         problem: what stays constant.
         coupling: how the handles' rigid rows hang on the free vertices.
         deadline: when it has passed, a descent ends; None: never.
+        level: the kept tangent that preconditions; None for the constant matrix.
     """
 
     active: ActiveSet
     problem: Problem
     coupling: Coupling
     deadline: Deadline | None = None
+    level: TangentLevel | None = None
 
     def evaluate(self) -> None:
         """Evaluate all terms where the unknowns are."""
         self.advance(0.0, first=True)
+
+    def precondition(self, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
+        """Write H_0 gradient (3 r,) to ``step`` (3 r,)."""
+        if self.level is not None:
+            self.level.solve(gradient, step)
+            return
+        matrix, rows = self.active.matrix, len(self.active.unknowns.free)
+        matrix.solve(gradient.reshape(-1, 3)[:rows], step.reshape(-1, 3)[:rows])
+        close_coupling(gradient, self.coupling, step)
 
     def advance(self, goal: float, *, first: bool = False) -> bool:
         """Do one iteration towards a step of at most ``goal`` [m]; see `quasi_newton.advance`."""
@@ -88,7 +101,10 @@ class Minimiser:
     Attributes:
         observer: sees the energy of every iteration; None for nobody.
         lumps: hard pieces in a soft body, whose turns the constant matrix takes for stiff.
+        certified: what it calls the residual is known by conjugate gradients.
     """
+
+    certified = False
 
     def __init__(self, body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> None:
         self._body = body
@@ -96,9 +112,19 @@ class Minimiser:
         self.lumps = find_lumps(body, weight, bending)
         self.observer: Observer | None = None
 
-    def begin(self, work: Workspace, *, watched: bool) -> None:
-        """Begin a solve; with ``watched`` it ends only when its steps have shrunk."""
-        status = work.status[0]
+    def begin(
+        self,
+        active: ActiveSet,
+        *,
+        watched: bool,
+        tangent: Tangent | None = None,
+        last: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Begin a solve; with ``watched`` it ends only when its steps have shrunk.
+
+        Tangents are for those that keep one.
+        """
+        work, status = active.workspace, active.status
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["seen"], work.recent[...] = 0 if watched else -1, 0.0
         status["ended"] = End.NONE
@@ -117,32 +143,35 @@ class Minimiser:
         """
         target = SAFETY * tolerance * self._body.size
         floor = min(target, max(FLOOR * SAFETY * final, LEAST_FLOOR) * self._body.size)
-        run = self._run_dense if task.active.matrix.kind is Factorisation.DENSE else self._run_sparse
+        run = self._run_dense if task.active.matrix.kind is Factorisation.DENSE else self._run_stepwise
         descended = run(task, target, floor, least, limit)
         used, ended = descended.iterations, descended
         while not ended.cut and self._lag(task.active) > tolerance and used < limit and not past(task.deadline):
             ended = run(task, target, floor, PATIENT_ITERATIONS, limit - used)
             used += ended.iterations
-            if not ended.iterations or task.active.workspace.status[0]["ended"] != End.NONE:
+            if not ended.iterations or task.active.status["ended"] != End.NONE:
                 break
-        if task.active.workspace.status[0]["pending"]:
+        if task.active.status["pending"]:
             quasi_newton.take_products(task.active.workspace)
         return Descended(used, ended.cut)
 
     def residual(self, active: ActiveSet) -> float:
         """Return the estimated largest distance to the equilibrium over the body's size."""
-        work, size = active.workspace, self._body.size
-        status = work.status[0]
+        work, status, size = active.workspace, active.status, self._body.size
         distance = float(status["distance"]) / (SAFETY * size)
         if status["ended"] != End.EXHAUSTED:
             distance = max(distance, float(way_left(work)) / size)
         return max(distance, self._lag(active))
 
+    def spent_tangent(self) -> Tangent | None:
+        """Return the tangent that the next solve begins with: none."""
+        return None
+
     def ran_away(self, active: ActiveSet) -> bool:
         """Tell whether the energy has no lower bound."""
         work = active.workspace
-        far = not np.abs(work.x - self._body.rest).max() <= FARTHEST * self._body.size
-        return bool(far or work.status[0]["ended"] == End.RUNAWAY)
+        far = not largest_shift(work.x, self._body.rest) <= FARTHEST * self._body.size
+        return bool(far or active.status["ended"] == End.RUNAWAY)
 
     def _run_dense(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
         """Iterate with the explicit inverse, many iterations in one compiled call."""
@@ -161,21 +190,21 @@ class Minimiser:
                 break
         return Descended(done, cut=True)
 
-    def _run_sparse(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
-        """Iterate with a library's factor."""
-        work, matrix, rows = task.active.workspace, task.active.matrix, len(task.active.unknowns.free)
-        free_gradient, free_step = work.gradient.reshape(-1, 3)[:rows], work.step.reshape(-1, 3)[:rows]
+    def _run_stepwise(
+        self, task: Task, target: float, floor: float, least: int, limit: int, *, prepared: bool = False
+    ) -> Descended:
+        """Iterate with a factor that a library applies; where it is ``prepared``, the first step is preconditioned."""
+        work = task.active.workspace
         self._show(work, begins=True)
-        matrix.solve(free_gradient, free_step)
-        close_coupling(work.gradient, task.coupling, work.step)
+        if not prepared:
+            task.precondition(work.gradient, work.step)
         for iteration in range(limit):
             goal = target if iteration >= least else floor
             ended = task.advance(goal)
             self._show(work, begins=False)
             if ended:
                 return Descended(iteration, cut=False)
-            matrix.solve(free_gradient, free_step)
-            close_coupling(work.gradient, task.coupling, work.step)
+            task.precondition(work.gradient, work.step)
             quasi_newton.remember(work)
             if past(task.deadline):
                 return Descended(iteration + 1, cut=True)

@@ -247,7 +247,10 @@ def advance(problem, work, target, first):
         status.plateau = 0
         status.nearest = math.inf
     else:
-        find_direction(work)
+        if status.given == 1:
+            status.given = 0
+        else:
+            find_direction(work)
         note_step(work)
         if status.distance <= target and way_left(work) <= LONGEST_WAY * target:
             return True

@@ -47,6 +47,7 @@ STATUS = np.dtype(
         ("seen", np.int64),  # steps seen in this solve; -1 where nobody watches them
         ("evaluations", np.int64),  # of all elements
         ("ended", np.int64),  # an `End`
+        ("given", np.int64),  # 1 where the next direction is given, and not found from the history
     ]
 )
 """The numbers of a descent."""

@@ -10,7 +10,7 @@ are not relevant to the actuation".
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.matrix.unknowns import gather_rows
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.state import Known, Sleep, State
+from gdfe_ros.solver.value import changed
 
 QUIET = 0.1
 """Of the tolerance: a vertex that a step moves less is at rest."""
@@ -141,11 +142,11 @@ class Dormancy:
             return None
         if self.is_part(active):
             lasted = sleep.lasted + 1
-            return replace(sleep, lasted=lasted, patience=PATIENCE if lasted == LONG else sleep.patience)
+            return changed(sleep, lasted=lasted, patience=PATIENCE if lasted == LONG else sleep.patience)
         if sleep.awake is None and sleep.rests > 0:
-            return replace(sleep, rests=sleep.rests - 1)
+            return changed(sleep, rests=sleep.rests - 1)
         moved = np.linalg.norm(positions - sleep.before, axis=1)
-        sleep = replace(sleep, before=positions)
+        sleep = changed(sleep, before=positions)
         if sleep.awake is not None:
             return self._widened(sleep, moved)
         if moved.max() > QUIET * tolerance * self._body.size:
@@ -157,7 +158,7 @@ class Dormancy:
         if sleep is None or sleep.awake is None or sleep.known is not None:
             return sleep
         known = evaluate()
-        return replace(sleep, known=known, border=self._forces(self._made(sleep.awake)))
+        return changed(sleep, known=known, border=self._forces(self._made(sleep.awake)))
 
     def woken(self, sleep: Sleep | None) -> Sleep | None:
         """Return ``sleep`` with nothing held: handles have moved beside what was."""
@@ -167,8 +168,8 @@ class Dormancy:
         """Count the steps in which vertices are at rest; hold what has been so for long enough."""
         calm, count = sleep.calm & quiet, sleep.count + 1
         if count < sleep.patience:
-            return replace(sleep, calm=calm, count=count)
-        return replace(self._taken(sleep, ~calm), count=0, calm=np.ones_like(calm))
+            return changed(sleep, calm=calm, count=count)
+        return changed(self._taken(sleep, ~calm), count=0, calm=np.ones_like(calm))
 
     def _widened(self, sleep: Sleep, moved: NDArray[np.float64]) -> Sleep:
         """Go on with the part after it woke; enlarge it where it did not last."""
@@ -177,8 +178,8 @@ class Dormancy:
             stirred = np.zeros(len(moved), dtype=bool)
             stirred[held] = moved[held] > STIRRED * moved[held].max()
             patience = min(2 * sleep.patience, MOST_PATIENCE)
-            sleep = self._taken(replace(sleep, patience=patience), stirred | sleep.awake)
-        return replace(sleep, lasted=0, known=None, border=None)
+            sleep = self._taken(changed(sleep, patience=patience), stirred | sleep.awake)
+        return changed(sleep, lasted=0, known=None, border=None)
 
     def _taken(self, sleep: Sleep, awake: NDArray[np.bool_]) -> Sleep:
         """Hold all but the vertices ``awake`` (n,) and some layers around them, where that pays."""
@@ -188,12 +189,12 @@ class Dormancy:
             awake[cells[awake[cells].any(axis=1)]] = True
         if awake[free].sum() > WORTH * len(free):
             rest = min(2 * sleep.longer_rest, MOST_REST)
-            return replace(self._dropped(sleep), rests=rest, longer_rest=rest)
-        return replace(sleep, awake=awake, known=None, border=None, yielding=np.inf, lasted=0, longer_rest=1)
+            return changed(self._dropped(sleep), rests=rest, longer_rest=rest)
+        return changed(sleep, awake=awake, known=None, border=None, yielding=np.inf, lasted=0, longer_rest=1)
 
     def _dropped(self, sleep: Sleep) -> Sleep:
         calm = np.ones_like(sleep.calm)
-        return replace(sleep, awake=None, known=None, border=None, lasted=0, count=0, calm=calm)
+        return changed(sleep, awake=None, known=None, border=None, lasted=0, count=0, calm=calm)
 
     def _made(self, awake: NDArray[np.bool_]) -> Part:
         """Return the part of these vertices; the last one is kept, for its factor is dear."""

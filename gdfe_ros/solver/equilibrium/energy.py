@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,11 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.history import History
 from gdfe_ros.solver.descent.minimiser import SAFETY, Minimiser, Observer
 from gdfe_ros.solver.descent.workspace import LONG_MEMORY, MEMORY
+from gdfe_ros.solver.distance import largest_shift
 from gdfe_ros.solver.elements.pressures import at_rest
 from gdfe_ros.solver.equilibrium.dormancy import Dormancy
 from gdfe_ros.solver.equilibrium.predictor import Predictor
+from gdfe_ros.solver.equilibrium.slender import for_slender
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation, assemble
@@ -28,6 +29,7 @@ from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import Known, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.value import changed
 
 LEAP = 100.0
 """Of the tolerance: where the start lies farther from the last equilibrium, nothing is taken for granted."""
@@ -75,14 +77,17 @@ class EnergyEquilibrium:
         self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns, library=library)
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
-        self.minimiser = Minimiser(body, stiffness, bending)
-        self._model = Model(body, self.actuation, self.handles, self.minimiser)
         self._predictor = Predictor(body, self.handles)
         memory = LONG_MEMORY if self.actuation.drives else MEMORY
         still = not self.actuation.growths
         self._whole = ActiveSet.whole(body, self.matrix, memory, rigid=still, skip=skip)
-        sleeps = skip if still and not self.minimiser.lumps else ()
-        self._dormancy = Dormancy(body, self._whole, sleeps, pushed=bool(self.actuation.terms))
+        self._dormancy = Dormancy(body, self._whole, skip if still else (), pushed=bool(self.actuation.terms))
+        model = Model(body, self.actuation, self.handles, Minimiser(body, stiffness, bending))
+        shared = self._whole.threads(threads)
+        self._model = for_slender(model, self._whole, self.matrix, self.at_rest(), stiffness, bending, threads=shared)
+        self.minimiser = self._model.minimiser
+        if self.minimiser.lumps or self.minimiser.certified:
+            self._dormancy = Dormancy(body, self._whole, (), pushed=bool(self.actuation.terms))
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)
         self._loaded: Known | None = None
@@ -131,7 +136,7 @@ class EnergyEquilibrium:
         active = self._dormancy.choose(start, base)
         prediction = self._predictor.predict(start, base, start.change_to(problem.commands), active)
         near = LEAP * problem.tolerance * self.body.size
-        motion = np.abs(prediction.positions - start.positions).max(initial=0.0)
+        motion = largest_shift(prediction.positions, start.positions)
         solve = Solve(
             self._model,
             problem,
@@ -155,17 +160,17 @@ class EnergyEquilibrium:
             if moved <= target:
                 residual = max(found.state.summary.residual, moved / target * problem.tolerance)
                 summary, sleep = (
-                    replace(found.state.summary, residual=residual),
-                    replace(start.sleep, yielding=yielding),
+                    changed(found.state.summary, residual=residual),
+                    changed(start.sleep, yielding=yielding),
                 )
-                return replace(found, state=found.state.with_(summary=summary, sleep=sleep))
+                return changed(found, state=found.state.with_(summary=summary, sleep=sleep))
         self._loaded = None
         if found.converged:
             solve.go_on_from(found.state)
         else:
             solve.begin_anew(self._whole.elements)
         again = self._descend(solve, self._whole, start.history, spent=found.iterations)
-        return replace(again, iterations=found.iterations + again.iterations)
+        return changed(again, iterations=found.iterations + again.iterations)
 
     def accept(self, solution: Solution, previous: State) -> State:
         """Return the state that follows ``previous`` with the last solution.
@@ -196,7 +201,7 @@ class EnergyEquilibrium:
 
     def skipped(self, solution: Solution) -> dict[str, int]:
         """Return what a solve left out, by name."""
-        counts = solution.active.skipped(self.body, self._whole)
+        counts = dict(solution.active.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
 
     def _descend(self, solve: Solve, active: ActiveSet, history: History, *, spent: int = 0) -> Solution:
@@ -207,7 +212,7 @@ class EnergyEquilibrium:
         active.keeper.load(history)
         solve.descend(active, coupling, threads=active.threads(self._threads), limit=solve.problem.limit - spent)
         if self.minimiser.ran_away(active):
-            summary = replace(solve.start.summary, converged=False, residual=np.inf, message=RAN_AWAY)
+            summary = changed(solve.start.summary, converged=False, residual=np.inf, message=RAN_AWAY)
             return Solution(
                 state=solve.start.with_(summary=summary),
                 iterations=solve.iterations,
@@ -220,7 +225,7 @@ class EnergyEquilibrium:
         solution = solve.solution(active, self._stored, self._least, run=self._run)
         if orientation is None:
             return solution
-        return replace(solution, state=solution.state.with_(orientation=orientation))
+        return changed(solution, state=solution.state.with_(orientation=orientation))
 
     def _orientation(self, solve: Solve) -> NDArray[np.float64] | None:
         """Return the rotations for which the handles' rigid rows are coupled; None where no handle turns."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,7 +95,7 @@ def _ratio(last: Motion | None, motion: NDArray[np.float64], change: NDArray[np.
     if len(change):
         scale = np.maximum(np.abs(change), np.abs(last.change))
         scale[scale == 0.0] = 1.0
-        reach = max(np.linalg.norm(motion), np.linalg.norm(last.base)) or 1.0
+        reach = max(_norm(motion), _norm(last.base)) or 1.0
         motion = np.concatenate([motion.ravel() / reach, change / scale])
         return _repeated(np.concatenate([last.base.ravel() / reach, last.change / scale]), motion)
     return _repeated(last.base, motion)
@@ -105,6 +106,10 @@ def _repeated(last: NDArray[np.float64], motion: NDArray[np.float64]) -> float:
     if size == 0.0:
         return 0.0
     ratio = float(np.vdot(last, motion) / size)
-    rest = np.linalg.norm(motion - ratio * last)
-    smooth = rest <= SMOOTH * np.linalg.norm(motion) and 0.0 < ratio <= LARGEST_RATIO
+    rest = _norm(motion - ratio * last)
+    smooth = rest <= SMOOTH * _norm(motion) and 0.0 < ratio <= LARGEST_RATIO
     return ratio if smooth else 0.0
+
+
+def _norm(vector: NDArray[np.float64]) -> float:
+    return math.sqrt(np.vdot(vector, vector))

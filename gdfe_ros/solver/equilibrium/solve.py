@@ -22,6 +22,7 @@ from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
+from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.actuation import Actuation
 
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
@@ -40,12 +41,16 @@ MOST_UPDATES = 60
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What all solves of a body share: the body, what acts on it, its handles, and what descends in its potential."""
+    """What all solves of a body share: the body, what acts on it, its handles, and what descends in its potential.
+
+    ``level`` holds the tangents that precondition a slender body; None where the constant matrix does.
+    """
 
     body: Body
     actuation: Actuation
     handles: HandleMotions
     minimiser: Minimiser
+    level: TangentLevel | None = None
 
 
 class Solve:
@@ -79,6 +84,7 @@ class Solve:
         warm: bool,
     ) -> None:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
+        self._level = model.level
         self.problem, self.start, self._warm = problem, start, warm
         self._base, self._frame, self._prediction = base, model.handles.frame(base), prediction
         self._operators = self._actuation.growths.at(problem.commands, start.operators)
@@ -123,15 +129,16 @@ class Solve:
             self._actuation.table,
             threads,
         )
-        task = Task(active, problem, coupling, self.problem.deadline)
+        task = Task(active, problem, coupling, self.problem.deadline, self._level)
         active.place(self._positions, self._base, self._slides, self.turns)
         task.evaluate()
         return task
 
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
         """Descend, and update multipliers until they keep what they are to keep."""
-        status, tolerance = active.workspace.status[0], self.problem.tolerance
-        self._minimiser.begin(active.workspace, watched=not self._warm)
+        status, tolerance = active.status, self.problem.tolerance
+        last = self.start.positions if self._warm else None
+        self._minimiser.begin(active, watched=not self._warm, tangent=self.start.tangent, last=last)
         task = self.evaluate(active, coupling, threads=threads)
         updates = len(active.carried) or len(active.softening) or self._actuation.updates
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
@@ -152,8 +159,9 @@ class Solve:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
             last = inner == tolerance or status["ended"] != End.NONE
+            quiet = self._settled and went.iterations == 0
             self._settled = self._update(active, still=went.iterations == 0) and last
-            if self._settled:
+            if self._settled and (quiet or not self._minimiser.certified):
                 break
             inner = max(tolerance, TIGHTEN * inner)
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
@@ -218,12 +226,13 @@ class Solve:
                 terms=self._actuation.finish(start.terms, positions),
                 elements=elements,
                 operators=self._operators,
+                tangent=self._minimiser.spent_tangent(),
                 unfinished=self._unfinished(active) if self._cut and not converged else None,
                 summary=summary,
             ),
             iterations=self.iterations,
             cut=self._cut and not converged,
-            exhausted=bool(work.status[0]["ended"] == End.EXHAUSTED) and not converged,
+            exhausted=bool(active.status["ended"] == End.EXHAUSTED) and not converged,
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
             run=run,
@@ -237,7 +246,8 @@ class Solve:
         Where no descent is left above the tolerance, new pressures and scales may open one.
         """
         body, shape, x, settled = self._body, self._operators.shape, active.workspace.x, True
-        tolerance, slack = self.problem.tolerance, WARM_SLACK if self._warm else 1.0
+        tolerance = self.problem.tolerance
+        slack = WARM_SLACK if self._warm and not self._minimiser.certified else 1.0
         if len(active.carried):
             settled = self.pressures.update(x, active.carried, shape, still=still) <= slack * tolerance
         if self._actuation.updates:
@@ -258,7 +268,7 @@ class Solve:
                 if past(self.problem.deadline)
                 else f"stopped after {self.problem.limit} iterations"
             )
-            far = float(active.workspace.status[0]["distance"]) / self._body.size
+            far = float(active.status["distance"]) / self._body.size
             text = (
                 f"{reason}: how far from equilibrium is not known yet, the last step was {far:.3g} of the body's size"
             )
@@ -277,5 +287,5 @@ class Solve:
             tolerance=self._inner,
             iterations=done + self.iterations,
             recent=work.recent.copy(),
-            seen=int(work.status[0]["seen"]),
+            seen=int(active.status["seen"]),
         )

@@ -71,6 +71,7 @@ class ConstantMatrix:
     Attributes:
         kind: what solves.
         coupling: of the handles as they stand at rest.
+        assembled: the matrix of all vertices (n, n).
 
     Raises:
         ValueError: cholespy was asked for and is not installed.
@@ -86,7 +87,7 @@ class ConstantMatrix:
     ) -> None:
         if library is Factorisation.CHOLESPY and cholespy is None:
             raise ValueError("cholespy is not installed; install the extra: pip install 'gdfe_ros[fast]'")
-        self._assembled, self._rest, self._unknowns, self._library = matrix, rest, unknowns, library
+        self.assembled, self._rest, self._unknowns, self._library = matrix, rest, unknowns, library
         free = unknowns.free
         rows = matrix[free]
         block = rows[:, free].tocsc()
@@ -100,7 +101,7 @@ class ConstantMatrix:
 
     def part(self, unknowns: Unknowns) -> ConstantMatrix:
         """Factor the rows of fewer ``unknowns``; the rest is held."""
-        return ConstantMatrix(self._assembled, self._rest, unknowns, library=self._library)
+        return ConstantMatrix(self.assembled, self._rest, unknowns, library=self._library)
 
     def turned(self, rotations: Sequence[NDArray[np.float64]]) -> Coupling:
         """Return the coupling for handles with a free axis that are turned by rotation matrices (3, 3)."""
@@ -109,6 +110,13 @@ class ConstantMatrix:
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right for the free vertices, three right-hand sides (f, 3)."""
         self._solve(right, out)
+
+    def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return A_ff motion (f, 3) of the free vertices."""
+        free = self._unknowns.free
+        whole = np.zeros((self.assembled.shape[0], 3))
+        whole[free] = motion
+        return (self.assembled @ whole)[free]
 
     def compliance(self, force: NDArray[np.float64]) -> float:
         """Return by how much vertex forces (n, 3) give way, over their size: f . A^-1 f [m/N times their unit squared].

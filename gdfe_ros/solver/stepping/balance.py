@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
@@ -58,12 +59,14 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
     scale = max(before, after, abs(work), abs(new.balance.potential - old.balance.potential))
     if not (lost > LOST * scale or lost > doubt + PROVEN * scale):
         return False
-    return bool(np.linalg.norm(new.positions - new.began, axis=1).max() > LEAST_MOTION * size)
+    return bool(largest_distance(new.positions, new.began) > LEAST_MOTION * size)
 
 
 def _way(begin: Pose, end: Pose) -> NDArray[np.float64]:
     """Return the motion (6,) that a wrench does its work on: shift, and turn in world axes halfway."""
     shift = np.subtract(end.translation, begin.translation)
+    if not (any(begin.rotation) or any(end.rotation)):
+        return np.concatenate([shift, np.zeros(3)])
     change, half = np.subtract(end.rotation, begin.rotation), 0.5 * np.add(end.rotation, begin.rotation)
     angle = float(np.linalg.norm(half))
     if angle > 0.0:

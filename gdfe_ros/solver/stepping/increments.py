@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-
-import numpy as np
 
 from gdfe_ros.constraints import Pose
 
-LARGEST_TURN = np.deg2rad(100.0)
+LARGEST_TURN = math.radians(100.0)
 LARGEST_SHIFT = 1.0
 """Of the body's size: farther motions are cut."""
 
@@ -26,7 +25,7 @@ def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], s
     for name, target in targets.items():
         if target == poses[name]:
             continue
-        turn = np.linalg.norm(np.subtract(target.rotation, poses[name].rotation))
-        shift = np.linalg.norm(np.subtract(target.translation, poses[name].translation))
+        turn = math.dist(target.rotation, poses[name].rotation)
+        shift = math.dist(target.translation, poses[name].translation)
         most = max(most, turn / LARGEST_TURN, shift / (LARGEST_SHIFT * size))
-    return int(np.ceil(most))
+    return math.ceil(most)

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.state import State
 
 SAME = 1e-6
@@ -58,8 +57,7 @@ class March:
 
     def differs(self, other: March, reach: float) -> bool:
         """Tell whether a vertex of the two is farther apart than ``reach`` [m]."""
-        distance = np.linalg.norm(self.state.positions - other.state.positions, axis=1).max()
-        return not distance <= reach
+        return not largest_distance(self.state.positions, other.state.positions) <= reach
 
     def is_better(self, other: March, reach: float) -> bool:
         """Tell whether this one, from rest, beats the ``other``: sound where that is not, or lower in energy."""

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from gdfe_ros.solver.stepping.increments import planned_increments
 from gdfe_ros.solver.stepping.march import NEAR, March
 from gdfe_ros.solver.stepping.way import Goal, Verdict, Way
 from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.value import changed
 
 SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling; smaller steps do not change that"
 FINER = 1e-2
@@ -83,6 +83,8 @@ class Stepper:
         """
         tolerance = tolerance or self._settings.tolerance * (FINER if self.equilibrium.handles.turn else 1.0)
         goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
+        if unreachable := self._unreachable(state, goal):
+            return _refused(state, unreachable)
         doubtful = state.suspect or not (state.tried or np.array_equal(state.positions, self.body.rest))
         march, suspect, tried = self._march(state, goal), state.suspect, state.tried
         unfinished = march.state.unfinished
@@ -95,11 +97,11 @@ class Stepper:
             march, suspect, tried = self._better_from_rest(march, goal), False, True
         if march.inverted:
             text = f"folded or inverted elements, least volume ratio {march.state.summary.min_det:.3g}; {UNFOLD}"
-            march = replace(march, converged=False, message=f"{march.message}; {text}".lstrip("; "))
+            march = changed(march, converged=False, message=f"{march.message}; {text}".lstrip("; "))
         summary, tried = march.state.summary, tried and not march.sound
         if (summary.converged, summary.message) != (march.converged, march.message):
-            summary = replace(summary, converged=march.converged, message=march.message)
-        return replace(march, state=march.state.with_(summary=summary, suspect=suspect, tried=tried))
+            summary = changed(summary, converged=march.converged, message=march.message)
+        return changed(march, state=march.state.with_(summary=summary, suspect=suspect, tried=tried))
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay where they are commanded.
@@ -122,7 +124,7 @@ class Stepper:
             turns=turns,
             operators=state.operators,
             balance=None,
-            summary=replace(state.summary, converged=False, min_det=least),
+            summary=changed(state.summary, converged=False, min_det=least),
             sound=least > 0.0,
             suspect=not least > 0.0,
             tried=state.tried,
@@ -133,6 +135,13 @@ class Stepper:
         growths = self.actuation.growths
         anchor = None if state.anchor is None else self.completed(state.anchor)
         return state.with_(operators=growths.at(state.commands, growths.ungrown), anchor=anchor)
+
+    def _unreachable(self, state: State, goal: Goal) -> str:
+        """Say which command no shape of the body can follow; empty where none is known."""
+        if not self.actuation.strung:
+            return ""
+        base = self.equilibrium.handles.base(goal.poses, state.poses, state.base)
+        return self.actuation.unreachable(base, goal.commands)
 
     def _march(self, state: State, goal: Goal) -> March:
         """Follow a goal from ``state``, in smaller increments where an attempt asks for them."""
@@ -185,7 +194,7 @@ class Stepper:
         changes = {"sound": attempt.sound, "anchor": anchor}
         if attempt.snapped:
             message = f"{SNAPPED}; {accepted.summary.message}".rstrip("; ")
-            changes["summary"] = replace(accepted.summary, converged=False, message=message)
+            changes["summary"] = changed(accepted.summary, converged=False, message=message)
         return accepted.with_(**changes)
 
     def _end(self, state: State, way: Way, solution: Solution) -> March:
@@ -206,17 +215,24 @@ class Stepper:
         if not again.is_better(march, NEAR * goal.tolerance * self.body.size):
             return _after(march, march, again)
         message = f"restarted from rest: the other way ended in {march.flaw}; {again.message}".rstrip("; ")
-        return replace(_after(again, march, again), message=message, restarts=1)
+        return changed(_after(again, march, again), message=message, restarts=1)
+
+
+def _refused(state: State, message: str) -> March:
+    """Return a march that has not begun, for what is commanded cannot be."""
+    stays = state.with_(summary=changed(state.summary, converged=False, message=message))
+    counts = {"iterations": 0, "increments": 0, "skipped": {}}
+    return March(state=stays, reached=False, converged=False, message=message, **counts)
 
 
 def _withdrawn(state: State, attempt: Attempt) -> State:
     """Return the last sound state, with the reason for going back to it."""
     sound = state.anchor or state
-    summary = replace(sound.summary, converged=False, message=attempt.reason_to_withdraw)
+    summary = changed(sound.summary, converged=False, message=attempt.reason_to_withdraw)
     return sound.with_(summary=summary)
 
 
 def _after(chosen: March, first: March, second: March) -> March:
     """Return one of two marches with the work of both."""
     iterations, increments = first.iterations + second.iterations, first.increments + second.increments
-    return replace(chosen, iterations=iterations, increments=increments)
+    return changed(chosen, iterations=iterations, increments=increments)

@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.value import changed
 
 SHORTEST_SUBSTEP = 1.0 / 256.0
 """Share of a way that is not cut further."""
@@ -114,7 +115,7 @@ class Way:
     def tried(self, solution: Solution, *, jumps: bool) -> Way:
         """Return the way with what an attempt on it has cost and shown."""
         sound = solution.min_det > 0.0
-        return replace(
+        return changed(
             self,
             iterations=self.iterations + solution.iterations,
             attempts=self.attempts + 1,
@@ -126,7 +127,7 @@ class Way:
     def after(self, verdict: Verdict) -> Way:
         """Return the way as it goes on after a verdict."""
         if verdict is Verdict.HALVE:
-            return replace(self, length=0.5 * self.length)
+            return changed(self, length=0.5 * self.length)
         if verdict is Verdict.LEAP:
-            return replace(self, length=self.leap, leaping=True)
-        return self if verdict is Verdict.WITHDRAW else replace(self, done=self.next, leap=0.0, leaping=False)
+            return changed(self, length=self.leap, leaping=True)
+        return self if verdict is Verdict.WITHDRAW else changed(self, done=self.next, leap=0.0, leaping=False)

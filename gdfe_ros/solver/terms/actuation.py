@@ -22,6 +22,8 @@ from gdfe_ros.solver.terms.term import Saved, Term, TermTable
 
 LOAD_FACTOR = 1.0
 """Command of every load that nobody commands."""
+ROUNDING = 1e-9
+"""Share of a cable's length that is none."""
 
 
 class Actuation:
@@ -36,6 +38,7 @@ class Actuation:
     Attributes:
         terms: all of them, loads first.
         table: the same for the kernels.
+        strung: cables that handles leave a least length.
         growths: what changes the elements' rest shape.
         neutral: command of every actuator and load at which it does nothing.
     """
@@ -50,6 +53,7 @@ class Actuation:
         self._body, self.actuators = body, tuple(actuators)
         self._loads = [DeadLoadTerm(load, body) for load in loads]
         self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
+        self.strung = [cable for cable in self._cables if cable.strung]
         self._chambers = [ChamberTerm(item, body) for item in self.actuators if isinstance(item, Chamber)]
         self._more = tuple(terms)
         self.terms: tuple[Term, ...] = (*self._loads, *self._cables, *self._chambers, *self._more)
@@ -116,6 +120,17 @@ class Actuation:
                 return term.name
             if term.ran_away(positions):
                 return term.name
+        return ""
+
+    def unreachable(self, base: NDArray[np.float64], commands: Mapping[str, float]) -> str:
+        """Name a cable that is to be shorter than handles at ``base`` (n, 3) [m] leave it, and say what to do."""
+        for term in self.strung:
+            least, wanted = term.shortest(base), term.wanted(commands[term.name])
+            if wanted < least * (1.0 - ROUNDING):
+                return (
+                    f"cable {term.name!r} is commanded to a length of {wanted:.6g} m, but the handles that it runs "
+                    f"between are {least:.6g} m apart; remedy: command at least that, or bring the handles nearer"
+                )
         return ""
 
     def states(

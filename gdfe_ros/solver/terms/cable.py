@@ -23,6 +23,9 @@ from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
 EFFORT, TARGET, STIFFNESS, WEIGHTS = range(4)
 """Where T [N], l [m] and k [N/m] lie in the term's numbers, and where the weights of its points begin."""
 
+NO_WEIGHT = 1e-9
+"""Of a corner, below which a cable's point does not follow it."""
+
 
 @inlined
 def point(x, reals, integers, i):
@@ -113,6 +116,9 @@ class CableTerm(Term):
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
         self.neutral_command = self._rest_length if cable.mode is Mode.LENGTH else 0.0
         self._body, self._command = body, self.neutral_command
+        stiff = [handle.vertices for handle in body.handles if not (handle.free or handle.turning)]
+        held = np.isin(cable.points.corners, np.concatenate([np.zeros(0, np.int32), *stiff]))
+        self._anchored = (held | (np.abs(cable.points.weights) < NO_WEIGHT)).all(axis=1)
 
     @property
     def updates(self) -> bool:
@@ -138,8 +144,21 @@ class CableTerm(Term):
             numbers[EFFORT], numbers[TARGET] = self._command, cable_length(positions, numbers, self.integers)
             return
         numbers[EFFORT] = 0.0 if self._elastic else max(0.0, followed(saved, ratio))
-        wanted = self._command if self.actuator.mode is Mode.LENGTH else self._rest_length - self._command
-        numbers[TARGET] = wanted
+        numbers[TARGET] = self.wanted(self._command)
+
+    def wanted(self, command: float) -> float:
+        """Return the length [m] that a command asks for; not of a tension."""
+        return command if self.actuator.mode is Mode.LENGTH else self._rest_length - command
+
+    @property
+    def strung(self) -> bool:
+        """Whether handles leave it a least length, which its commanded one must not go below."""
+        return self.updates and int(self._anchored.sum()) > 1
+
+    def shortest(self, base: NDArray[np.float64]) -> float:
+        """Return the least length [m] that handles at ``base`` (n, 3) [m] leave it, straight from one to the next."""
+        held = self.actuator.points.at(base)[self._anchored]
+        return float(np.linalg.norm(np.diff(held, axis=0), axis=1).sum())
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the tension that keeps the length."""

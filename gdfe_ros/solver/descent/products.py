@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Products of the present tangent with directions, by differences of the gradient."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.descent import quasi_newton
+from gdfe_ros.solver.descent.minimiser import Task
+from gdfe_ros.solver.descent.workspace import allocate
+
+SPACING = 1e-7
+"""Largest displacement of a difference, over the body's size: truncation is a millionth of the product where a body's
+stiffness changes by the order of itself over a tenth of its size, and rounding is less."""
+
+
+class TangentProducts:
+    """Multiplies the tangent K of all terms with directions, in a workspace of its own.
+
+    Args:
+        body: the discretised body.
+    """
+
+    def __init__(self, body: Body) -> None:
+        self._beside = allocate(body.unknowns.rows, body.rest, len(body.material), memory=0)
+        self._spacing = SPACING * body.size
+
+    def begin(self, task: Task) -> None:
+        """Take the products at the unknowns of ``task``, whose workspace stays as it is."""
+        work = task.active.workspace
+        self._problem, self._u, self._gradient = task.problem, work.u.copy(), work.gradient.copy()
+        self._beside.x[...] = work.x
+
+    def __call__(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return K direction (3 r,) [N]."""
+        beside, step = self._beside, self._spacing / quasi_newton.largest(direction)
+        beside.u[...] = self._u + step * direction
+        quasi_newton.advance(self._problem, beside, 0.0, True)
+        return (beside.gradient - self._gradient) / step

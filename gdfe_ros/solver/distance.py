@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far two sets of positions are apart, without arrays in between."""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import kernel
+
+
+@kernel
+def largest_shift(a, b):
+    """Return the largest difference of a coordinate of ``a`` and ``b`` (n, 3) [m]; NaN where one is no number."""
+    most = 0.0
+    for i in range(len(a)):
+        for axis in range(3):
+            shift = abs(a[i, axis] - b[i, axis])
+            if math.isnan(shift):
+                return shift
+            most = max(most, shift)
+    return most
+
+
+@kernel
+def largest_distance(a, b):
+    """Return the largest distance of a vertex in ``a`` from where it is in ``b`` (n, 3) [m]; NaN as above."""
+    most = 0.0
+    for i in range(len(a)):
+        square = (a[i, 0] - b[i, 0]) ** 2 + (a[i, 1] - b[i, 1]) ** 2 + (a[i, 2] - b[i, 2]) ** 2
+        if math.isnan(square):
+            return square
+        most = max(most, square)
+    return math.sqrt(most)

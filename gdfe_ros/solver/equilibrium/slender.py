@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which bodies descend on a kept tangent: those in which the constant matrix takes a motion for far too stiff."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.descent.active_set import ActiveSet
+from gdfe_ros.solver.descent.certified import CertifiedMinimiser
+from gdfe_ros.solver.descent.products import TangentProducts
+from gdfe_ros.solver.equilibrium.solve import Model, Solve
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.tangent.softness import smooth_field, softness
+
+SLENDER = 1.5e-3
+"""Softness, as 40 Lanczos steps find it, below which the constant matrix alone falls too short: the stocky scenes have
+3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3."""
+INVERSE_ITERATIONS = 6
+"""With the tangent's factor: the softest motion to a tenth of its softness."""
+
+
+def for_slender(
+    model: Model,
+    whole: ActiveSet,
+    matrix: ConstantMatrix,
+    rest: State,
+    weight: NDArray[np.float64],
+    bending: NDArray[np.float64],
+    *,
+    threads: int | None,
+) -> Model:
+    """Return the model with a tangent to descend on where the body needs one; otherwise as it is.
+
+    Args:
+        model: of the body, with the constant matrix alone.
+        whole: everything that can move.
+        matrix: the constant matrix.
+        rest: the state at rest.
+        weight: (m,) [Pa] of the constant matrix.
+        bending: (m,) [N/m] of the constant matrix.
+        threads: that share the elements.
+    """
+    body, count = model.body, len(whole.unknowns.free)
+    if count == 0:
+        return model
+    task = Solve.at(model, rest).evaluate(whole, matrix.coupling, threads=threads)
+    product, field = TangentProducts(body), np.zeros((whole.unknowns.rows, 3))
+    product.begin(task)
+    field[:count] = smooth_field(body.rest)[whole.unknowns.free]
+    if softness(product, task.precondition, _weighed(matrix, field, count)) >= SLENDER:
+        return model
+    level, problem, work = TangentLevel(body, matrix.assembled), task.problem, whole.workspace
+    elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
+    level.take(work.u, work.x, problem.frame, elements)
+    for _ in range(INVERSE_ITERATIONS):
+        load, found = _weighed(matrix, field, count), np.empty(field.size)
+        level.solve(load, found)
+        least = float(found @ load) / float(found @ _weighed(matrix, found.reshape(-1, 3), count))
+        field = found.reshape(-1, 3) / np.abs(found).max()
+    return replace(model, minimiser=CertifiedMinimiser(body, weight, bending, level, least), level=level)
+
+
+def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return the constant matrix times a field (r, 3) of the unknowns, (3 r,); handles stay where they are."""
+    return np.concatenate([matrix.multiply(field[:count]).ravel(), np.zeros(3 * (len(field) - count))])

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The kept tangent: the stiffness K at a recent shape, whose factor stands in for the constant matrix in descents.
+
+Handles with a free axis are eliminated as they are beside the constant matrix, by their Schur complement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+from scipy.linalg import pinvh
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.matrix.coupling import SINGULAR
+from gdfe_ros.solver.matrix.unknowns import Frame, place
+from gdfe_ros.solver.tangent.assembly import Assembly
+from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness
+from gdfe_ros.solver.tangent.factor import Factor
+from gdfe_ros.solver.tangent.ordering import narrow_order
+
+FIRST_SHIFT, SHIFT_GROWTH = 1e-4, 10.0
+"""Share of the constant matrix that is added to an indefinite tangent, and by how much more each time."""
+TURN = 1e-6
+"""Change [m over the body's size] of a rigid row by which the motion of a handle's vertices is told."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tangent:
+    """A tangent stiffness that is kept; a value, whose arrays are never written again.
+
+    Attributes:
+        blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
+        motion: (3 b, 3 q) how the vertices of handles with a free axis follow the rigid rows.
+        spent: iterations and products since it was taken, beyond what each solve has free.
+    """
+
+    blocks: NDArray[np.float64]
+    motion: NDArray[np.float64]
+    spent: int = 0
+
+
+class TangentLevel:
+    """Takes, factors and applies kept tangents of a body.
+
+    Args:
+        body: the discretised body.
+        matrix: (n, n) the assembled constant matrix.
+    """
+
+    def __init__(self, body: Body, matrix: sparse.csc_matrix) -> None:
+        self._body, self._unknowns = body, body.unknowns
+        self._elements = ElementStiffness(body.cells, body.shape.volume)
+        self._assembly = Assembly(body.cells, body.unknowns)
+        self._constant = self._assembly.spread(matrix, body.unknowns)
+        self._free = 3 * self._assembly.free
+        free, pattern = self._assembly.free, self._assembly.matrix(np.ones((len(self._assembly.indices), 3, 3)))
+        graph = self._assembly.graph()[:free, :free].tocsr()
+        order = 3 * narrow_order(graph, body.rest[body.unknowns.free])[:, None] + np.arange(3)
+        self._factor = Factor(pattern[: self._free, : self._free].tocsr(), order.ravel())
+        self._loaded: Tangent | None = None
+
+    def take(self, u: NDArray[np.float64], x: NDArray[np.float64], frame: Frame, elements: tuple) -> Tangent:
+        """Return the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m], and be ready to apply it.
+
+        Where it is indefinite, as beyond a buckling load, a share of the constant matrix is added until it is not.
+
+        Args:
+            u: the unknowns.
+            x: where they put the vertices.
+            frame: where handles are commanded.
+            elements: shape, blocks, material, pressure, scale and table, as the element kernel takes them.
+        """
+        tangent = self._assembly.blocks(self._elements.at(x, *elements))
+        motion, shift, blocks = self._motion(u, frame), 0.0, tangent
+        while not self._load(Tangent(blocks=blocks, motion=motion)):
+            shift = max(FIRST_SHIFT, SHIFT_GROWTH * shift)
+            blocks = tangent + shift * self._constant
+        return self._loaded
+
+    def load(self, tangent: Tangent) -> None:
+        """Be ready to apply a tangent that `take` returned, here or in another run."""
+        if self._loaded is None or self._loaded.blocks is not tangent.blocks:
+            self._load(tangent)
+
+    def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Write K^-1 gradient (3 r,) to ``out`` (3 r,)."""
+        count = self._free
+        found = self._factor.solve(gradient[:count])
+        if len(self._inverse_schur):
+            rigid = self._inverse_schur @ (gradient[count:] - self._harmonic.T @ gradient[:count])
+            found -= self._harmonic @ rigid
+            out[count:] = rigid
+        out[:count] = found
+
+    def assembled(self, tangent: Tangent) -> sparse.csr_matrix:
+        """Return the matrix (3 r, 3 r) of a tangent in the unknowns."""
+        matrix, count = self._assembly.matrix(tangent.blocks), self._free
+        follow = sparse.block_diag([sparse.identity(count), sparse.csr_matrix(tangent.motion)]).tocsr()
+        return (follow.T @ matrix @ follow).tocsr()
+
+    def _load(self, tangent: Tangent) -> bool:
+        matrix, count = self._assembly.matrix(tangent.blocks), self._free
+        self._loaded = None
+        if not self._factor.factor(matrix[:count, :count].tocsr()):
+            return False
+        motion = tangent.motion
+        self._harmonic = self._inverse_schur = np.zeros((0, 0))
+        if motion.size:
+            columns = np.asarray(matrix[:count, count:] @ motion)
+            self._harmonic = self._factor.solve(columns)
+            schur = motion.T @ (matrix[count:, count:] @ motion) - columns.T @ self._harmonic
+            self._inverse_schur = pinvh(0.5 * (schur + schur.T), rtol=SINGULAR)
+            if not np.all(np.diag(self._inverse_schur) >= 0.0):
+                return False
+        self._loaded = tangent
+        return True
+
+    def _motion(self, u: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
+        """Return d(positions of the members)/d(rigid rows) (3 b, 3 q) by central differences."""
+        unknowns, first = self._unknowns, self._free
+        motion = np.zeros((3 * len(unknowns.members), 3 * unknowns.rigid_rows))
+        step, sides = TURN * self._body.size, [np.array(self._body.rest) for _ in range(2)]
+        for column in range(motion.shape[1]):
+            for sign, x in zip((step, -step), sides, strict=True):
+                beside = u.copy()
+                beside[first + column] += sign
+                place(beside, frame, unknowns, x)
+            change = sides[0][unknowns.members] - sides[1][unknowns.members]
+            motion[:, column] = change.ravel() / (2.0 * step)
+        return motion

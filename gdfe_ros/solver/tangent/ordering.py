@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The order of a body's vertices in which its matrices have the narrowest band."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+DIGITS = 6
+"""Of coordinates over the body's size: vertices of one cross-section count as level with each other."""
+
+
+def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return an order (f,) of the vertices whose neighbours in it are near.
+
+    Cross-section by cross-section along a principal axis is twice as narrow as what reverse Cuthill-McKee finds, for
+    straight bodies; for others that is the better one. The narrowest is taken.
+
+    Args:
+        graph: (f, f), an entry for every two vertices that share an element.
+        points: (f, 3) [m].
+    """
+    if not len(points):
+        return np.zeros(0, np.int64)
+    centred = points - points.mean(axis=0)
+    along = centred @ np.linalg.svd(centred, full_matrices=False)[2].T
+    along = np.round(along / max(float(np.abs(along).max()), 1e-300), DIGITS)
+    orders = [np.lexsort((along[:, (k + 2) % 3], along[:, (k + 1) % 3], along[:, k])) for k in range(3)]
+    orders.append(reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64))
+    return min(orders, key=lambda order: _width(graph, order))
+
+
+def _width(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> int:
+    """Return the largest distance of neighbours in an order."""
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    rows = np.repeat(np.arange(len(order)), np.diff(graph.indptr))
+    return int(np.abs(rank[rows] - rank[graph.indices]).max(initial=0))
