@@ -31,7 +31,8 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run test test-loaded browser torture manners bench bench-node bench-since bench-skip bench-sweep bags docs clean
+.PHONY: install run test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-skip bench-sweep \
+        bags docs clean
 
 install: $(STAMP)
 
@@ -101,6 +102,10 @@ manners: install
 
 bench-node: install
 	@$(BIN)/python -m benchmarks.node
+
+# Latencies, bad commands and SIGKILLs beside another commit: make bench-node-since COMMIT=753eda7
+bench-node-since: install
+	@$(BIN)/python -m benchmarks.node.since $(COMMIT)
 
 bench-skip: install
 	@$(BIN)/python -m benchmarks.savings

@@ -136,6 +136,7 @@ class Simulation:
         dt: float = 0.0,
         deadline: float | None = None,
         cut_after: int | None = None,
+        interrupted: Callable[[], bool] | None = None,
     ) -> StepResult:
         """Find the equilibrium for a command and advance time by ``dt`` [s].
 
@@ -144,6 +145,7 @@ class Simulation:
             dt: simulation time of the step [s].
             deadline: wall time [s] after which the best state found so far is returned; later steps go on from it.
             cut_after: instead of a deadline, end the solve where a recorded one was ended (``StepResult.cut_after``).
+            interrupted: asked now and then; once it tells so, the solve ends as at a deadline.
 
         Raises:
             CommandError: an unknown or fixed handle is commanded, an unknown actuator or load, a command is out of
@@ -156,7 +158,7 @@ class Simulation:
         self.time += dt
         self.targets, self.commands = targets, commands
         limited = self._orders.within_rates(commands, self._state.commands, dt)
-        limit = Deadline.of(started, deadline, cut_after)
+        limit = Deadline.of(started, deadline, cut_after, interrupted)
         march = None
         if not self._stepper.rests(self._state, targets, limited):
             march = self._stepper.step(self._state, targets, limited, deadline=limit)

@@ -465,3 +465,17 @@ def test_the_sign_of_a_quaternion_does_not_matter() -> None:
     pose = Pose(rotation=(4.0, 1.0, -2.0))
     q = quaternion((100.0, -50.0, 20.0))
     np.testing.assert_allclose(nearest_turn(q, pose), nearest_turn(-q, pose), atol=1e-12)
+
+
+def test_a_solve_that_was_interrupted_is_made_again_to_the_bit(simulate: MakeSimulation) -> None:
+    """End a solve by word after three rounds: it says where, a replay ends there, and asking alone changes nothing."""
+    turn = Command(handles={"tip": Pose(rotation=(2.0, 0.0, 0.0))})
+    answers = iter([False, False, False, True])
+    cut = simulate().step(turn, interrupted=lambda: next(answers))
+    assert (cut.converged, cut.cut_after) == (False, 3)
+    again = simulate().step(turn, cut_after=3)
+    np.testing.assert_array_equal(cut.positions, again.positions)
+    whole, asked = simulate().step(turn), simulate().step(turn, interrupted=lambda: False)
+    np.testing.assert_array_equal(whole.positions, asked.positions)
+    assert asked.converged
+    assert asked.cut_after is None

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -61,10 +62,11 @@ class Flood:
     status: int
 
 
-def measure(scene: str, *, count: int) -> Flood:
-    """Send ``count`` bad commands to a node under the wall clock."""
+def measure(scene: str, *, count: int, home: Path | None = None) -> Flood:
+    """Send ``count`` bad commands to a node under the wall clock; ``home`` as for ``NodeProcess``."""
     parameters, topics, make = SCENES[scene]
-    with Client(MESH, keep=(MESH,)) as client, NodeProcess({**parameters, "command_max_age": 1.0}) as node:
+    given = {**parameters, "command_max_age": 1.0}
+    with Client(MESH, keep=(MESH,)) as client, NodeProcess(given, home=home) as node:
         client.wait(lambda: client.values.get("state") == "active")
         client.wait(lambda: client.kept[MESH.name])
         publishers = {topic: client.publisher(topic, kind) for topic, kind in topics.items()}

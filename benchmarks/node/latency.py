@@ -6,6 +6,7 @@ from __future__ import annotations
 import struct
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from rclpy.serialization import deserialize_message
@@ -41,15 +42,15 @@ class Latency:
     solve_p99: float
 
 
-def measure(elements: int, *, steps: int) -> Latency:
-    """Measure a loop of ``steps`` steps after some to warm up."""
+def measure(elements: int, *, steps: int, home: Path | None = None) -> Latency:
+    """Measure a loop of ``steps`` steps after some to warm up; ``home`` as for ``NodeProcess``."""
     parameters = {
         "scene_overrides": [f"mesh.bar.cells={list(CELLS[elements])}"],
         "clock": "lockstep",
         "dt": _DT,
         "publish_clock": True,  # a step's mesh is known by its simulation time
     }
-    with Client(MESH, STRAIN, STEP_RECORD, keep=(MESH, STEP_RECORD)) as client, NodeProcess(parameters):
+    with Client(MESH, STRAIN, STEP_RECORD, keep=(MESH, STEP_RECORD)) as client, NodeProcess(parameters, home=home):
         client.wait_for_node()
         client.wait(lambda: all(client.counts.values()))
         times = [_round_trip(client, number) for number in range(1, _WARM + steps + 1)][_WARM:]

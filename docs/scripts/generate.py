@@ -7,9 +7,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
-from benchmarks.markdown import replace_tables
+from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.node import tables as node_tables
 from benchmarks.tables import all_tables, tables_beside
 from docs.scripts.constants import constant_table
@@ -18,7 +21,7 @@ from gdfe_ros.scene import reference as scene_reference
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "test" / "data"
-"""Reports that ``make bench``, ``bench-node``, ``bench-skip`` and ``torture`` left, copied there from runs/."""
+"""Reports of ``make bench``, ``bench-node``, ``bench-skip``, ``manners`` and ``torture``, copied there from runs/."""
 
 
 def pages() -> list[Path]:
@@ -32,12 +35,22 @@ def texts() -> dict[str, str]:
         "scene": scene_reference.markdown(),
         "node": node_reference.markdown(),
         "constants": constant_table(),
+        "manners": manners_table(json.loads((DATA / "manners.json").read_text())),
         **tables_beside(DATA / "bench.json"),
         **node_tables.all_tables(json.loads((DATA / "bench_node.json").read_text())),
     }
     for name in ("bench", "skip", "torture"):
         found |= all_tables(json.loads((DATA / f"{name}.json").read_text()))
     return {name: text.strip() for name, text in found.items()}
+
+
+def manners_table(report: Mapping[str, Any]) -> str:
+    """Return what was asked of a node from outside, expected and found, a table for each group of questions."""
+    parts = []
+    for group, rows in groupby(report["rows"], key=lambda row: row[0]):
+        table = markdown_table(("asked", "expected", "found"), [[f"{cell}" for cell in row[1:]] for row in rows])
+        parts.append(f"### {group.capitalize()}\n\n{table}")
+    return "\n\n".join(parts)
 
 
 def main() -> None:

@@ -9,12 +9,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from rclpy.lifecycle import LifecycleNode
-
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.outputs import Outputs
 from gdfe_ros.node.pace import ClockMode
-from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.run import Run
 from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
 from gdfe_ros.recording.recorder import Recorder, RecorderStatus
@@ -25,8 +23,7 @@ class Bags:
     """Records every topic of a session.
 
     Args:
-        node: logs.
-        parameters: name the next bag.
+        run: that is recorded; its parameters name the next bag.
         inputs: are recorded as they came.
         outputs: are recorded as they are published.
 
@@ -35,27 +32,25 @@ class Bags:
         active: whether a bag is being written.
     """
 
-    def __init__(self, node: LifecycleNode, parameters: Parameters, inputs: Inputs, outputs: Outputs) -> None:
-        self._logger, self._parameters = node.get_logger(), parameters
+    def __init__(self, run: Run, inputs: Inputs, outputs: Outputs) -> None:
+        self._run, self._logger = run, run.node.get_logger()
         self._inputs, self._outputs = inputs, outputs
         self.recorder: Recorder | None = None
         self.active = False
 
-    def begin(self, scene: Scene, *, state: bytes | None, log_time: int) -> str:
+    def begin(self, *, state: bytes | None) -> str:
         """Begin a bag and say where it is: at the parameter ``bag_path``, or at ``runs/<scene>_<time>``.
 
         Under the wall clock a disk that is too slow costs messages (counted, told); otherwise it slows the steps.
 
         Args:
-            scene: that is simulated.
             state: that the first step starts from; None: rest.
-            log_time: for the latched topics [ns].
 
         Raises:
             RecordingError: the bag cannot be begun.
         """
         topics = [*self._inputs.infos, *(channel.info for channel in self._outputs.channels if channel.recorded)]
-        parameters = self._parameters.as_dict()
+        scene, parameters = self._run.scene, self._run.parameters.as_dict()
         waits = parameters["clock"] != ClockMode.WALL.value
         self.recorder = Recorder(
             _directory(scene, parameters["bag_path"]),
@@ -65,7 +60,7 @@ class Bags:
             failed=self._say_failed,
         )
         self._attach(self.recorder)
-        self._outputs.publish_scene(log_time)
+        self._outputs.publish_scene(self._run.log_time)
         text = f"recording to {self.recorder.path}"
         self._logger.info(text)
         return text

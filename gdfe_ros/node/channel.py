@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One output topic: published to whoever listens, recorded where asked, serialised once for both."""
+"""The way out: topics, published to whoever listens and recorded where asked, and the thread that does it."""
 
 from __future__ import annotations
 
+import queue
+import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +19,10 @@ from gdfe_ros.node.specification import Delivery, TopicSpec
 from gdfe_ros.node.step import Step
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.topic import Qos, TopicInfo
+from gdfe_ros.threads import COURIER, show_name
+
+_WAITING = 2
+"""Steps that may wait to be published before the stepping is held back."""
 
 
 class Channel:
@@ -116,3 +123,50 @@ class Channel:
     def destroy(self) -> None:
         """Take the topic off the graph."""
         self._node.destroy_lifecycle_publisher(self._publisher)
+
+
+class Courier:
+    """Hands steps on in order, in a thread of its own.
+
+    Args:
+        handle: publishes and records one step.
+        failed: called in the thread with the first exception; later steps are dropped.
+
+    Attributes:
+        spent: wall time spent on publishing and recording so far [s].
+    """
+
+    def __init__(self, handle: Callable[[Step], None], failed: Callable[[Exception], None]) -> None:
+        self._handle, self._failed = handle, failed
+        self.spent = 0.0
+        self._steps: queue.Queue[Step | None] = queue.Queue(maxsize=_WAITING)
+        self._thread = threading.Thread(target=self._run, name=COURIER, daemon=True)
+        self._thread.start()
+
+    def put(self, step: Step) -> None:
+        """Hand over a step; waits while two others wait."""
+        self._steps.put(step)
+
+    def flush(self) -> None:
+        """Wait until every step that was handed over is published."""
+        self._steps.join()
+
+    def stop(self) -> None:
+        """Publish what waits and end the thread."""
+        self._steps.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        show_name()
+        broken = False
+        while (step := self._steps.get()) is not None:
+            started = time.perf_counter()
+            try:
+                if not broken:
+                    self._handle(step)
+            except Exception as error:
+                broken = True
+                self._failed(error)
+            finally:
+                self.spent += time.perf_counter() - started
+                self._steps.task_done()

@@ -17,6 +17,8 @@ from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.session import Session
 from gdfe_ros.node.strays import Doubles
 
+_LONG = 0.5
+"""Time from which on work is told of [s]."""
 _OK, _WARN, _ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -44,7 +46,7 @@ class _Mark:
     def of(cls, session: Session) -> _Mark:
         stepper, courier = session.stepper, session.courier
         other = stepper.spent - stepper.solving + (courier.spent if courier else 0.0)
-        pace = session.pace
+        pace = session.run.pace
         overruns = pace.overruns if pace else 0
         return cls(time.monotonic(), session.simulation.time, stepper.count, stepper.solving, other, overruns)
 
@@ -126,7 +128,7 @@ class Diagnostics:
         reason = "ok"
         if session is not None:
             counts |= {f"{name} follows": leader for name, leader in session.inputs.led().items()}
-        if session is not None and session.mode is ClockMode.LOCKSTEP and session.pace is not None:
+        if session is not None and session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
             counts["waits for"] = reason = f"waits for {session.waiting()}"
         if faults > 0:
             return _Part(counts, _ERROR, f"a callback failed: {self._node.faults.last}")
@@ -137,9 +139,11 @@ class Diagnostics:
 
 def _work(session: Session) -> dict[str, object]:
     """Tell what takes long at the moment."""
-    work, walk = session.stepper.work, session.walk
-    if work is not None:
-        return {"working on": f"{work[0]}, for {time.monotonic() - work[1]:.1f} s"}
+    stepper, walk = session.stepper, session.walk
+    work, rounds = stepper.work, stepper.rounds
+    if work is not None and (spent := time.monotonic() - work[1]) > _LONG:
+        walked = f"~/step: {walk}; " if walk is not None and walk.going else ""
+        return {"working on": f"{walked}{work[0]}, for {spent:.1f} s, {rounds} rounds of iterations"}
     return {"working on": f"~/step: {walk}"} if walk is not None and walk.going else {}
 
 
@@ -149,9 +153,9 @@ def _solver(session: Session, last: _Mark, mark: _Mark) -> _Part:
     if steps > 0:
         values["solve time per step [ms]"] = f"{1e3 * (mark.solving - last.solving) / steps:.3f}"
         values["other time per step [ms]"] = f"{1e3 * (mark.other - last.other) / steps:.3f}"
-    if session.last is None:
+    if session.run.last is None:
         return _Part(values, _OK, "no step yet")
-    result = session.last.result
+    result = session.run.last.result
     values |= {
         "converged": result.converged,
         "iterations": result.iterations,

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,8 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.node.handle_orders import require_near
 from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TrajectoryOrder, TwistOrder
 from gdfe_ros.node.refusals import Refusal
-from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.node.run import Run
+from gdfe_ros.simulation import Command
 
 
 class Drive:
@@ -22,18 +23,11 @@ class Drive:
     A pose ends the velocity of its handle, a command of an actuator ends that actuator's trajectory and no other's.
 
     Args:
-        simulation: that is driven.
-        timeout: gives how long a velocity stays in force [s], simulation time.
-        refuse: takes the refusal of a velocity that leads too far, with the handle's name.
-
-    Attributes:
-        simulation: that is driven.
+        run: whose simulation is driven.
     """
 
-    def __init__(
-        self, simulation: Simulation, *, timeout: Callable[[], float], refuse: Callable[[str, Refusal], None]
-    ) -> None:
-        self.simulation, self._timeout, self._refuse = simulation, timeout, refuse
+    def __init__(self, run: Run) -> None:
+        self._run = run
         self.clear()
 
     def clear(self) -> None:
@@ -60,9 +54,9 @@ class Drive:
             match order:
                 case PoseOrder():
                     self._twists.pop(order.handle, None)
-                    poses[order.handle] = order.after(self.simulation.targets[order.handle])
+                    poses[order.handle] = order.after(self._run.simulation.targets[order.handle])
                 case TwistOrder():
-                    self._twists[order.handle] = (order, time - dt + self._timeout())
+                    self._twists[order.handle] = (order, time - dt + self._run.parameters["velocity_timeout"])
                 case ActuatorOrder():
                     actuators.update(order.values)
                     for name in order.values:
@@ -70,10 +64,10 @@ class Drive:
                 case TrajectoryOrder():
                     start = time - dt if order.start is None else order.start
                     for name, column in zip(order.names, order.values.T, strict=True):
-                        before = actuators.get(name, self.simulation.commands[name])
+                        before = actuators.get(name, self._run.simulation.commands[name])
                         self._courses[name] = _Course(start, before, order.times, column)
         poses |= self._moved(time, dt)
-        values, loads = actuators | self._followed(time), {load.name for load in self.simulation.scene.loads}
+        values, loads = actuators | self._followed(time), {load.name for load in self._run.simulation.scene.loads}
         return Command(
             handles=poses,
             actuators={name: value for name, value in values.items() if name not in loads},
@@ -86,12 +80,12 @@ class Drive:
             if twist.still or time > until + 1e-9:
                 del self._twists[name]
                 continue
-            pose = twist.after(self.simulation.targets[name], dt)
+            pose = twist.after(self._run.simulation.targets[name], dt)
             try:
-                require_near(pose.translation, self.simulation.mesh.size)
+                require_near(pose.translation, self._run.simulation.mesh.size)
             except Refusal as refusal:
                 del self._twists[name]
-                self._refuse(name, refusal)
+                self._run.refusals.refuse(name, refusal)
                 continue
             poses[name] = pose
         return poses

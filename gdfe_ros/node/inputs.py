@@ -8,23 +8,21 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from rclpy.lifecycle import LifecycleNode
 from rclpy.serialization import deserialize_message
 
 from gdfe_ros.node import interface
 from gdfe_ros.node.actuator_orders import ActuatorOrders
 from gdfe_ros.node.following import Followers, Leader, followed_order, refuse_followed
-from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.freshness import Freshness
 from gdfe_ros.node.handle_orders import pose_order, twist_order
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.qos import interface_class, qos_profile
-from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
+from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.run import Run
 from gdfe_ros.node.specification import TopicSpec
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.topic import Qos, TopicInfo
-from gdfe_ros.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -46,37 +44,14 @@ class Input:
     stamped: bool
 
 
-@dataclass(frozen=True, kw_only=True)
-class Times:
-    """The times that commands are measured by.
-
-    Attributes:
-        stamp: gives the time on the clock of the commands' stamps [ns].
-        simulation: converts a time on that clock [ns] to simulation time [s].
-        log: gives the time for the bag [ns].
-        max_age: gives the age that a command may have [s]; 0: any.
-        max_lead: gives how far ahead its stamp may be [s].
-    """
-
-    stamp: Callable[[], int]
-    simulation: Callable[[int], float]
-    log: Callable[[], int]
-    max_age: Callable[[], float]
-    max_lead: Callable[[], float]
-
-
 class Inputs:
     """Subscriptions of the command topics.
 
     Messages come as bytes, so that the bag holds what was sent, also where it was refused.
 
     Args:
-        node: that subscribes.
-        scene: that is commanded.
-        frames: of the body.
+        run: whose simulation is commanded.
         leaders: of handles that follow, by handle.
-        refusals: counts and warns.
-        times: that commands are measured by.
 
     Attributes:
         inbox: takes the commands; None while the node is not active.
@@ -84,23 +59,15 @@ class Inputs:
         freshness: of the commands' stamps.
     """
 
-    def __init__(
-        self,
-        node: LifecycleNode,
-        scene: Scene,
-        frames: Frames,
-        leaders: Mapping[str, Leader],
-        refusals: RefusalLog,
-        times: Times,
-    ) -> None:
-        self._node, self._refusals, self._times, self._leaders = node, refusals, times, leaders
+    def __init__(self, run: Run, leaders: Mapping[str, Leader]) -> None:
+        self._run, self._leaders = run, leaders
         self.inbox: Inbox | None = None
         self.recorder: Recorder | None = None
         self.freshness = Freshness()
-        self._inputs = {item.key: item for item in _inputs(scene, frames, leaders, times)}
+        self._inputs = {item.key: item for item in _inputs(run, leaders)}
         self._subscriptions = {key: self._subscribe(item) for key, item in self._inputs.items()}
         led = [leader for leader in leaders.values() if leader.frame]
-        self.followers = Followers(led, scene.mesh.size, frames, self._put, self._refusals.refuse)
+        self.followers = Followers(led, run.scene.mesh.size, run.frames, self._put, run.refusals.refuse)
         self._heard: set[str] = set()
 
     @property
@@ -129,23 +96,23 @@ class Inputs:
     def destroy(self) -> None:
         """Take the topics off the graph."""
         for subscription in self._subscriptions.values():
-            self._node.destroy_subscription(subscription)
+            self._run.node.destroy_subscription(subscription)
 
     def _subscribe(self, item: Input) -> Any:
-        topic = self._node.resolve_topic_name(item.topic)
+        topic = self._run.node.resolve_topic_name(item.topic)
         kind = interface_class(item.spec.type)
         receive = partial(self._receive, item, topic, kind)
-        return self._node.create_subscription(kind, topic, receive, qos_profile(item.spec.delivery), raw=True)
+        return self._run.node.create_subscription(kind, topic, receive, qos_profile(item.spec.delivery), raw=True)
 
     def _receive(self, item: Input, topic: str, kind: type, data: bytes) -> None:
         if self.recorder is not None:
-            self.recorder.record(topic, data, self._times.log())
+            self.recorder.record(topic, data, self._run.log_time)
         try:
             self._take(item, topic, kind, data)
         except Refusal as refusal:
-            self._refusals.refuse(topic, refusal)
+            self._run.refusals.refuse(topic, refusal)
         else:
-            self._refusals.take()
+            self._run.refusals.take()
 
     def _take(self, item: Input, topic: str, kind: type, data: bytes) -> None:
         if self.inbox is None:
@@ -156,14 +123,14 @@ class Inputs:
             raise Refusal(Reason.MALFORMED, f"the bytes are no {item.spec.type}: {error!r}") from error
         order = item.check(message)
         if item.stamped:
-            times = self._times
+            run, values = self._run, self._run.parameters
             names = order.values if isinstance(order, ActuatorOrder) else ("",)
             self.freshness.check(
                 [f"{topic} {name}" for name in names],
                 message.header.stamp,
-                now=times.stamp(),
-                max_age=times.max_age(),
-                max_lead=times.max_lead(),
+                now=run.now(),
+                max_age=values["command_max_age"],
+                max_lead=values["command_max_lead"],
             )
         self._put(item.key, order)
 
@@ -173,9 +140,9 @@ class Inputs:
             self.inbox.put(key, order)
 
 
-def _inputs(scene: Scene, frames: Frames, leaders: Mapping[str, Leader], times: Times) -> Iterator[Input]:
+def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
     """List what a scene can be commanded by; handles that are fixed or follow refuse by name."""
-    size = scene.mesh.size
+    scene, frames, size = run.scene, run.frames, run.scene.mesh.size
     for handle in scene.handles:
         leader = leaders.get(handle.name)
         for spec, check in ((interface.TARGET, pose_order), (interface.VELOCITY, twist_order)):
@@ -200,6 +167,6 @@ def _inputs(scene: Scene, frames: Frames, leaders: Mapping[str, Leader], times: 
             )
 
         def follow(message: Any) -> Order:
-            return orders.from_trajectory(message, now=times.simulation(times.stamp()), convert=times.simulation)
+            return orders.from_trajectory(message, now=run.simulation_time(run.now()), convert=run.simulation_time)
 
         yield Input("trajectory", interface.TRAJECTORY.name, interface.TRAJECTORY, follow, stamped=False)

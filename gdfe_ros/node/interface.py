@@ -232,8 +232,7 @@ HANDLE_SENSOR = TopicSpec(
     name="~/handles/{handle}/force_torque",
     type="geometry_msgs/msg/WrenchStamped",
     meaning="what a force-torque sensor between the handle and what holds it reads: force [N] and moment [N m] which "
-    "the body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with the handle; "
-    "not recorded",
+    "the body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with it; not recorded",
     recorded=False,
 )
 PROBE = TopicSpec(

@@ -15,7 +15,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.node.template import Template
+from gdfe_ros.node.packing import Template
 
 # The colour map viridis at equal distances, from dark violet over green to yellow.
 _COLOURS = np.array(

@@ -8,7 +8,8 @@ form that is fast with and without rclpy's field checks.
 from __future__ import annotations
 
 import array
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -25,11 +26,14 @@ from geometry_msgs.msg import (
 )
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import PointCloud2, PointField
-from std_msgs.msg import Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout
+from sensor_msgs.msg import JointState, PointCloud2, PointField
+from std_msgs.msg import Float64MultiArray, Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout
 
-from gdfe_ros.actuators import Embedding
+from gdfe_ros.actuators import Actuator, Embedding, Readings
 from gdfe_ros.constraints import Pose
+from gdfe_ros.node.actuator_orders import EFFORTS
+from gdfe_ros.node.step import Step
+from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.elements.fields import ElementFields
 
 MESH_FIELDS = ("x", "y", "z", "ux", "uy", "uz")
@@ -103,6 +107,60 @@ def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
         MultiArrayDimension(label="corners", size=corners, stride=corners),
     ]
     return Int32MultiArray(layout=MultiArrayLayout(dim=dimensions, data_offset=0), data=data)
+
+
+class ActuatorStates:
+    """Packs joint states; remembers the last step for the velocities.
+
+    Args:
+        scene: whose actuators they are of.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._readings = Readings(scene.actuators, scene.mesh.vertices)
+        self._last: tuple[float, NDArray[np.float64]] | None = None
+
+    def message(self, head: Header, step: Step) -> JointState:
+        """Pack the states of a step; velocities are over the time since the last call, 0 where none has passed."""
+        states = step.actuators.values()
+        positions = self._readings.positions(step.actuators)
+        velocities = np.zeros(len(positions))
+        if self._last is not None and step.record.time > self._last[0]:
+            velocities = (positions - self._last[1]) / (step.record.time - self._last[0])
+        self._last = (step.record.time, positions)
+        return JointState(
+            header=head,
+            name=list(step.actuators),
+            position=_doubles(positions),
+            velocity=_doubles(velocities),
+            effort=_doubles(np.array([state.effort for state in states])),
+        )
+
+
+def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) -> JointState:
+    """Pack commands by name: tensions and pressures as ``effort``; all others, factors on loads too, ``position``."""
+    forced = [name in actuators and actuators[name].mode in EFFORTS for name in values]
+    pairs = list(zip(forced, map(float, values.values()), strict=True))
+    return JointState(
+        name=list(values),
+        position=[math.nan if force else value for force, value in pairs],
+        effort=[value if force else math.nan for force, value in pairs],
+    )
+
+
+def jacobian(values: NDArray[np.float64], probes: list[str], actuators: list[str]) -> Float64MultiArray:
+    """Pack a Jacobian (probes, 3, actuators); the labels of the layout name probes, axes and actuators."""
+    labels = (",".join(probes), "x,y,z", ",".join(actuators))
+    strides = np.cumprod(values.shape[::-1])[::-1]
+    dimensions = [
+        MultiArrayDimension(label=label, size=size, stride=int(stride))
+        for label, size, stride in zip(labels, values.shape, strides, strict=True)
+    ]
+    return Float64MultiArray(layout=MultiArrayLayout(dim=dimensions, data_offset=0), data=_doubles(values))
+
+
+def _doubles(values: NDArray[np.float64]) -> array.array:
+    return array.array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
 
 
 def _cloud(head: Header, names: Sequence[str], values: NDArray[np.float32]) -> PointCloud2:

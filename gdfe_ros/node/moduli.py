@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.materials import Linear, NeoHookean
+from gdfe_ros.node.bag import Bags
 from gdfe_ros.node.interface import MODULUS
 from gdfe_ros.node.parameters import require_allowed
 from gdfe_ros.scene.scene import Scene
@@ -23,7 +24,7 @@ class Moduli:
     Args:
         node: that declares them.
         scene: whose materials they are.
-        locked: gives why a modulus cannot be changed now; empty: it can.
+        bags: while one is written, no modulus can be changed: a replay could not follow.
         changed: called with the new moduli [Pa] by material after a change.
     """
 
@@ -31,11 +32,11 @@ class Moduli:
         self,
         node: LifecycleNode,
         scene: Scene,
+        bags: Bags,
         *,
-        locked: Callable[[], str],
         changed: Callable[[Mapping[str, float]], None],
     ) -> None:
-        self._node, self._locked, self._changed = node, locked, changed
+        self._node, self._bags, self._changed = node, bags, changed
         self._materials = _materials(scene)
         for parameter, name in self._materials.items():
             node.declare_parameter(parameter, scene.materials[name].young, _descriptor(), ignore_override=True)
@@ -51,7 +52,8 @@ class Moduli:
 
     def _check(self, changes: Iterable[Parameter]) -> SetParametersResult:
         own = [change for change in changes if change.name in self._materials]
-        reason = self._locked() if own else ""
+        locked = "a bag is being written, and a replay could not follow; finish it first"
+        reason = locked if own and self._bags.active else ""
         try:
             for change in own:
                 _require_modulus(change.name, change.value)

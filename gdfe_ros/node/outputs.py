@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property, partial
 
 from rosgraph_msgs.msg import Clock
@@ -14,61 +13,26 @@ from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import interface, messages
-from gdfe_ros.node.actuator_messages import ActuatorStates, jacobian
 from gdfe_ros.node.channel import Channel
-from gdfe_ros.node.frames import Frames
-from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.markers import SurfaceMarker
 from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, TransformPacker, WrenchPacker
+from gdfe_ros.node.run import Run
 from gdfe_ros.node.step import Demand, Step
 from gdfe_ros.recording.recorder import Recorder
-from gdfe_ros.scene.scene import Scene
-
-
-@dataclass(frozen=True, kw_only=True)
-class MarkerChoice:
-    """What markers show.
-
-    Attributes:
-        rate: most markers a second of wall time [Hz].
-        field: name of an element field.
-    """
-
-    rate: float
-    field: str
 
 
 class Outputs:
     """Publishes scenes and steps; no message is built for a topic that nobody wants.
 
     Args:
-        node: that publishes.
-        scene: that is simulated.
-        frames: of the body.
-        publish_tf: whether they are told on /tf.
-        publish_clock: whether this node gives the time on /clock.
-        markers: gives what markers show.
+        run: whose simulation is published.
         matched: called when somebody begins to listen to what each step publishes.
     """
 
-    def __init__(
-        self,
-        node: ManagedNode,
-        scene: Scene,
-        *,
-        frames: Frames,
-        publish_tf: bool,
-        publish_clock: bool,
-        markers: Callable[[], MarkerChoice],
-        matched: Callable[[], object],
-    ) -> None:
-        self._node, self._scene, self._frames, self._frame_id, self._choice = (
-            node,
-            scene,
-            frames,
-            frames.frame_id,
-            markers,
-        )
+    def __init__(self, run: Run, *, matched: Callable[[], object]) -> None:
+        node, scene, frames = run.node, run.scene, run.frames
+        self._run, self._frames, self._frame_id = run, frames, frames.frame_id
+        publish_tf = frames.transforms is not None and run.parameters["publish_tf"]
         each_step = partial(Channel, node, matched=matched)
         self._mesh, self._strain = each_step(interface.MESH), each_step(interface.STRAIN)
         self._record, self._markers = each_step(interface.STEP_RECORD), each_step(interface.MARKERS)
@@ -80,7 +44,7 @@ class Outputs:
         self._probes = {name: each_step(interface.PROBE, probe=name) for name in scene.probes}
         self._joints = each_step(interface.JOINT_STATES) if scene.actuators else None
         self._jacobian = Channel(node, interface.JACOBIAN) if scene.actuators and scene.probes else None
-        self._clock = each_step(interface.CLOCK) if publish_clock else None
+        self._clock = each_step(interface.CLOCK) if run.parameters["publish_clock"] else None
         self._tf = each_step(interface.TF, own=1) if publish_tf else None
         self._tf_static = Channel(node, interface.TF_STATIC) if publish_tf else None
         self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
@@ -90,7 +54,7 @@ class Outputs:
         self._probe_packer = PosePacker(self._frame_id)
         self._transform_packer = TransformPacker(frames.moving, self._frame_id) if publish_tf else None
         self._strain_packer: StrainPacker | None = None
-        self._actuator_states = ActuatorStates(scene)
+        self._actuator_states = messages.ActuatorStates(scene)
         self._next_marker = 0.0
 
     @property
@@ -125,24 +89,19 @@ class Outputs:
         for channel in self.channels:
             channel.recorder = recorder if channel.recorded else None
 
-    def replace(self, scene: Scene, log_time: int) -> None:
-        """Go on with a scene that differs in its materials only."""
-        self._scene = scene
-        self.publish_scene(log_time)
-
     def publish_scene(self, log_time: int) -> None:
         """Publish the latched topics; ``log_time`` is for the bag [ns]."""
-        self._topology.send(messages.topology(self._scene.mesh.cells), log_time)
-        self._scene_text.send(String(data=self._scene.source), log_time)
+        self._topology.send(messages.topology(self._run.scene.mesh.cells), log_time)
+        self._scene_text.send(String(data=self._run.scene.source), log_time)
         if self._tf_static is not None:
             rests = self._frames.rests()
             packer = TransformPacker(list(rests), self._frame_id)
-            self._tf_static.send(packer.pack(self._node.get_clock().now().nanoseconds, list(rests.values())), log_time)
+            self._tf_static.send(packer.pack(self._run.clock(), list(rests.values())), log_time)
 
     def publish_jacobian(self, values: object, log_time: int) -> None:
         """Publish d position / d command (probes, 3, actuators)."""
-        names = [actuator.name for actuator in self._scene.actuators]
-        self._jacobian.send(jacobian(values, list(self._scene.probes), names), log_time)
+        names = [actuator.name for actuator in self._run.scene.actuators]
+        self._jacobian.send(messages.jacobian(values, list(self._run.scene.probes), names), log_time)
 
     def publish_step(self, step: Step) -> None:
         """Publish and record a step."""
@@ -180,15 +139,17 @@ class Outputs:
             felt = -back.apply(step.result.reactions[name].reshape(2, 3))
             channel.send_step(step, self._sensor_packers[name].pack(stamp, felt.ravel()))
         if self._tf is not None and self._tf.due(step):
-            probes = {name: self._probe(name, step) for name in self._scene.probes}
+            probes = {name: self._probe(name, step) for name in self._run.scene.probes}
             self._tf.send_step(step, self._transform_packer.pack(stamp, self._frames.places(step.poses, probes)))
 
     def _probe(self, name: str, step: Step) -> Pose:
-        return messages.material_pose(self._scene.probes[name], self._scene.mesh.vertices, step.result.positions)
+        return messages.material_pose(
+            self._run.scene.probes[name], self._run.scene.mesh.vertices, step.result.positions
+        )
 
     @cached_property
     def _surface(self) -> SurfaceMarker:
-        return SurfaceMarker(self._scene.mesh, self._frame_id)
+        return SurfaceMarker(self._run.scene.mesh, self._frame_id)
 
     def _marker_due(self) -> bool:
         return time.monotonic() >= self._next_marker and self._markers.wanted
@@ -202,9 +163,9 @@ class Outputs:
             self._strain_packer = self._strain_packer or StrainPacker(fields, self._frame_id)
             self._strain.send_step(step, self._strain_packer.pack(step.record.stamp, fields))
         if marker:
-            choice = self._choice()
-            self._next_marker = time.monotonic() + 1.0 / choice.rate
-            values = getattr(fields, choice.field)
+            choice = self._run.parameters
+            self._next_marker = time.monotonic() + 1.0 / choice["marker_rate"]
+            values = getattr(fields, choice["marker_field"])
             self._markers.send_step(step, self._surface.pack(step.record.stamp, step.result.positions, values))
 
 

@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages of every step as templates: clouds of vertices and cells, poses, wrenches."""
+"""The messages of every step as templates: clouds of vertices and cells, poses, wrenches, frames.
+
+Filling a message object and having rclpy serialise it takes 20 to 40 us, and milliseconds where it holds lists of
+points; writing stamp and numbers into the bytes of an earlier one takes 2 to 5.
+"""
 
 from __future__ import annotations
 
 import array
 import struct
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
+from rclpy.serialization import serialize_message
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 
@@ -18,12 +24,38 @@ from gdfe_ros.node import interface, messages
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.messages import MESH_FIELDS, STRAIN_FIELDS
 from gdfe_ros.node.qos import interface_class
-from gdfe_ros.node.template import Template
 from gdfe_ros.solver.elements.fields import ElementFields
 
+_STAMP_AT = 4
+"""CDR has a head of four bytes; the messages below begin with their header, and that with its stamp."""
 _MARK = -1.2345678901234567e300
 _MARK_SECONDS = 0x5EC0_0000
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+class Template:
+    """The bytes of a message with a header.
+
+    Args:
+        message: of the final size, with something unmistakable where numbers will be put.
+    """
+
+    def __init__(self, message: Any) -> None:
+        self._bytes = bytearray(serialize_message(message))
+
+    def view(self, mark: bytes, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
+        """Return the numbers that begin at the bytes ``mark``, to be written to; ``kind`` is their numpy type."""
+        count = int(np.prod(shape))
+        return np.frombuffer(self._bytes, kind, count, self._bytes.index(mark)).reshape(shape)
+
+    def filled(self) -> bytes:
+        """Give the message with its present numbers."""
+        return bytes(self._bytes)
+
+    def stamped(self, stamp: int) -> bytes:
+        """Give the message with its present numbers and a stamp [ns]."""
+        struct.pack_into("<iI", self._bytes, _STAMP_AT, stamp // 10**9, stamp % 10**9)
+        return bytes(self._bytes)
 
 
 class MeshPacker:

@@ -66,7 +66,7 @@ class Services:
             session.reset()
             return "at rest, time 0"
 
-        return session.stepper.post(reset)
+        return session.stepper.post(reset, urgent=True)
 
     def _pause(self, request: SetBool.Request) -> str:
         session = self._active()
@@ -113,7 +113,7 @@ class Services:
             session.flush()
             return f"state of {path}, time {session.simulation.time:.9g} s"
 
-        return session.stepper.post(load, "loading a state")
+        return session.stepper.post(load, "loading a state", urgent=True)
 
     def _state_path(self) -> Path:
         if not self._parameters["state_path"]:
@@ -128,7 +128,7 @@ class Services:
             raise GdfeError(f"scene {scene.name!r} has no {missing}; ~/jacobian is d probe / d actuator")
 
         def compute() -> str:
-            session.outputs.publish_jacobian(session.simulation.jacobian(), session.stepper.log_time)
+            session.outputs.publish_jacobian(session.simulation.jacobian(), session.run.log_time)
             return f"{len(scene.probes)} probes, {len(scene.actuators)} actuators"
 
         return session.stepper.post(compute, "computing the Jacobian")

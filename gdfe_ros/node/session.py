@@ -7,32 +7,27 @@ import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
-from functools import partial
 
-import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import JumpHandle
 
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.bag import Bags
-from gdfe_ros.node.clock import NodeClock
-from gdfe_ros.node.courier import Courier
-from gdfe_ros.node.drive import Drive
+from gdfe_ros.node.channel import Courier
 from gdfe_ros.node.following import leaders_of
-from gdfe_ros.node.frames import Frames, Transforms, transforms_installed
+from gdfe_ros.node.frames import Transforms, transforms_installed
 from gdfe_ros.node.inbox import Inbox
-from gdfe_ros.node.inputs import Inputs, Times
+from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface import MODULUS
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.messages import to_nanoseconds
 from gdfe_ros.node.moduli import Moduli
-from gdfe_ros.node.outputs import MarkerChoice, Outputs
-from gdfe_ros.node.pace import ClockMode, Pace, Timing, make_pace
+from gdfe_ros.node.outputs import Outputs
+from gdfe_ros.node.pace import ClockMode, make_pace
 from gdfe_ros.node.parameters import Parameters
-from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
+from gdfe_ros.node.refusals import RefusalLog
+from gdfe_ros.node.run import Run
 from gdfe_ros.node.step import Demand, Step, handle_error, observe
-from gdfe_ros.node.stepper import Hooks, Stepper
+from gdfe_ros.node.stepper import Stepper
 from gdfe_ros.node.strays import Strays
 from gdfe_ros.node.walk import Walk
 from gdfe_ros.recording.step_record import Begin
@@ -56,16 +51,14 @@ class Session:
         failed: called in a background thread with an exception that stepping or publishing ended with.
 
     Attributes:
-        simulation: touched by the stepper's thread only while active.
+        run: holds the simulation.
+        outputs: publish the steps.
         stepper: makes the steps.
         inputs: take the commands.
-        outputs: publish the steps.
         bags: record both.
         strays: looks for commands to nobody.
         mode: what makes a step begin.
-        pace: of the steps; None while not active.
         courier: publishes; None while not active.
-        last: the step made last, or None.
         walk: steps that ~/step was asked for last, or None.
     """
 
@@ -79,38 +72,28 @@ class Session:
         ending: threading.Event,
         failed: Callable[[Exception], None],
     ) -> None:
-        self._ending = ending
-        self._node, self._parameters, self._refusals, self._failed = node, parameters, refusals, failed
-        self._clock, self.simulation = NodeClock(node, parameters), simulation
-        timeout = partial(parameters.__getitem__, "velocity_timeout")
-        drive = Drive(self.simulation, timeout=timeout, refuse=refusals.refuse)
-        self.stepper = Stepper(self.simulation, drive, self._hooks())
         listening = transforms_installed()
-        leaders = leaders_of(parameters.entries("follow"), self.scene, listening=listening)
+        leaders = leaders_of(parameters.entries("follow"), simulation.scene, listening=listening)
         self._transforms = Transforms(node, self._lead) if listening else None
-        self._frames = Frames(parameters["frame_id"], self.scene, self._transforms)
-        self._frames.positions = self._positions
-        self.inputs = Inputs(node, self.scene, self._frames, leaders, refusals, self._times())
-        self.outputs = Outputs(
-            node,
-            self.scene,
-            frames=self._frames,
-            publish_tf=listening and parameters["publish_tf"],
-            publish_clock=parameters["publish_clock"],
-            markers=lambda: MarkerChoice(rate=parameters["marker_rate"], field=parameters["marker_field"]),
-            matched=self._tell_again,
-        )
-        self.bags = Bags(node, parameters, self.inputs, self.outputs)
-        self._moduli = Moduli(node, self.scene, locked=self._locked, changed=self._change_moduli)
-        self.strays = Strays(node, self.simulation.handle_names, refusals)
+        self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
+        self._failed = failed
+        self.outputs = Outputs(run, matched=self._tell_again)
+        self.stepper = Stepper(run, self.outputs, deliver=self._deliver, failed=failed)
+        self.inputs = Inputs(run, leaders)
+        self.bags = Bags(run, self.inputs, self.outputs)
+        self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
+        self.strays = Strays(node, simulation.handle_names, refusals)
         self.mode = ClockMode.WALL
-        self.pace: Pace | None = None
         self.courier: Courier | None = None
-        self.last: Step | None = None
         self.walk: Walk | None = None
         self._telling = False
         self._jumps: JumpHandle | None = None
         self.outputs.publish_scene(0)
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation; touched by the stepper's thread only while active."""
+        return self.run.simulation
 
     @property
     def scene(self) -> Scene:
@@ -124,17 +107,17 @@ class Session:
             GdfeError: the bag cannot be begun, or ``command_set`` names something that cannot be commanded.
         """
         self._telling = False
-        self.mode, command_set = ClockMode(self._parameters["clock"]), self._command_set()
+        self.mode, command_set = ClockMode(self.run.parameters["clock"]), self._command_set()
         if self.mode is ClockMode.EXTERNAL:
-            self._jumps = self._jumps or self._clock.follow(self.stepper.wake)
-        if self._parameters["record"]:
+            self._jumps = self._jumps or self.run.follow_clock(self.stepper.wake)
+        if self.run.parameters["record"]:
             self._begin_bag()
-        self.pace = make_pace(self.mode, self._timing, self._clock.read)
+        pace = self.run.pace = make_pace(self.mode, self.run.timing, self.run.clock)
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
         self.courier = Courier(self.outputs.publish_step, self._failed)
         # Before the first state is published: who has seen it may command.
         self.inputs.inbox = inbox
-        self.stepper.start(self.pace, inbox)
+        self.stepper.start(pace, inbox)
         self.inputs.followers.look(anew=True)
 
     def stop(self) -> None:
@@ -145,7 +128,7 @@ class Session:
             self.courier.stop()
         if self._jumps is not None:
             self._jumps.unregister()
-        self.courier = self.pace = self._jumps = None
+        self.courier = self.run.pace = self._jumps = None
         if self.bags.active:
             self.bags.finish()
 
@@ -175,7 +158,7 @@ class Session:
 
         A deadline may end a solve that has nothing left to do but to say so.
         """
-        result, solver, mesh = self.last.result, self.scene.solver, self.scene.mesh
+        result, solver, mesh = self.run.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
         off = (handle_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
         return result.residual <= solver.tolerance and max(off, default=0.0) <= reach
@@ -206,8 +189,8 @@ class Session:
             raise GdfeError(f"clock {self.mode.value} is running; pause it with ~/pause, or use clock lockstep")
         if self.walk is not None and self.walk.going:
             raise GdfeError(f"a call is at {self.walk}; ~/pause or ~/reset ends it")
-        self.walk = Walk(self.stepper, self.flush, count, self._ending, told)
-        return self.walk.begin(lambda: f"time {self.simulation.time:.9g} s")
+        self.walk = Walk(self.run, self.stepper, self.flush, count, told)
+        return self.walk.begin()
 
     def flush(self) -> None:
         """Wait until every step made so far is published and recorded."""
@@ -236,20 +219,16 @@ class Session:
         """Have handles follow what was told on /tf."""
         self.inputs.followers.look()
 
-    def _positions(self) -> NDArray[np.float64]:
-        return self.scene.mesh.vertices if self.last is None else self.last.result.positions
-
     def _begin_bag(self) -> str:
         """Begin a bag between two steps; where that is not at rest, the bag holds the state."""
         state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
-        text = self.bags.begin(self.scene, state=state, log_time=self.stepper.log_time)
+        text = self.bags.begin(state=state)
         if state is not None:
             self.stepper.begin = Begin.LOADED
         return text
 
     def _deliver(self, step: Step) -> None:
         """Hand a step to the other thread, but for one that nobody wants."""
-        self.last = step
         if step.wanted:
             self.courier.put(step)
 
@@ -257,16 +236,12 @@ class Session:
         """Have the present state published to those that have just begun to listen, where no step will soon."""
         if self.stepper.running and not self._telling:
             self._telling = True
-            self.stepper.post(self._node.guarded(self._deliver_again, "publishing to who came late"))
+            self.stepper.post(self.run.node.guarded(self._deliver_again, "publishing to who came late"))
 
     def _deliver_again(self) -> None:
         self._telling = False
         again = observe(self.simulation, Demand()) | {"wanted": True}
-        self.courier.put(replace(self.last, first=False, again=True, **again))
-
-    def _locked(self) -> str:
-        """Say why the body cannot be changed now."""
-        return "a bag is being written, and a replay could not follow; finish it first" if self.bags.active else ""
+        self.courier.put(replace(self.run.last, first=False, again=True, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Go on with a simulation of other moduli, under the commands in force."""
@@ -278,62 +253,19 @@ class Session:
             handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
             actuators = {name: old.commands[name] for name in old.actuator_names}
             loads = {load.name: old.commands[load.name] for load in old.scene.loads}
-            changed.step(Command(handles=handles, actuators=actuators, loads=loads), dt=_LONG)
+            command = Command(handles=handles, actuators=actuators, loads=loads)
+            changed.step(command, dt=_LONG, interrupted=self.stepper.must_end)
             changed.time = old.time
-            self.simulation = changed
-            self.outputs.replace(changed.scene, self.stepper.log_time)
-            self.stepper.replace(changed)
+            self.run.simulation = changed
+            self.outputs.publish_scene(self.run.log_time)
+            self.stepper.resume()
 
         # Commands that come after this are consumed after it: the steps wait, the node's other callbacks do not.
         what = f"going to the equilibrium with {', '.join(f'{key}={young:g}' for key, young in overrides.items())}"
-        self.stepper.post(self._node.guarded(swap, "a change of moduli"), what)
-
-    def _hooks(self) -> Hooks:
-        value = self._parameters.__getitem__
-        return Hooks(
-            deadline=partial(value, "deadline"),
-            cut_after=partial(value, "cut_after"),
-            stride=partial(value, "dt"),
-            stamp=self._stamp,
-            demand=lambda: self.outputs.demand(),
-            deliver=self._deliver,
-            refused=lambda error: self._refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error))),
-            failed=self._failed,
-        )
-
-    def _times(self) -> Times:
-        return Times(
-            stamp=self._now,
-            simulation=self._simulation_time,
-            log=lambda: self.stepper.log_time,
-            max_age=partial(self._parameters.__getitem__, "command_max_age"),
-            max_lead=partial(self._parameters.__getitem__, "command_max_lead"),
-        )
-
-    def _timing(self) -> Timing:
-        values = self._parameters
-        return Timing(values["rate"], values["dt"], values["heartbeat"], values["publish_clock"])
-
-    def _stamp(self, ending: float) -> int:
-        """Give the stamp [ns] of a step that begins now and ends at a simulation time [s]."""
-        if self._parameters["publish_clock"]:
-            return to_nanoseconds(ending)
-        return self.pace.moment or self._clock.read()
-
-    def _simulation_time(self, stamp: int) -> float:
-        """Convert a time on the clock of the stamps [ns] to simulation time [s], by the last step's."""
-        if self.last is None:
-            return self.simulation.time + 1e-9 * (stamp - self._now())
-        return self.last.record.time + 1e-9 * (stamp - self.last.record.stamp)
-
-    def _now(self) -> int:
-        """Give the time on the clock of the stamps [ns]."""
-        if self._parameters["publish_clock"]:
-            return to_nanoseconds(self.simulation.time)
-        return self._clock.read()
+        self.stepper.post(self.run.node.guarded(swap, "a change of moduli"), what)
 
     def _command_set(self) -> list[str]:
-        keys = self._parameters.entries("command_set")
+        keys = self.run.parameters.entries("command_set")
         unknown = sorted(set(keys) - set(self.inputs.keys))
         if unknown:
             raise GdfeError(

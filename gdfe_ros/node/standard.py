@@ -113,7 +113,11 @@ class StandardServices:
         session.interrupt("set_simulation_state ended it")
         session.stepper.pause(True)
         self._at_start = wanted == _State.STOPPED
-        return self._later(session.stepper.post(session.reset), response) if self._at_start else _done(response)
+        return (
+            self._later(session.stepper.post(session.reset, urgent=True), response)
+            if self._at_start
+            else _done(response)
+        )
 
     def _reset(self, request: Any, response: Any) -> Any:
         session, scope = self._session(), request.scope or 255
@@ -125,7 +129,7 @@ class StandardServices:
         if not whole:  # only what was spawned, which is nothing
             return _done(response)
         session.interrupt("reset_simulation ended it")
-        return self._later(session.stepper.post(session.reset), response)
+        return self._later(session.stepper.post(session.reset, urgent=True), response)
 
     def _step(self, request: Any, response: Any) -> Any:
         try:

@@ -9,7 +9,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -19,7 +18,10 @@ from gdfe_ros.node.drive import Drive
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.messages import to_nanoseconds
 from gdfe_ros.node.orders import Order
+from gdfe_ros.node.outputs import Outputs
 from gdfe_ros.node.pace import Pace
+from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.run import Run
 from gdfe_ros.node.step import Demand, Step, make_record, observe
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command, Simulation
@@ -27,66 +29,53 @@ from gdfe_ros.threads import STEPPER, show_name
 
 _Value = TypeVar("_Value")
 
+_GRACE = 0.5
+"""Time after which a solve is ended where somebody waits for its end [s]; a shorter one comes to its equilibrium."""
 _MOST_RETRIES = 20
 """Steps without a new command that go on from a state that did not converge, other than for a deadline."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Hooks:
-    """What a stepper asks for and hands on to.
-
-    Attributes:
-        deadline: gives the wall time allowed for a step [s]; 0: any.
-        cut_after: gives the place where a step is ended instead (``StepRecord.cut_after``); -1: nowhere.
-        stride: gives the simulation time of a step [s]: the longest time over which velocities act.
-        stamp: gives the stamp [ns] of what is published of a step that begins now and ends at a simulation time [s].
-        demand: tells, before a step, what is wanted of it.
-        deliver: takes each step; it may block to hold the stepping back.
-        refused: called with the reason why the simulation did not take a command; the step goes on without it.
-        failed: called in the thread with the exception that ended it.
-    """
-
-    deadline: Callable[[], float]
-    cut_after: Callable[[], int]
-    stride: Callable[[], float]
-    stamp: Callable[[float], int]
-    demand: Callable[[], Demand]
-    deliver: Callable[[Step], None]
-    refused: Callable[[CommandError], None]
-    failed: Callable[[Exception], None]
 
 
 class Stepper:
     """Steps a simulation in a thread of its own; only this thread touches the simulation while it runs.
 
     Args:
-        simulation: to step.
-        drive: turns orders into commands.
-        hooks: into the node.
+        run: whose simulation is stepped.
+        outputs: tells what is wanted of a step.
+        deliver: takes each step; it may block to hold the stepping back.
+        failed: called in the thread with the exception that ended it.
 
     Attributes:
         changed: condition that wakes the thread; its lock guards the inbox.
         count: steps made.
         begin: what the next step starts from.
-        log_time: of the last step [ns].
-        work: what is done between two steps, and since when (monotonic) [s]; None: nothing that takes long.
+        work: what is done, and since when (monotonic) [s]; None: nothing.
+        rounds: of iterations that the solve in progress has made.
         solving: wall time spent in solves so far [s].
         spent: wall time spent on steps so far, solves included [s].
     """
 
-    def __init__(self, simulation: Simulation, drive: Drive, hooks: Hooks) -> None:
-        self._simulation, self._drive, self._hooks = simulation, drive, hooks
+    def __init__(
+        self, run: Run, outputs: Outputs, *, deliver: Callable[[Step], None], failed: Callable[[Exception], None]
+    ) -> None:
+        self._run, self._outputs, self._deliver, self._failed = run, outputs, deliver, failed
+        self._drive = Drive(run)
         self.changed = threading.Condition()
-        self.count = self.log_time = 0
+        self.count = 0
         self.begin = Begin.REST
         self.work: tuple[str, float] | None = None
+        self.rounds = 0
+        self._urgent: set[Future] = set()
         self.solving = self.spent = 0.0
         self._origin = 0
         self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
         self._retries = 0
-        self._rated = any(math.isfinite(actuator.rate) for actuator in simulation.scene.actuators)
+        self._rated = any(math.isfinite(actuator.rate) for actuator in run.scene.actuators)
         self._stopping = self._paused = False
         self._thread: threading.Thread | None = None
+
+    @property
+    def _simulation(self) -> Simulation:
+        return self._run.simulation
 
     @property
     def running(self) -> bool:
@@ -102,7 +91,7 @@ class Stepper:
         """Start the thread: it delivers the present state at once, then steps when ``pace`` says so."""
         self._pace, self._inbox = pace, inbox
         self._stopping = self._paused = False
-        self._thread = threading.Thread(target=self._run, name=STEPPER, daemon=True)
+        self._thread = threading.Thread(target=self._work, name=STEPPER, daemon=True)
         self._thread.start()
 
     def wake(self) -> None:
@@ -111,7 +100,7 @@ class Stepper:
             self.changed.notify_all()
 
     def stop(self) -> None:
-        """End the thread after the step in progress; nothing happens where it does not run."""
+        """End the thread after the step in progress, which is cut where it takes long; no matter if it does not run."""
         if self._thread is None:
             return
         with self.changed:
@@ -124,14 +113,18 @@ class Stepper:
         """Run a function between two steps and return what it returns, or raise what it raises."""
         return self.post(function).result()
 
-    def post(self, function: Callable[[], _Value], what: str = "") -> Future[_Value]:
+    def post(self, function: Callable[[], _Value], what: str = "", *, urgent: bool = False) -> Future[_Value]:
         """Have a function run between two steps, after those that wait; where the thread does not run, at once.
 
-        While it runs, ``work`` says ``what`` it does, for those who wonder why no step is made.
+        While it runs, ``work`` says ``what`` it does, for those who wonder why no step is made. An urgent one, which
+        makes an end of what is being solved, cuts a solve that takes long.
         """
         future: Future = Future()
+        if urgent:
+            self._urgent.add(future)
 
         def tell_and_run() -> _Value:
+            self._urgent.discard(future)
             self.work = (what, time.monotonic()) if what else None
             try:
                 return function()
@@ -149,6 +142,11 @@ class Stepper:
                 self.changed.notify_all()
         return future
 
+    def must_end(self) -> bool:
+        """Tell a solve, which asks after each round of iterations, whether somebody waits for its end."""
+        self.rounds += 1
+        return bool(self._stopping or self._urgent) and time.monotonic() - self.work[1] > _GRACE
+
     def pause(self, paused: bool) -> None:
         """Hold the stepping, or let it go on."""
         with self.changed:
@@ -162,7 +160,7 @@ class Stepper:
         with self.changed:
             orders = self._inbox.take()
             self._pace.restart()
-        self._step(orders, dt=self._hooks.stride())
+        self._step(orders, dt=self._run.parameters["dt"])
 
     def reset(self) -> None:
         """Go back, between steps, to rest at time 0 and, where the thread runs, deliver that state.
@@ -172,9 +170,8 @@ class Stepper:
         self._simulation.reset()
         self.restart(Begin.REST)
 
-    def replace(self, simulation: Simulation) -> None:
-        """Go on, between steps, with another simulation, and deliver its state."""
-        self._simulation = self._drive.simulation = simulation
+    def resume(self) -> None:
+        """Go on, between steps, with another simulation that the run holds now, and deliver its state."""
         self.begin = Begin.LOADED
         if self._thread is not None:
             self.repeat(self.begin)
@@ -186,7 +183,7 @@ class Stepper:
         """
         self.begin = begin
         self._drive.clear()
-        self._origin = self.log_time - to_nanoseconds(self._simulation.time)
+        self._origin = self._run.log_time - to_nanoseconds(self._simulation.time)
         if self._thread is not None:
             self._inbox.clear()
             self._pace.restart()
@@ -197,14 +194,14 @@ class Stepper:
         self.begin = begin
         self._step((), dt=0.0, first=True)
 
-    def _run(self) -> None:
+    def _work(self) -> None:
         show_name()
         try:
             self._step((), dt=0.0, first=True)
             while (action := self._next()) is not None:
                 action()
         except Exception as error:
-            self._hooks.failed(error)
+            self._failed(error)
         finally:
             with self.changed:
                 self._stopping = True
@@ -245,30 +242,34 @@ class Stepper:
     def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False) -> None:
         """Make one step and deliver it."""
         started = time.perf_counter()
-        simulation, hooks = self._simulation, self._hooks
-        demand = Demand() if first else hooks.demand()
+        run, simulation = self._run, self._simulation
+        demand = Demand() if first else self._outputs.demand()
         orders = tuple(orders)
         command = Command()
         if not first:
-            command = self._drive.command(orders, time=simulation.time + dt, dt=min(dt, hooks.stride()))
-        stamp, place = hooks.stamp(simulation.time + dt), hooks.cut_after()
-        limits = {"deadline": hooks.deadline() or None, "cut_after": place if place >= 0 else None}
+            command = self._drive.command(orders, time=simulation.time + dt, dt=min(dt, run.parameters["dt"]))
+        stamp, place = run.stamp(simulation.time + dt), run.parameters["cut_after"]
+        limits = {"cut_after": place if place >= 0 else None, "interrupted": self.must_end}
+        limits["deadline"] = run.parameters["deadline"] or None
+        self.work, self.rounds = (f"a step to {simulation.time + dt:.9g} s", time.monotonic()), 0
         try:
             result = simulation.step(command, dt=dt, **limits)
         except CommandError as error:
-            hooks.refused(error)
+            run.refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error)))
             command = Command()
             result = simulation.step(command, dt=dt, **limits)
+        self.work = None
         if not np.isfinite(result.positions).all():
             raise GdfeError(f"step {self.count} gave positions that are not finite numbers: {result.message}")
         record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
         self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
-        self.log_time = self._origin + to_nanoseconds(result.time)
-        step = Step(record=record, result=result, log_time=self.log_time, first=first, **observe(simulation, demand))
+        run.log_time = self._origin + to_nanoseconds(result.time)
+        step = Step(record=record, result=result, log_time=run.log_time, first=first, **observe(simulation, demand))
         self.count, self.begin = self.count + 1, Begin.LAST
         self.solving += result.wall_time
         self.spent += time.perf_counter() - started
-        hooks.deliver(step)
+        run.last = step
+        self._deliver(step)
 
 
 def _carry_out(function: Callable[[], object], future: Future) -> None:

@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError
 from contextlib import suppress
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.run import Run
 from gdfe_ros.node.stepper import Stepper
 
 
@@ -16,10 +16,10 @@ class Walk:
     """Makes a number of steps; whatever else waits for the stepper has its turn between two of them.
 
     Args:
+        run: whose simulation is stepped.
         stepper: makes the steps.
         flush: waits until they are published.
         count: of the steps.
-        ending: set when the process is asked to end.
         told: called after each step with the number of those made; None: nobody is told.
 
     Attributes:
@@ -28,13 +28,13 @@ class Walk:
 
     def __init__(
         self,
+        run: Run,
         stepper: Stepper,
         flush: Callable[[], None],
         count: int,
-        ending: threading.Event,
         told: Callable[[int], None] | None = None,
     ) -> None:
-        self._stepper, self._flush, self._count, self._ending, self._told = stepper, flush, count, ending, told
+        self._run, self._stepper, self._flush, self._count, self._told = run, stepper, flush, count, told
         self._future: Future[str] = Future()
         self.done = 0
 
@@ -46,9 +46,8 @@ class Walk:
         """Whether steps are still to be made."""
         return not self._future.done()
 
-    def begin(self, where: Callable[[], str]) -> Future[str]:
-        """Begin, and return the future answer; ``where`` tells how far the simulation has come."""
-        self._where = where
+    def begin(self) -> Future[str]:
+        """Begin, and return the future answer, which tells how far the simulation has come."""
         self._post()
         return self._future
 
@@ -69,7 +68,7 @@ class Walk:
         self._stepper.post(self._step).add_done_callback(look)
 
     def _step(self) -> None:
-        if self._ending.is_set():
+        if self._run.ending.is_set():
             self.interrupt("the node is ending")
         if not self.going:
             return
@@ -82,4 +81,4 @@ class Walk:
             return
         self._flush()
         with suppress(InvalidStateError):  # it was ended in its last step
-            self._future.set_result(f"{self._count} steps, {self._where()}")
+            self._future.set_result(f"{self._count} steps, time {self._run.simulation.time:.9g} s")

@@ -1,26 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a solve has to end: by the clock, or, in a replay, where the clock once ended it."""
+"""When a solve has to end: by the clock, on somebody's word, or, in a replay, where one of these once ended it."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 
 class Deadline:
     """Answers whether the time is up, and counts how often it was not.
 
-    Nothing else of a solve depends on the clock: with the count given back, it ends at the same place to the last bit.
+    Nothing else of a solve depends on the clock or the word: with the count given back, it ends at the same place to
+    the last bit.
 
     Args:
         moment: ``time.perf_counter`` from which on the time is up; None: never by the clock.
         after: instead, this many answers "not yet" come first.
+        interrupted: tells whether to end at once; asked each time. None: nobody is asked.
 
     Attributes:
         after: number of answers "not yet" before the first "up"; None while there was none.
     """
 
-    def __init__(self, moment: float | None = None, *, after: int | None = None) -> None:
-        self._moment, self._planned, self._asked = moment, after, 0
+    def __init__(
+        self,
+        moment: float | None = None,
+        *,
+        after: int | None = None,
+        interrupted: Callable[[], bool] | None = None,
+    ) -> None:
+        self._moment, self._planned, self._interrupted, self._asked = moment, after, interrupted, 0
         self.after: int | None = None
 
     def passed(self) -> bool:
@@ -31,17 +40,22 @@ class Deadline:
             up = self._asked >= self._planned
         else:
             up = self._moment is not None and time.perf_counter() >= self._moment
+            up = (self._interrupted is not None and self._interrupted()) or up
         if up:
             self.after = self._asked
         self._asked += 1
         return up
 
     @classmethod
-    def of(cls, started: float, seconds: float | None, after: int | None) -> Deadline | None:
-        """Give what ends a solve that began at ``started``: so many seconds [s], or a recorded place; None: nothing."""
+    def of(
+        cls, started: float, seconds: float | None, after: int | None, interrupted: Callable[[], bool] | None = None
+    ) -> Deadline | None:
+        """Give what ends a solve that began at ``started``: seconds [s], a word, or a recorded place; None: nothing."""
         if after is not None:
             return cls(after=after)
-        return None if seconds is None else cls(started + seconds)
+        if seconds is None and interrupted is None:
+            return None
+        return cls(None if seconds is None else started + seconds, interrupted=interrupted)
 
 
 def past(deadline: Deadline | None) -> bool:

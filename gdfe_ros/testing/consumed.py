@@ -15,8 +15,7 @@ from std_msgs.msg import Header
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.actuator_messages import actuation
-from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.orders import PoseOrder, TwistOrder
 from gdfe_ros.recording.step_record import StepRecord
 

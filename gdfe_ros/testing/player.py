@@ -14,9 +14,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.actuator_messages import actuation
 from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing.client import PATIENCE
 from gdfe_ros.testing.consumed import ACTUATION, target_key

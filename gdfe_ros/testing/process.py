@@ -28,6 +28,7 @@ class NodeProcess:
         parameters: of the node, by name.
         namespace: of the node.
         remaps: other names of topics, e.g. ``{"/clock": "clock"}``.
+        home: directory of the package that is run, e.g. of another commit; None: this one's.
 
     Attributes:
         status: exit status; None while it runs.
@@ -39,6 +40,7 @@ class NodeProcess:
         *,
         namespace: str = "/",
         remaps: Mapping[str, str] | None = None,
+        home: Path | None = None,
     ) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="gdfe_node_")
         folder = Path(self._folder.name)
@@ -49,7 +51,7 @@ class NodeProcess:
         arguments = ["--ros-args", "--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:={namespace}"]
         for before, after in (remaps or {}).items():
             arguments += ["-r", f"{before}:={after}"]
-        self._process = start(arguments, self._log, _environment())
+        self._process = start(arguments, self._log, package_environment(home))
         self.status: int | None = None
 
     @property
@@ -83,6 +85,11 @@ class NodeProcess:
                 self.status = self._process.wait()
         return self.status
 
+    def kill(self) -> None:
+        """End the process at once, as a power cut would."""
+        self._process.kill()
+        self.status = self._process.wait()
+
     def __enter__(self) -> NodeProcess:
         return self
 
@@ -98,8 +105,8 @@ class NodeProcess:
         self._folder.cleanup()
 
 
-def _environment() -> dict[str, str]:
-    """Give this process's environment, with this very package first in the path."""
-    home = str(Path(gdfe_ros.__file__).resolve().parents[1])
-    path = os.pathsep.join(filter(None, [home, os.environ.get("PYTHONPATH", "")]))
+def package_environment(home: Path | None = None) -> dict[str, str]:
+    """Give this process's environment, with the package in a directory first in the path; None: this very one."""
+    home = home or Path(gdfe_ros.__file__).resolve().parents[1]
+    path = os.pathsep.join(filter(None, [str(home), os.environ.get("PYTHONPATH", "")]))
     return {**os.environ, "PYTHONPATH": path}

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from benchmarks.markdown import MARK, replace_tables
+from benchmarks.node import since
 from benchmarks.node.__main__ import missed_targets
 from benchmarks.node.cost import Cost
 from benchmarks.node.flood import Flood
@@ -79,3 +80,9 @@ def test_a_target_that_is_missed_is_named(changed: dict[str, Any], text: str) ->
     report = {"costs": [BARE, FULL], "idles": [IDLE], "steps": STEPS, "floods": [FLOOD], **changed}
     (found,) = missed_targets(*report.values())
     assert text in found
+
+
+def test_figures_of_two_trees_stand_beside_each_other() -> None:
+    """Give three rounds of each: the table has their medians."""
+    rounds = {"before": [{"p50 [ms]": value} for value in (3.0, 1.0, 2.0)], "now": [{"p50 [ms]": 1.5}] * 3}
+    assert since.table(rounds).splitlines()[2] == "| p50 [ms] | 2 | 1.5 |"

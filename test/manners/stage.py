@@ -67,6 +67,11 @@ class Stage:
         """Whether every process runs."""
         return all(process.poll() is None for process in self._processes)
 
+    @property
+    def pid(self) -> int:
+        """Number of the first process."""
+        return self._processes[0].pid
+
     def wait(self, done: Callable[[], Any], seconds: float = _PATIENCE) -> bool:
         """Spin until ``done`` gives something true, and tell whether it did in time."""
         end = time.monotonic() + seconds
@@ -84,13 +89,17 @@ class Stage:
 
     def call(self, kind: type, service: str, request: Any = None) -> Any:
         """Call a service of the node; None where no answer comes."""
+        future = self.begin(kind, service, request)
+        self.wait(future.done, 20.0)
+        return future.result() if future.done() else None
+
+    def begin(self, kind: type, service: str, request: Any = None) -> Any:
+        """Call a service of the node and return the future answer."""
         if service not in self._clients:
             client = self._clients[service] = self.node.create_client(kind, f"{self._name}/{service}")
             self.wait(client.service_is_ready)
             self.await_report()  # by then the node knows this client, too
-        future = self._clients[service].call_async(request or kind.Request())
-        self.wait(future.done, 20.0)
-        return future.result() if future.done() else None
+        return self._clients[service].call_async(request or kind.Request())
 
     def transition(self, number: int) -> str:
         """Ask for a transition by its number."""

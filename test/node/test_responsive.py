@@ -106,6 +106,30 @@ def test_a_node_that_is_being_configured_answers(client: Any, start: Callable, t
     client.wait(client.records)
 
 
+def test_a_long_solve_is_ended_where_somebody_waits_for_its_end(client: Any, start: Callable) -> None:
+    """Turn a fine bar to and fro: its solves tell how far they are, and deactivate, reset and SIGINT cut them."""
+    fine = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 8, 8]", "solver.tolerance=1e-12"]}
+    process = start(**fine, clock="lockstep")
+
+    def is_solving() -> bool:
+        return "rounds of iterations" in client.status().get("working on", "")
+
+    def keep_busy() -> None:
+        for number in range(20):
+            client.target(0.2, turn=(3.0 * (-1) ** number, 0.0, 0.0))
+        client.wait(is_solving)
+
+    keep_busy()
+    assert client.transition("deactivate")
+    client.wait(lambda: client.records()[-1].cut)
+    assert client.transition("activate")
+    keep_busy()
+    assert client.call(Trigger, "reset", Trigger.Request()).message == "at rest, time 0"
+    client.wait(lambda: client.records()[-1].time == 0.0)
+    keep_busy()
+    assert process.stop() == 0
+
+
 def test_diagnostics_come_in_parts(client: Any, start: Callable, coarse: dict) -> None:
     """Refuse a command in lockstep: the part of the commands warns with the reason, and says what a step waits for."""
     start(**coarse, clock="lockstep", command_set=["handles/tip/target", "handles/tip/velocity"])

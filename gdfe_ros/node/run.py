@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the pieces of a configured node share: the simulation, its frames, and the clock that tells its time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.clock import JumpHandle, JumpThreshold
+from rclpy.duration import Duration
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.frames import Frames, Transforms
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.messages import to_nanoseconds
+from gdfe_ros.node.pace import Pace, Timing
+from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.refusals import RefusalLog
+from gdfe_ros.node.step import Step
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Simulation
+
+
+class Run:
+    """Holds the simulation, for whoever steps, commands, publishes or records it.
+
+    Args:
+        node: owns the topics.
+        parameters: of the node.
+        simulation: ready to step.
+        refusals: counts refused commands.
+        ending: set when the process is asked to end: many steps stop short.
+        transforms: of others' frames; None: none are known.
+
+    Attributes:
+        node: as given, as are ``parameters``, ``refusals`` and ``ending``.
+        simulation: touched by the stepper's thread only while active; another one after a change of moduli.
+        frames: of the body.
+        last: the step made last, or None.
+        log_time: of that step, for the bag [ns]; it never goes back.
+        pace: of the steps; None while not active.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        parameters: Parameters,
+        simulation: Simulation,
+        refusals: RefusalLog,
+        ending: threading.Event,
+        transforms: Transforms | None,
+    ) -> None:
+        self.node, self.parameters, self.refusals, self.ending = node, parameters, refusals, ending
+        self.simulation = simulation
+        self.frames = Frames(parameters["frame_id"], self.scene, transforms)
+        self.frames.positions = self._positions
+        self.last: Step | None = None
+        self.log_time = 0
+        self.pace: Pace | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that is simulated."""
+        return self.simulation.scene
+
+    def timing(self) -> Timing:
+        """Give the values in force that pace the steps."""
+        values = self.parameters
+        return Timing(values["rate"], values["dt"], values["heartbeat"], values["publish_clock"])
+
+    def clock(self) -> int:
+        """Give the time on the node's clock [ns]; with ``use_sim_time`` 0 before the first /clock."""
+        return self.node.get_clock().now().nanoseconds
+
+    def now(self) -> int:
+        """Give the time on the clock of the stamps [ns]."""
+        if self.parameters["publish_clock"]:
+            return to_nanoseconds(self.simulation.time)
+        return self.clock()
+
+    def stamp(self, ending: float) -> int:
+        """Give the stamp [ns] of a step that begins now and ends at a simulation time [s]."""
+        if self.parameters["publish_clock"]:
+            return to_nanoseconds(ending)
+        return self.pace.moment or self.clock()
+
+    def simulation_time(self, stamp: int) -> float:
+        """Convert a time on the clock of the stamps [ns] to simulation time [s], by the last step's."""
+        if self.last is None:
+            return self.simulation.time + 1e-9 * (stamp - self.now())
+        return self.last.record.time + 1e-9 * (stamp - self.last.record.stamp)
+
+    def follow_clock(self, wake: Callable[[], object]) -> JumpHandle:
+        """Have ``wake`` called whenever another sets the clock, until the handle is unregistered.
+
+        Raises:
+            GdfeError: the clock is not another's.
+        """
+        if not self.node.get_parameter("use_sim_time").value or self.parameters["publish_clock"]:
+            raise GdfeError("clock external follows another's /clock: set use_sim_time true and publish_clock false")
+        any_jump = JumpThreshold(
+            min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
+        )
+        return self.node.get_clock().create_jump_callback(any_jump, post_callback=lambda jump: wake())
+
+    def _positions(self) -> NDArray[np.float64]:
+        """Give the vertices after the last step (n, 3) [m]."""
+        return self.scene.mesh.vertices if self.last is None else self.last.result.positions
