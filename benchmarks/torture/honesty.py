@@ -21,8 +21,9 @@ from gdfe_ros.solver.settings import Policy
 
 TOLERANCES = (1e-3, 1e-4, 1e-5)
 TRUTH = 1e-8
-PROMISE = 3.0
-"""Error over tolerance that a converged step may have."""
+PROMISE, STOCKY_PROMISE = 3.0, 5.0
+"""Error over tolerance that a converged step may have: of a slender body, whose distance is known, and of a stocky one,
+whose distance is judged by how fast its steps shrink."""
 TEXT = """
 name: honest
 mesh: {{{mesh}}}
@@ -62,6 +63,7 @@ def _bar(size: tuple[float, float, float], cells: tuple[int, int, int], sag: flo
 
 LINKS = "".join(f", {{material: hard, where: {{box: {{x: [{x}, {x + 0.04}]}}}}}}" for x in (0.0, 0.06, 0.12))
 LAYER = ", {material: hard, where: {box: {z: [-1, -0.0045]}}}"
+STOCKY = ("bend5", "twist90", "two_material_bar")
 STREAMS: Mapping[str, Stream] = {
     "bar 1:10": Stream(partial(_bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 50, 10),
     "bar 1:50": Stream(partial(_bar, (0.4, 0.008, 0.008), (200, 2, 2), 0.38), 50, 6),
@@ -76,7 +78,7 @@ STREAMS: Mapping[str, Stream] = {
         name: Stream(partial(load_scene, name), 100, 6)
         for name in ("tendon_finger", "gripper", "bending_tube", "pneunet", "three_chamber_arm")
     },
-    **{name: Stream(partial(load_scene, name), 50, 6) for name in ("bend5", "twist90", "two_material_bar")},
+    **{name: Stream(partial(load_scene, name), 50, 6) for name in STOCKY},
 }
 
 
@@ -118,7 +120,7 @@ def cases() -> list[Case]:
             policy=Policy.ENERGY,
             law="as it is",
             run=partial(_run, name, tolerance),
-            bound=PROMISE,
+            bound=STOCKY_PROMISE if name in STOCKY else PROMISE,
             may_report=True,
         )
         for name in STREAMS

@@ -135,6 +135,33 @@ def _walk_row(name: str, figures: Mapping[str, float]) -> tuple[str, ...]:
     )
 
 
+HONESTY_HEADINGS = (
+    "stream",
+    "error / tolerance at 1e-3",
+    "1e-4",
+    "1e-5",
+    "iterations a step at 1e-3",
+    "1e-4",
+    "1e-5",
+)
+
+
+def honesty_rows(scores: Sequence[Score]) -> list[tuple[str, ...]]:
+    """Return one row for each stream of group 9, as text under `HONESTY_HEADINGS`; '-' where no step converged."""
+    streams: dict[str, list[Score]] = {}
+    for score in scores:
+        if score.group is Group.HONESTY:
+            streams.setdefault(score.name.rpartition(", tolerance ")[0], []).append(score)
+    rows = []
+    for name, found in streams.items():
+        found.sort(key=lambda score: -float(score.name.rpartition(" ")[2]))
+        errors = (score.outcome.error for score in found)
+        iterations = (score.outcome.figures["iterations a step"] for score in found)
+        texts = (f"{error:.2g}" if math.isfinite(error) else "-" for error in errors)
+        rows.append((name, *texts, *(f"{count:.1f}" for count in iterations)))
+    return rows
+
+
 def rich_table(scores: Sequence[Score]) -> Table:
     """Return the summary for a terminal."""
     table = Table(title="torture", title_justify="left")
@@ -152,4 +179,5 @@ def torture_tables(data: Mapping[str, Any]) -> dict[str, str]:
     return {
         "torture": markdown_table(HEADINGS, summary(scores)),
         "walks": markdown_table(WALK_HEADINGS, walk_rows(scores)),
+        "honesty": markdown_table(HONESTY_HEADINGS, honesty_rows(scores)),
     }

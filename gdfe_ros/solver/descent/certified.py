@@ -32,7 +32,7 @@ PATIENT = 12
 """Iterations in a row after which the tangent is taken anew."""
 AWAY = 0.02
 """Of the body's size: a first step along a direction of negative curvature."""
-MOST_UNKNOWN = 3
+MOST_UNKNOWN = 2
 """Times in a solve that conjugate gradients may leave the distance unknown: the body is about to buckle."""
 MOST_TANGENTS = 20
 """Tangents in a solve after which it is given up: nothing smooth is found there, as where points of a cable meet."""

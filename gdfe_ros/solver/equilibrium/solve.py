@@ -233,6 +233,7 @@ class Solve:
             iterations=self.iterations,
             cut=self._cut and not converged,
             exhausted=bool(active.status["ended"] == End.EXHAUSTED) and not converged,
+            lost=self._minimiser.lost and not converged,
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
             run=run,

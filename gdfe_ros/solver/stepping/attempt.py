@@ -10,6 +10,8 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.way import Verdict, Way
 from gdfe_ros.solver.terms.actuation import inflated
 
+SHORTEST_LOST = 1.0 / 4.0
+"""Share of a command below which an increment is not halved again where its equilibrium cannot be told."""
 SHORTEST_JUMP = 1.0 / 32.0
 """Share of a way that is not cut further for a jump: enough to tell that smaller steps do not prevent it."""
 FOLDS = "elements would fold or turn inside out"
@@ -52,7 +54,8 @@ class Attempt:
     def verdict(self) -> Verdict:
         """What follows from it."""
         way, began, solution = self.way, self.began, self.solution
-        failed = not (solution.converged or solution.exhausted) or not self.sound
+        given_up = solution.exhausted or (solution.lost and way.length <= SHORTEST_LOST)
+        failed = not (solution.converged or given_up) or not self.sound
         avoidable = self.jumps and way.length > SHORTEST_JUMP and not way.leaping
         if ((failed and not way.shortest) or avoidable) and not self.spent:
             return Verdict.HALVE

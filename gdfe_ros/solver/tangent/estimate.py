@@ -19,6 +19,11 @@ from gdfe_ros.solver.descent.quasi_newton import largest
 
 MOST_PRODUCTS = 60
 """Products of the tangent after which it is said that the distance is not known."""
+LEAST_PRODUCTS, STEADY = 3, 0.7
+"""Products after which an end is thought of, and the least Ritz value over the one before: while it still falls, softer
+motions come to light."""
+ROUNDING = 1e-20
+"""Share of the first residual's square that is rounding."""
 LEFT = 0.3
 """Share of the step, or of the target, that may be left when it counts as known."""
 
@@ -69,6 +74,7 @@ def estimate(
     diagonal: list[float] = []
     beside: list[float] = []
     length = ratio = 0.0
+    least, first = 1.0, weight
     if not weight > 0.0:
         return Estimate(step, 0.0, True, True, 0)
     for count in range(1, most + 1):
@@ -82,9 +88,10 @@ def estimate(
         residual -= length * image
         precondition(residual, z)
         before, weight = weight, float(residual @ z)
-        least = min(1.0, float(eigvalsh_tridiagonal(np.array(diagonal), np.array(beside))[0]))
+        earlier, least = least, min(1.0, float(eigvalsh_tridiagonal(np.array(diagonal), np.array(beside))[0]))
         left, far = largest(z) / least, largest(step)
-        if left <= LEFT * max(far, target) or not weight > 0.0:
+        steady = count >= LEAST_PRODUCTS and least >= STEADY * earlier
+        if (steady and left <= LEFT * max(far, target)) or not weight > ROUNDING * first:
             return Estimate(step, far + left, True, True, count)
         ratio = weight / before
         beside.append(np.sqrt(ratio) / length)

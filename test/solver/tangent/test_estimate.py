@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The distance by conjugate gradients: exact for matrices that are known, honest where it is not found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.descent.quasi_newton import largest
+from gdfe_ros.solver.tangent.estimate import estimate
+from gdfe_ros.solver.tangent.softness import smooth_field, softness
+
+COUNT = 60
+
+
+def _matrix(eigenvalues: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a symmetric matrix with given eigenvalues."""
+    vectors, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((COUNT, COUNT)))
+    return vectors * eigenvalues @ vectors.T
+
+
+def _identity(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    out[...] = right
+
+
+@pytest.mark.parametrize("least", [1.0, 1e-2, 1e-4])
+def test_the_distance_is_that_of_the_newton_step(least: float) -> None:
+    """Take matrices as soft as 1e-4 in a few motions: the distance is between the step's and twice that."""
+    values = np.ones(COUNT)
+    values[:3] = least * np.array([1.0, 1.5, 2.0])
+    matrix, gradient = _matrix(values), np.random.default_rng(1).standard_normal(COUNT)
+    found = estimate(lambda direction: matrix @ direction, gradient, gradient, _identity, 1e-12)
+    true = largest(-np.linalg.solve(matrix, gradient))
+    assert found.known
+    assert found.definite
+    assert 0.7 * true <= found.distance <= 2.0 * true
+
+
+def test_negative_curvature_is_told() -> None:
+    """Let one eigenvalue be negative, and the gradient lie along it: the energy falls ever faster that way."""
+    values = np.linspace(1.0, 2.0, COUNT)
+    values[0] = -0.5
+    matrix = _matrix(values)
+    gradient = np.linalg.eigh(matrix)[1][:, 0] + 0.1 * np.random.default_rng(1).standard_normal(COUNT)
+    found = estimate(lambda direction: matrix @ direction, gradient, gradient, _identity, 1e-12)
+    assert (found.known, found.definite, found.distance) == (False, False, np.inf)
+    assert found.step @ matrix @ found.step < 0.0
+
+
+def test_what_is_not_found_is_not_known() -> None:
+    """Spread the eigenvalues over twelve decades: after the last product the distance is infinite."""
+    matrix, gradient = _matrix(np.logspace(0, -12, COUNT)), np.random.default_rng(1).standard_normal(COUNT)
+    found = estimate(lambda direction: matrix @ direction, gradient, gradient, _identity, 1e-12, most=20)
+    assert (found.known, found.definite, found.distance, found.products) == (False, True, np.inf, 20)
+
+
+def test_softness_is_the_least_eigenvalue() -> None:
+    """Let Lanczos steps find the least eigenvalue of a known matrix, from a start that has all."""
+    matrix = _matrix(np.logspace(-3, 0, COUNT))
+    start = np.random.default_rng(2).standard_normal(COUNT)
+    assert softness(lambda direction: matrix @ direction, _identity, start, 59) == pytest.approx(1e-3, rel=0.05)
+
+
+def test_the_start_holds_every_low_motion() -> None:
+    """A smooth field is a polynomial of the third degree, and the same in every run."""
+    points = np.random.default_rng(0).standard_normal((200, 3))
+    np.testing.assert_array_equal(smooth_field(points), smooth_field(points))
+    x = points[:, 0]
+    assert np.linalg.matrix_rank(np.stack([smooth_field(points)[:, 0], np.ones(200), x, x**2, x**3], axis=1)) == 5

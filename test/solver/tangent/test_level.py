@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The kept tangent: the gradient's derivative, its factor, and what is done where there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gdfe_ros import Command, Simulation
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.descent.products import TangentProducts
+from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
+
+SCENE = """
+name: strip
+mesh: {bar: {size: [0.1, 0.01, 0.01], cells: [10, 2, 2]}}
+materials: {m: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
+regions: [{material: m}]
+handles: {base: {where: {face: x-}, fixed: true}TIP}
+loads: {weight: {gravity: [0, 0, -1.0]}}
+"""
+TIPS = {
+    "clamped once": "",
+    "a handle that slides": ", tip: {where: {face: x+}, free: [x, z]}",
+    "a handle that slides and turns": ", tip: {where: {face: x+}, free: [x, z, ry]}",
+}
+Levels = tuple[TangentLevel, Tangent, TangentProducts, NDArray[np.float64]]
+
+
+def _level(tip: str, stretch: float) -> Levels:
+    """Take the tangent of a strip whose tip has been pulled out by a share of its length."""
+    simulation = Simulation(scene_from_text(SCENE.replace("TIP", tip)))
+    equilibrium = simulation._stepper.equilibrium
+    body = equilibrium.body
+    state, share = equilibrium.at_rest(), (body.rest[:, 0] - body.rest[:, 0].min()) / 0.1
+    moved = body.rest + np.outer(share**2 * stretch * 0.1, [1.0, 0.0, 0.0])
+    moved[body.unknowns.prescribed] = body.rest[body.unknowns.prescribed]
+    task = Solve.at(equilibrium._model, state.with_(positions=moved)).evaluate(
+        equilibrium._whole, equilibrium.matrix.coupling, threads=None
+    )
+    level, problem, work = TangentLevel(body, equilibrium.matrix.assembled), task.problem, task.active.workspace
+    elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
+    products = TangentProducts(body)
+    products.begin(task)
+    free = np.ones(body.unknowns.rows * 3)
+    free[3 * len(body.unknowns.free) :] = _free_rows(body.unknowns)
+    return level, level.take(work.u, work.x, problem.frame, elements), products, free
+
+
+def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
+    """Return 1 for each component of a rigid row that may move, 0 for the others."""
+    turns = [unknowns.turns[p] for p in range(len(unknowns.turns)) if unknowns.turn_row[p] >= 0]
+    return np.concatenate([np.zeros(0), *unknowns.slides, *turns])
+
+
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_it_is_the_derivative_of_the_gradient(tip: str) -> None:
+    """Compare the assembled tangent with differences of the gradient at rest, rigid rows included."""
+    level, tangent, products, free = _level(tip, 0.0)
+    matrix, rng = level.assembled(tangent), np.random.default_rng(0)
+    for _ in range(3):
+        direction = rng.standard_normal(len(free)) * free
+        exact = products(direction)
+        np.testing.assert_allclose(free * (matrix @ direction), exact, atol=1e-5 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("tip", TIPS.values(), ids=TIPS)
+def test_its_factor_solves(tip: str) -> None:
+    """Solve with the factor and multiply with the matrix: the right-hand side comes back."""
+    level, tangent, _, free = _level(tip, 0.0)
+    right = np.random.default_rng(1).standard_normal(len(free)) * free
+    found = np.empty_like(right)
+    level.solve(right, found)
+    np.testing.assert_allclose(free * (level.assembled(tangent) @ found), right, atol=1e-7)
+
+
+def test_it_follows_a_stretched_shape() -> None:
+    """Stretch the strip: the tangent there is no longer that at rest, and is still the gradient's derivative."""
+    level, tangent, products, free = _level("", 0.1)
+    assert tangent.shift == 0.0
+    direction = np.random.default_rng(2).standard_normal(len(free))
+    exact = products(direction)
+    np.testing.assert_allclose(level.assembled(tangent) @ direction, exact, atol=1e-5 * np.abs(exact).max())
+    at_rest, tangent_at_rest, *_ = _level("", 0.0)
+    assert np.abs(at_rest.assembled(tangent_at_rest) @ direction - exact).max() > 0.01 * np.abs(exact).max()
+
+
+def test_an_indefinite_tangent_gets_a_factor_all_the_same() -> None:
+    """Squash the strip far beyond its buckling load: what is taken is positive definite."""
+    simulation = Simulation(scene_from_text(SCENE.replace("TIP", "")))
+    equilibrium = simulation._stepper.equilibrium
+    body = equilibrium.body
+    squashed = body.rest * [0.7, 1.0, 1.0]
+    squashed[:, 0] += body.rest[:, 0].min() * 0.3
+    squashed[body.unknowns.prescribed] = body.rest[body.unknowns.prescribed]
+    task = Solve.at(equilibrium._model, equilibrium.at_rest().with_(positions=squashed)).evaluate(
+        equilibrium._whole, equilibrium.matrix.coupling, threads=None
+    )
+    level, problem, work = TangentLevel(body, equilibrium.matrix.assembled), task.problem, task.active.workspace
+    elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
+    matrix = level.assembled(level.take(work.u, work.x, problem.frame, elements)).toarray()
+    assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0] > 0.0
+
+
+def test_a_kept_tangent_is_loaded_from_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Go on from a snapshot in another simulation: the same bits, and the tangent is factored, not taken anew."""
+    scene = scene_from_text(SCENE.replace("TIP", ""))
+    first, second = Simulation(scene), Simulation(scene)
+    for share in (0.5, 0.51):
+        first.step(Command(loads={"weight": share}))
+    assert first.snapshot().state.tangent is not None
+    second.restore(first.snapshot())
+    monkeypatch.setattr(TangentLevel, "take", lambda *_, **__: pytest.fail("taken anew"))
+    one, other = (simulation.step(Command(loads={"weight": 0.52})) for simulation in (first, second))
+    np.testing.assert_array_equal(one.positions, other.positions)
+    assert one.iterations == other.iterations
