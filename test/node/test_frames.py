@@ -65,10 +65,10 @@ def test_plates_are_told_on_tf(client: Any, start: Callable, coarse: dict, inter
     tree, felt = _Tree(client), []
     client.node.create_subscription(WrenchStamped, client.full("handles/tip/force_torque"), felt.append, _LATCHED)
     start(**coarse, clock="lockstep", frame_id="left/base_link", publish_clock=True)
-    client.wait(lambda: felt and "left/tip" in tree.heard)
     client.target(0.1, turn=(0.0, 0.3, 0.0))
     client.wait_steps(2)
-    client.wait(lambda: felt[-1].header.stamp.nanosec and tree.heard["left/tip"].header.stamp == felt[-1].header.stamp)
+    client.wait(lambda: felt and felt[-1].header.stamp.nanosec and "left/tip" in tree.heard)
+    client.wait(lambda: tree.heard["left/tip"].header.stamp == felt[-1].header.stamp)
     wrench = client.arrived("handles/tip/wrench", felt[-1].header.stamp)
     pose = client.arrived("handles/tip/pose", felt[-1].header.stamp)
     named = {message[-1].header.frame_id for name, message in client.received.items() if name.startswith("handles")}

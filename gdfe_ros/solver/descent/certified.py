@@ -32,7 +32,7 @@ PATIENT = 12
 """Iterations in a row after which the tangent is taken anew."""
 AWAY = 0.02
 """Of the body's size: a first step along a direction of negative curvature."""
-MOST_UNKNOWN = 2
+MOST_UNKNOWN = 3
 """Times in a solve that conjugate gradients may leave the distance unknown: the body is about to buckle."""
 MOST_TANGENTS = 20
 """Tangents in a solve after which it is given up: nothing smooth is found there, as where points of a cable meet."""
@@ -167,9 +167,9 @@ class CertifiedMinimiser(Minimiser):
 
     def _run(self, task: Task, goal: float, limit: int) -> Descended:
         """Iterate until the step is at most ``goal`` [m]; take the tangent anew where that takes long."""
-        used, damping, status = 0, 0.0, task.active.status
+        used, damping, before, status = 0, 0.0, np.inf, task.active.status
         while True:
-            chunk, before = min(PATIENT, limit - used), float(status["distance"])
+            chunk = min(PATIENT, limit - used)
             went = self._run_stepwise(task, goal, goal, 0, chunk, prepared=self._prepared)
             self._prepared = True
             used, self._work = used + went.iterations, self._work + went.iterations
@@ -183,6 +183,7 @@ class CertifiedMinimiser(Minimiser):
                 return Descended(used, cut=False)
             if astray or status["distance"] > 0.5 * before:
                 damping = max(self._softness, DAMPING * damping)
+            before = float(status["distance"])
             self._take(task, damping=damping)
 
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
