@@ -60,6 +60,7 @@ class ManagedNode(LifecycleNode):
 
     def __init__(self, name: str, **options: Any) -> None:
         self._preparation: threading.Thread | None = None
+        self._destroyed = False
         self.faults = Faults(lambda text: self.get_logger().error(text))
         super().__init__(name, **options)
         self._service_change_state.callback = self._checked(self._service_change_state.callback)
@@ -68,8 +69,8 @@ class ManagedNode(LifecycleNode):
 
     @property
     def lifecycle_state(self) -> str:
-        """Label of the lifecycle state, e.g. ``active``."""
-        return self._state_machine.current_state[1]
+        """Label of the lifecycle state, e.g. ``active``; ``finalized`` once the node is destroyed."""
+        return "finalized" if self._destroyed else self._state_machine.current_state[1]
 
     def offer(self, kind: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Create a service; see the class for what its callback may do."""
@@ -85,6 +86,17 @@ class ManagedNode(LifecycleNode):
         """Create a subscription, as rclpy does, that outlives what its callback raises."""
         guarded = self.guarded(callback, f"the subscription of {topic}")
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
+
+    def destroy_node(self) -> None:
+        """Destroy the node at once.
+
+        rclpy keeps a lifecycle's state machine, and with it the node's name in the graph, until Python collects the
+        node as garbage.
+        """
+        super().destroy_node()
+        if not self._destroyed:
+            self._destroyed = True
+            self._state_machine.destroy_when_not_in_use()
 
     def guarded(self, callback: Callable[..., None], place: str) -> Callable[..., None]:
         """Make a callback that notes what it raises as a fault of ``place``."""

@@ -55,3 +55,25 @@ def test_two_robots_run_in_one_process(make: Callable[[Any], Any]) -> None:
             node.destroy_node()
         executor.shutdown()
         rclpy.shutdown(context=context)
+
+
+def test_a_destroyed_node_leaves_the_graph(ros: Any) -> None:
+    """Destroy a node that is still referred to: others do not see its name any more."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = SimNode(namespace="leaving", context=context, parameter_overrides=[Parameter("autostart", value=False)])
+    watcher, end = ros.node("watcher"), time.monotonic() + 300.0
+
+    def is_seen() -> bool:
+        assert time.monotonic() < end
+        ros.executor.spin_once(timeout_sec=0.1)
+        return ("gdfe_sim", "/leaving") in watcher.get_node_names_and_namespaces()
+
+    while not is_seen():
+        pass
+    node.close()
+    node.destroy_node()
+    while is_seen():
+        pass
+    rclpy.shutdown(context=context)
+    assert node.lifecycle_state == "finalized"
