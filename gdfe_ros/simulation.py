@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -20,13 +21,14 @@ from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
 from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
+from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.result import StepResult
-from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
+from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.state import Snapshot
-from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.stepper import Stepper
-from gdfe_ros.solver.terms.actuation import LOAD_FACTOR, Actuation
+from gdfe_ros.solver.stepping.outcome import step_result
+from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.steppers import make_stepper
 
 WARM_UP = 1e-3
 """Of the body's size: how far handles are moved to have every kernel compiled."""
@@ -72,8 +74,7 @@ class Simulation:
             scene.cell_material,
             scene.handles,
         )
-        actuation = Actuation(body, scene.actuators, scene.loads, [make(body) for make in terms])
-        self._stepper = Stepper(body, self.settings, actuation)
+        self._stepper = make_stepper(scene, self.settings, body, terms)
         self.reset()
 
     @property
@@ -133,16 +134,16 @@ class Simulation:
         self,
         command: Command | None = None,
         *,
-        dt: float = 0.0,
+        dt: float | None = None,
         deadline: float | None = None,
         cut_after: int | None = None,
         interrupted: Callable[[], bool] | None = None,
     ) -> StepResult:
-        """Find the equilibrium for a command and advance time by ``dt`` [s].
+        """Follow a command for ``dt`` [s]: to its equilibrium or, with dynamics, as far as the body gets in that time.
 
         Args:
             command: new targets; None keeps the old ones.
-            dt: simulation time of the step [s].
+            dt: simulation time of the step [s]; None: none or, with dynamics, one internal step.
             deadline: wall time [s] after which the best state found so far is returned; later steps go on from it.
             cut_after: instead of a deadline, end the solve where a recorded one was ended (``StepResult.cut_after``).
             interrupted: asked now and then; once it tells so, the solve ends as at a deadline.
@@ -151,20 +152,30 @@ class Simulation:
             CommandError: an unknown or fixed handle is commanded, an unknown actuator or load, a command is out of
                 range, or a time is negative or not finite; the state is unchanged.
         """
-        started = time.perf_counter()
+        started, moves = time.perf_counter(), self.scene.dynamics
+        if dt is None:
+            dt = moves.step if moves else 0.0
         require_times(dt=dt, deadline=deadline, cut_after=cut_after)
         targets = self._orders.targets(command, self.targets)
         commands = self._orders.values(command, self.commands)
-        self.time += dt
         self.targets, self.commands = targets, commands
         limited = self._orders.within_rates(commands, self._state.commands, dt)
         limit = Deadline.of(started, deadline, cut_after, interrupted)
         march = None
-        if not self._stepper.rests(self._state, targets, limited):
-            march = self._stepper.step(self._state, targets, limited, deadline=limit)
+        if not self._stepper.rests(self._state, targets, limited) and (dt or not moves):
+            march = self._stepper.step(self._state, targets, limited, duration=dt, deadline=limit)
             self._state = march.state
-        self.result = self._result(march, started, limit)
+        self.time += dt if march is None or march.simulated is None else march.simulated
+        given = {"time": self.time, "origin": self._origin, "settings": self.settings}
+        self.result = step_result(self._stepper, self._state, march, **given, started=started, limit=limit)
         return self.result
+
+    @property
+    def settled(self) -> bool:
+        """Whether the state stays as it is while nothing new is commanded."""
+        if isinstance(self._stepper, MotionStepper):
+            return self._stepper.rests(self._state, self.targets, self.commands)
+        return self.result is None or self.result.converged
 
     def remarks(self) -> list[str]:
         """Say what is doubtful about the scene: unstable materials, contrasts beyond the policy's calibration."""
@@ -212,7 +223,7 @@ class Simulation:
         program = self.scene.program
         if program is None:
             raise CommandError(f"scene {self.scene.name!r} has no program to play; add the key 'program'")
-        steps = steps or self.settings.steps or (RELATIVE_STEPS if self.policy is Policy.RELATIVE else None)
+        steps = steps or self.settings.steps or self._usual_steps(program.duration)
         for moment in program.moments(steps):
             command = Command(
                 program.handle_poses(moment), program.actuator_values(moment), program.load_factors(moment)
@@ -220,6 +231,12 @@ class Simulation:
             yield self.step(command, dt=moment - self.time)
             if progress is not None:
                 progress(moment / program.duration)
+
+    def _usual_steps(self, duration: float) -> int | None:
+        """Return the load steps of a program where nobody names them; None for one at each keyframe."""
+        if self.scene.dynamics is not None:
+            return math.ceil(duration / self.scene.dynamics.step)
+        return RELATIVE_STEPS if self.policy is Policy.RELATIVE else None
 
     def fields(self) -> ElementFields:
         """Evaluate the element fields at the current positions."""
@@ -267,36 +284,13 @@ class Simulation:
             actuators: names of actuators; None takes all, in the scene's order.
 
         Raises:
-            CommandError: no such probe or actuator.
+            CommandError: no such probe or actuator, or the scene has dynamics.
         """
+        if isinstance(self._stepper, MotionStepper):
+            raise CommandError("a Jacobian is one of equilibria; remedy: leave `dynamics` out of the scene")
         from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
 
         points = self._orders.probes(probes)
         names = self.actuator_names if actuators is None else actuators
         columns = jacobian(self._stepper, self._state, points, [self._orders.actuator(name) for name in names])
         return np.stack(columns, axis=2) if columns else np.zeros((len(points), 3, 0))
-
-    def _result(self, march: March | None, started: float, limit: Deadline | None) -> StepResult:
-        """Return the result of a step; ``march`` is None where the state was the equilibrium already."""
-        state, equilibrium = self._state, self._stepper.equilibrium
-        summary = state.summary
-        return StepResult(
-            time=self.time,
-            positions=state.positions + self._origin,
-            converged=summary.converged,
-            iterations=march.iterations if march else 0,
-            residual=summary.residual,
-            energy=summary.energy,
-            min_det=summary.min_det,
-            reactions={name: wrench.copy() for name, wrench in summary.reactions.items()},
-            actuators=dict(summary.actuators),
-            terms={name: dict(report) for name, report in summary.terms.items()},
-            skipped=march.skipped if march else {Skip.SOLVE.value: 1},
-            substeps=march.increments if march else 0,
-            restarts=march.restarts if march else 0,
-            wall_time=time.perf_counter() - started,
-            policy=self.settings.policy,
-            factorisation=equilibrium.matrix.kind.value,
-            message=summary.message,
-            cut_after=limit.after if limit else None,
-        )

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Growth, Mode
 from gdfe_ros.actuators.embedding import Embedding, embed
-from gdfe_ros.actuators.load import Gravity, Load, PointLoad, SurfaceLoad
+from gdfe_ros.actuators.load import AttachedMass, Gravity, Load, PointLoad, SurfaceLoad
 from gdfe_ros.actuators.reading import Readings
 
 __all__ = [
     "Actuator",
     "ActuatorState",
+    "AttachedMass",
     "Cable",
     "Chamber",
     "Embedding",

@@ -15,6 +15,27 @@ GAUSS = 3.0**-0.5
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class AttachedMass:
+    """A mass on vertices, in equal parts.
+
+    Attributes:
+        name: unique among attached masses.
+        vertices: (k,) int32.
+        mass: in total [kg].
+    """
+
+    name: str
+    vertices: NDArray[np.int32]
+    mass: float
+
+    def spread(self, count: int) -> NDArray[np.float64]:
+        """Return the mass at each of ``count`` vertices (n,) [kg]."""
+        shares = np.zeros(count)
+        shares[self.vertices] = self.mass / len(self.vertices)
+        return shares
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Gravity:
     """The weight of every cell.
 
@@ -22,22 +43,21 @@ class Gravity:
         name: unique in the scene among actuators and loads.
         acceleration: (3,) [m/s^2].
         density: (m,) of each cell [kg/m^3].
+        attached: masses that weigh, too.
     """
 
     name: str
     acceleration: NDArray[np.float64]
     density: NDArray[np.float64]
+    attached: tuple[AttachedMass, ...] = ()
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
         """Return the force at each vertex (n, 3) [N]: each corner's share of the mass is exact for trilinear cells."""
-        corners = rest[cells]
-        share = np.zeros((len(cells), 8))
-        for point in GAUSS * CORNERS:
-            factors = 1.0 + CORNERS * point
-            local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
-            volume = np.linalg.det(np.einsum("eai,aj->eij", corners, local))
-            share += volume[:, None] * 0.125 * factors.prod(axis=1)
-        return _collect(len(rest), cells, (self.density[:, None] * share)[..., None] * self.acceleration)
+        share = corner_volumes(rest, cells)
+        forces = _collect(len(rest), cells, (self.density[:, None] * share)[..., None] * self.acceleration)
+        for item in self.attached:
+            forces += item.spread(len(rest))[:, None] * self.acceleration
+        return forces
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -79,6 +99,18 @@ class SurfaceLoad:
 
 
 Load = Gravity | PointLoad | SurfaceLoad
+
+
+def corner_volumes(rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the share of each corner in the volume of each trilinear cell, (m, 8) [m^3], by 2 x 2 x 2 Gauss points."""
+    corners = rest[cells]
+    share = np.zeros((len(cells), 8))
+    for point in GAUSS * CORNERS:
+        factors = 1.0 + CORNERS * point
+        local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
+        volume = np.linalg.det(np.einsum("eai,aj->eij", corners, local))
+        share += volume[:, None] * 0.125 * factors.prod(axis=1)
+    return share
 
 
 def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -232,12 +232,12 @@ class Stepper:
         """Tell whether the state stays as it is without a new order."""
         if self._drive.moving:
             return False
-        simulation, result = self._simulation, self._simulation.result
+        simulation = self._simulation
         if self._rated:
             states = simulation.actuator_states()
             if any(states[name].command != simulation.commands[name] for name in states):
                 return False
-        return result is None or result.converged or self._retries >= _MOST_RETRIES
+        return simulation.settled or (not simulation.scene.dynamics and self._retries >= _MOST_RETRIES)
 
     def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False) -> None:
         """Make one step and deliver it."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators import (
     Actuator,
+    AttachedMass,
     Cable,
     Chamber,
     Embedding,
@@ -64,6 +66,7 @@ def build_loads(
     mesh: HexMesh | None,
     materials: Mapping[str, Material],
     cell_material: NDArray[np.int32],
+    masses: tuple[AttachedMass, ...],
     report: Report,
 ) -> tuple[Load, ...]:
     """Return the loads whose place in the body can be found; gravity needs the density of every material."""
@@ -72,7 +75,8 @@ def build_loads(
         path = ("loads", name, model.chosen[0])
         if name in draft.actuators:
             report.add(("loads", name), "an actuator has this name; remedy: another name", value=NO_VALUE)
-        built.append(_load(name, model, mesh, materials, cell_material, path, report))
+        load = _load(name, model, mesh, materials, cell_material, path, report)
+        built.append(replace(load, attached=masses) if isinstance(load, Gravity) else load)
     return tuple(load for load in built if load is not None)
 
 

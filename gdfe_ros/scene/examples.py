@@ -5,7 +5,15 @@ from __future__ import annotations
 
 from pydantic import BaseModel
 
-from gdfe_ros.scene import actuator_schema, generator_schema, material_schema, mesh_schema, schema, where_schema
+from gdfe_ros.scene import (
+    actuator_schema,
+    generator_schema,
+    material_schema,
+    mesh_schema,
+    motion_schema,
+    schema,
+    where_schema,
+)
 
 SCENE = """\
 name: soft_arm
@@ -23,8 +31,11 @@ actuators:
   tendon: {cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: tension, range: [0.0, 20.0]}}
 loads:
   weight: {gravity: [0, 0, -9.81]}
+masses:
+  camera: {mass: 0.02, where: {face: x+}}
 probes:
   tip: [0.2, 0.0, 0.0]
+dynamics: {scheme: bdf2, step: 0.01}
 program:
   duration: 1.0
   actuators:
@@ -33,6 +44,14 @@ solver: {policy: energy, tolerance: 1.0e-4}
 """
 
 EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
+    motion_schema.DynamicsModel: (
+        "{scheme: generalised_alpha, rho_inf: 0.8, step: 0.005, damping: {viscosity: 50.0}, velocity: [0, 0, 0.1], "
+        "spin: [0, 0, 1]}",
+        "{scheme: bdf2, step: 0.002, prony: [{share: 0.1, time: 0.02}, {share: 0.1, time: 0.2}]}",
+    ),
+    motion_schema.DampingModel: ("{mass: 0.5, viscosity: 100.0}",),
+    motion_schema.BranchModel: ("{share: 0.2, time: 0.05}",),
+    motion_schema.MassModel: ("{mass: 0.052, where: {face: x+}}",),
     schema.SceneModel: (SCENE,),
     mesh_schema.MeshModel: (
         "bar: {size: [0.20, 0.05, 0.05], cells: [20, 5, 5]}",

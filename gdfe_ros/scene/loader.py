@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.scene import actuation, builder
+from gdfe_ros.scene import actuation, builder, motion
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
 from gdfe_ros.scene.override import apply_override
 from gdfe_ros.scene.report import NO_VALUE, Report
@@ -81,10 +81,11 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     materials = builder.build_materials(draft, report)
     cell_material = builder.assign_materials(draft, mesh, _names(document, "materials"), report)
     handles = builder.build_handles(draft, mesh, report)
-    if mesh is not None and len(handles) == len(_names(document, "handles")):
+    if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
         builder.require_held(mesh, part, handles, report)
     actuators = actuation.build_actuators(draft, mesh, report)
-    loads = actuation.build_loads(draft, mesh, materials, cell_material, report)
+    masses = motion.build_masses(draft, mesh, report)
+    loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     probes = actuation.build_probes(draft, mesh, report)
     program = None
     if draft.program is not None:
@@ -96,6 +97,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         parts = {"handles": handles, "actuators": actuators, "loads": loads, "policy": solver.policy}
         for key, text in unsolvable(materials=materials, cell_material=cell_material, **parts):
             report.add(key, text, value=NO_VALUE)
+    dynamics = motion.build_dynamics(draft, materials, solver.policy, report)
     report.raise_if_any()
     data = document.data
     return Scene(
@@ -112,6 +114,8 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         actuators=actuators,
         loads=loads,
         probes=probes,
+        masses=masses,
+        dynamics=dynamics,
     )
 
 
@@ -136,7 +140,7 @@ def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
 def _depth(path: KeyPath) -> int:
     if path[0] == "program" and path[1:2] in (("handles",), ("actuators",), ("loads",)):
         return 3
-    return 2 if path[0] in ("materials", "regions", "handles", "actuators", "loads", "probes") else 1
+    return 2 if path[0] in ("materials", "regions", "handles", "actuators", "loads", "masses", "probes") else 1
 
 
 def _drop(container: Any, path: KeyPath) -> None:

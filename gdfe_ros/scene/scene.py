@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators import Actuator, Embedding, Load
+from gdfe_ros.actuators import Actuator, AttachedMass, Embedding, Load
 from gdfe_ros.constraints import Handle
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.program import Program
+from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.settings import SolverSettings
 
 
@@ -37,6 +38,8 @@ class Scene:
         actuators: cables, chambers and growths, in the order of the file.
         loads: dead loads, in the order of the file.
         probes: material points by name, in the order of the file.
+        masses: attached masses, in the order of the file.
+        dynamics: inertia, damping and steps in time; None for a scene whose every step is an equilibrium.
     """
 
     name: str
@@ -52,3 +55,5 @@ class Scene:
     actuators: tuple[Actuator, ...] = ()
     loads: tuple[Load, ...] = ()
     probes: Mapping[str, Embedding] = field(default_factory=dict)
+    masses: tuple[AttachedMass, ...] = ()
+    dynamics: Dynamics | None = None

@@ -14,6 +14,7 @@ from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Point3
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.material_schema import MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel
+from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
 from gdfe_ros.scene.program import Keyframe
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
@@ -135,7 +136,11 @@ class SceneModel(Entry):
         {}, description="by name, as tendon: {cable: {points: [...], command: tension}}"
     )
     loads: dict[Name, LoadModel] = Field({}, description="by name, as weight: {gravity: [0, 0, -9.81]}")
+    masses: dict[Name, MassModel] = Field(
+        {}, description="attached masses by name, as payload: {mass: 0.05, where: ...}"
+    )
     probes: dict[Name, Point3] = Field({}, description="material points by name, as tip: [0.1, 0, 0]")
+    dynamics: DynamicsModel | None = None
     program: ProgramModel | None = None
     solver: SolverModel = SolverModel()
 
@@ -149,6 +154,8 @@ class Draft(BaseModel):
     handles: dict[str, HandleModel] = {}
     actuators: dict[str, ActuatorModel] = {}
     loads: dict[str, LoadModel] = {}
+    masses: dict[str, MassModel] = {}
+    dynamics: DynamicsModel | None = None
     probes: dict[str, Point3] = {}
     program: ProgramModel | None = None
     solver: SolverModel = SolverModel()

@@ -12,6 +12,7 @@ from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load, Mode
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material
+from gdfe_ros.scene.motion import lacks_inertia
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
@@ -34,6 +35,8 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
         loads=scene.loads,
         policy=settings.policy,
     )
+    if scene.dynamics is not None and (text := lacks_inertia(scene.materials, settings.policy)):
+        defects.append((("dynamics",), text))
     if defects:
         raise SceneError(f"scene {scene.name}", [text for _, text in defects])
 

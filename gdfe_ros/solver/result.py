@@ -40,6 +40,8 @@ class StepResult:
         terms: reports of terms that were added to the simulation, by their names.
         restarts: 1 where the step ended in folded or inverted elements or, from given positions, in another
             equilibrium, and was made again from rest; the message says why.
+        velocities: (n, 3) [m/s] with dynamics, a copy of your own; None without.
+        energies: with dynamics: kinetic, elastic, potential, work done and dissipated since the start [J], by name.
     """
 
     time: float
@@ -60,3 +62,5 @@ class StepResult:
     actuators: dict[str, ActuatorState] = field(default_factory=dict)
     terms: dict[str, dict[str, float]] = field(default_factory=dict)
     restarts: int = 0
+    velocities: NDArray[np.float64] | None = None
+    energies: dict[str, float] = field(default_factory=dict)

@@ -25,6 +25,7 @@ class Increment:
         tolerance: estimated largest distance to the equilibrium over the body's size.
         limit: most iterations.
         deadline: when it has passed, the best positions so far are returned; None: never.
+        keeping: to which volumes, commanded lengths and hourglass scales are kept, likewise; None: the tolerance.
     """
 
     poses: Mapping[str, Pose]
@@ -32,6 +33,7 @@ class Increment:
     tolerance: float
     limit: int
     deadline: Deadline | None = None
+    keeping: float | None = None
 
     @classmethod
     def at(cls, state: State, *, tolerance: float, limit: int, deadline: Deadline | None = None) -> Increment:

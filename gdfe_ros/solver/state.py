@@ -177,6 +177,19 @@ class Summary:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Ledger:
+    """What a moving body was given and lost since the start.
+
+    Attributes:
+        work: done on it by handles and by changing commands [J].
+        lost: to damping [J].
+    """
+
+    work: float
+    lost: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class State:
     """A body in the middle of a simulation.
 
@@ -201,6 +214,7 @@ class State:
         suspect: the positions were given and have folded or inverted elements.
         tried: it was tried in vain to come here from rest.
         anchor: the last state that was an equilibrium, where this one is on the way to one.
+        ledger: of a body in motion; None without dynamics.
     """
 
     positions: Array
@@ -226,6 +240,7 @@ class State:
     suspect: bool = False
     tried: bool = False
     anchor: State | None = None
+    ledger: Ledger | None = None
 
     def change_to(self, commands: Mapping[str, float]) -> Array:
         """Return by how much each command changes to ``commands``, (c,), each in its own unit."""

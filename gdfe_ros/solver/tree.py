@@ -22,6 +22,7 @@ _VALUES = (
     states.Balance,
     states.ElementState,
     states.Known,
+    states.Ledger,
     states.Motion,
     states.ShapeState,
     states.Sleep,

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from gdfe_ros.solver.equilibrium.slender import for_slender
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation, assemble
+from gdfe_ros.solver.reactions import vertex_forces
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import Known, State, Summary
@@ -47,6 +48,8 @@ class EnergyEquilibrium:
         library: what factors the constant matrix; None chooses.
         skip: work that may be left out.
         threads: most that share the elements.
+        predictor: makes what predicts where a solve ends; None for that of equilibria.
+        softening: hourglass scales follow the strain.
 
     Attributes:
         matrix: the constant matrix.
@@ -64,6 +67,8 @@ class EnergyEquilibrium:
         library: Factorisation | None = None,
         skip: Collection[Skip] = tuple(Skip),
         threads: int = 1,
+        predictor: Callable[[HandleMotions], Predictor] | None = None,
+        softening: bool = True,
     ) -> None:
         self.body, self._threads = body, threads
         if threads > 1:
@@ -77,14 +82,23 @@ class EnergyEquilibrium:
         self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns, library=library)
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)
-        self._predictor = Predictor(body, self.handles)
-        memory = LONG_MEMORY if self.actuation.drives else MEMORY
+        self._predictor = predictor(self.handles) if predictor else Predictor(body, self.handles)
+        memory = LONG_MEMORY if self.actuation.drives and predictor is None else MEMORY
         still = not self.actuation.growths
         self._whole = ActiveSet.whole(body, self.matrix, memory, rigid=still, skip=skip)
         self._dormancy = Dormancy(body, self._whole, skip if still else (), pushed=bool(self.actuation.terms))
-        model = Model(body, self.actuation, self.handles, Minimiser(body, stiffness, bending))
+        model = Model(body, self.actuation, self.handles, Minimiser(body, stiffness, bending), softening=softening)
         shared = self._whole.threads(threads)
-        self._model = for_slender(model, self._whole, self.matrix, self.at_rest(), stiffness, bending, threads=shared)
+        self._model = for_slender(
+            model,
+            self._whole,
+            self.matrix,
+            self.at_rest(),
+            stiffness,
+            bending,
+            threads=shared,
+            moving=predictor is not None,
+        )
         self.minimiser = self._model.minimiser
         if self.minimiser.lumps or self.minimiser.certified:
             self._dormancy = Dormancy(body, self._whole, (), pushed=bool(self.actuation.terms))
@@ -144,7 +158,7 @@ class EnergyEquilibrium:
             base,
             prediction,
             active.elements,
-            warm=bool(prediction.ratio and motion <= near),
+            warm=bool(prediction.ratio and (prediction.sure or motion <= near)),
         )
         held = self._dormancy.is_part(active)
         if held:
@@ -198,6 +212,15 @@ class EnergyEquilibrium:
             sleep=sleep,
             balance=solution.balance,
         )
+
+    def forces(self, state: State) -> NDArray[np.float64]:
+        """Return dE/dx (n, 3) [N] of all terms at a state; zero inside of handles."""
+        work, vertices = self._whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
+        Solve.at(self._model, state).evaluate(
+            self._whole, self.matrix.coupling, threads=self._whole.threads(self._threads)
+        )
+        self._loaded = None
+        return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def skipped(self, solution: Solution) -> dict[str, int]:
         """Return what a solve left out, by name."""

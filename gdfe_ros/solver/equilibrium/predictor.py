@@ -30,12 +30,14 @@ class Prediction:
         positions: (n, 3) [m].
         slides, turns: (p, 3) free motions of handles [m], [rad].
         ratio: share of the last step that was repeated.
+        sure: it is near the end of the step, however far from its beginning.
     """
 
     positions: NDArray[np.float64]
     slides: NDArray[np.float64]
     turns: NDArray[np.float64]
     ratio: float
+    sure: bool = False
 
 
 class Predictor:

@@ -20,6 +20,8 @@ from gdfe_ros.solver.tangent.softness import smooth_field, softness
 SLENDER = 1.5e-3
 """Softness, as 40 Lanczos steps find it, below which the constant matrix alone falls too short: the stocky scenes have
 3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3."""
+SLENDER_IN_MOTION = 2e-2
+"""The same with inertia, where no distance is to be known and a tangent pays sooner."""
 MECHANISM = 1e-10
 """Softness below which a motion has no stiffness but rounding: a body that its handles let turn or move as a whole."""
 INVERSE_ITERATIONS = 6
@@ -35,6 +37,7 @@ def for_slender(
     bending: NDArray[np.float64],
     *,
     threads: int | None,
+    moving: bool = False,
 ) -> Model:
     """Return the model with a tangent to descend on where the body needs one; otherwise as it is.
 
@@ -46,6 +49,7 @@ def for_slender(
         weight: (m,) [Pa] of the constant matrix.
         bending: (m,) [N/m] of the constant matrix.
         threads: that share the elements.
+        moving: inertia is among the terms.
     """
     body, count = model.body, len(whole.unknowns.free)
     if count == 0:
@@ -54,7 +58,9 @@ def for_slender(
     product, field = TangentProducts(body), np.zeros((whole.unknowns.rows, 3))
     product.begin(task)
     field[:count] = smooth_field(body.rest)[whole.unknowns.free]
-    if softness(product, task.precondition, _weighed(matrix, field, count)) >= SLENDER:
+    if softness(product, task.precondition, _weighed(matrix, field, count)) >= (
+        SLENDER_IN_MOTION if moving else SLENDER
+    ):
         return model
     level, problem, work = TangentLevel(body, matrix.assembled, model.actuation.terms), task.problem, whole.workspace
     elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
@@ -67,7 +73,8 @@ def for_slender(
         field = found.reshape(-1, 3) / np.abs(found).max()
     if least < MECHANISM:
         return model
-    return replace(model, minimiser=CertifiedMinimiser(body, weight, bending, level, least), level=level)
+    minimiser = CertifiedMinimiser(body, weight, bending, level, least, trusting=moving)
+    return replace(model, minimiser=minimiser, level=level)
 
 
 def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -43,7 +43,8 @@ MOST_UPDATES = 60
 class Model:
     """What all solves of a body share: the body, what acts on it, its handles, and what descends in its potential.
 
-    ``level`` holds the tangents that precondition a slender body; None where the constant matrix does.
+    ``level`` holds the tangents that precondition a slender body; None where the constant matrix does. Without
+    ``softening`` hourglass scales stay: a change of them would make or take energy.
     """
 
     body: Body
@@ -51,6 +52,7 @@ class Model:
     handles: HandleMotions
     minimiser: Minimiser
     level: TangentLevel | None = None
+    softening: bool = True
 
 
 class Solve:
@@ -84,7 +86,7 @@ class Solve:
         warm: bool,
     ) -> None:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
-        self._level = model.level
+        self._level, self._softening = model.level, model.softening
         self.problem, self.start, self._warm = problem, start, warm
         self._base, self._frame, self._prediction = base, model.handles.frame(base), prediction
         self._operators = self._actuation.growths.at(problem.commands, start.operators)
@@ -140,10 +142,10 @@ class Solve:
         last = self.start.positions if self._warm else None
         self._minimiser.begin(active, watched=not self._warm, tangent=self.start.tangent, last=last)
         task = self.evaluate(active, coupling, threads=threads)
-        updates = len(active.carried) or len(active.softening) or self._actuation.updates
+        updates = len(active.carried) or self._softens(active) or self._actuation.updates
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
         least = WARM_ITERATIONS if self._warm else COLD_ITERATIONS
-        if self._actuation.drives and status["count"] < LONG_MEMORY:
+        if self._actuation.drives and status["count"] < LONG_MEMORY and not self._prediction.sure:
             least = LEARNING_ITERATIONS
         if self._resumed is not None:
             inner, least = max(self._resumed.tolerance, tolerance), max(0, least - self._resumed.iterations)
@@ -247,16 +249,20 @@ class Solve:
         Where no descent is left above the tolerance, new pressures and scales may open one.
         """
         body, shape, x, settled = self._body, self._operators.shape, active.workspace.x, True
-        tolerance = self.problem.tolerance
+        tolerance = self.problem.keeping or self.problem.tolerance
         slack = WARM_SLACK if self._warm and not self._minimiser.certified else 1.0
         if len(active.carried):
             settled = self.pressures.update(x, active.carried, shape, still=still) <= slack * tolerance
         if self._actuation.updates:
             settled = self._actuation.update(x) <= tolerance and settled
-        if len(active.softening):
+        if self._softens(active):
             change = update_hourglass_scales(x, active.softening, shape, body.material, body.table, self._scale)
             settled = settled and change <= SCALE_SLACK * slack * tolerance
         return settled
+
+    def _softens(self, active: ActiveSet) -> bool:
+        """Tell whether hourglass scales follow the strain."""
+        return self._softening and len(active.softening) > 0
 
     def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
         """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""

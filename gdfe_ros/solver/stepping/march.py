@@ -27,6 +27,7 @@ class March:
         message: what is wrong; empty where nothing is.
         skipped: what the last solve left out, by name.
         restarts: 1 where the way from rest was taken instead.
+        simulated: time [s] that a body in motion went; None for one without dynamics.
     """
 
     state: State
@@ -37,6 +38,7 @@ class March:
     message: str
     skipped: dict[str, int]
     restarts: int = 0
+    simulated: float | None = None
 
     @property
     def sound(self) -> bool:

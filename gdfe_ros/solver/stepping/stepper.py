@@ -69,6 +69,7 @@ class Stepper:
         targets: Mapping[str, Pose],
         commands: Mapping[str, float],
         *,
+        duration: float = 0.0,
         tolerance: float | None = None,
         deadline: Deadline | None = None,
     ) -> March:
@@ -78,6 +79,7 @@ class Stepper:
             state: where to begin.
             targets: pose of every handle.
             commands: of every actuator and load.
+            duration: [s]; an equilibrium does not depend on it.
             tolerance: instead of the settings'.
             deadline: when it has passed, the way ends where it is.
         """

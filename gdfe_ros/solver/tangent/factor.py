@@ -19,6 +19,9 @@ class Factor:
     Args:
         matrix: (n, n) with the pattern, which is symmetric.
         order: (n,) in which its band is narrow.
+
+    Attributes:
+        price: of a factor, in solutions.
     """
 
     def __init__(self, matrix: sparse.csr_matrix, order: NDArray[np.int64]) -> None:
@@ -31,6 +34,7 @@ class Factor:
         lower = rows[self._below] - columns[self._below]
         self._width = int(lower.max(initial=0)) + 1
         self._banded = self._width * self._size <= BROADEST
+        self.price = self._width // 8
         self._place = columns[self._below] * self._width + lower
         self._factor = None
 

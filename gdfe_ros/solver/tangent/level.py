@@ -53,6 +53,9 @@ class TangentLevel:
         body: the discretised body.
         matrix: (n, n) the assembled constant matrix.
         terms: what acts on the body.
+
+    Attributes:
+        price: of a tangent, in solutions with it.
     """
 
     def __init__(self, body: Body, matrix: sparse.csc_matrix, terms: Sequence[Term] = ()) -> None:
@@ -60,11 +63,14 @@ class TangentLevel:
         self._elements = ElementStiffness(body.cells, body.shape.volume)
         self._assembly = Assembly([body.cells, *(term.couplings() for term in terms)], body.unknowns)
         self._constant = self._assembly.spread(matrix, body.unknowns)
+        even = [term.stiffness() for term in terms if term.even]
+        self._even = self._assembly.spread(sum(even).tocsc(), body.unknowns) if even else 0.0
         self._free = 3 * self._assembly.free
         free, pattern = self._assembly.free, self._assembly.matrix(np.ones((len(self._assembly.indices), 3, 3)))
         graph = self._assembly.graph()[:free, :free].tocsr()
         order = 3 * narrow_order(graph, body.rest[body.unknowns.free])[:, None] + np.arange(3)
         self._factor = Factor(pattern[: self._free, : self._free].tocsr(), order.ravel())
+        self.price = self._factor.price
         self._loaded: Tangent | None = None
 
     def take(
@@ -84,10 +90,11 @@ class TangentLevel:
         """
         stiffness, motion = self._elements.at(x, *elements), self._motion(u, frame)
         added = [term.tangents(x) for term in self._terms]
-        tangent, shift = self._assembly.blocks([stiffness, *added]) + damping * self._constant, 0.0
+        tangent, shift = self._assembly.blocks([stiffness, *added]) + self._even + damping * self._constant, 0.0
         if self._load(Tangent(blocks=tangent, motion=motion)):
             return self._loaded
-        tangent = self._assembly.blocks([without_negative(stiffness), *added]) + damping * self._constant
+        tangent = self._assembly.blocks([without_negative(stiffness), *added])
+        tangent += self._even + damping * self._constant
         while not self._load(Tangent(blocks=tangent + shift * self._constant, motion=motion, shift=shift)):
             shift = max(FIRST_SHIFT, SHIFT_GROWTH * shift)
         return self._loaded

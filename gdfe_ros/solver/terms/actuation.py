@@ -41,6 +41,7 @@ class Actuation:
         strung: cables that handles leave a least length.
         growths: what changes the elements' rest shape.
         neutral: command of every actuator and load at which it does nothing.
+        loaded: names of the loads.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class Actuation:
         self.table = TermTable.pack(self.terms)
         self.growths = Growths(body, self.actuators)
         self._driven = {term.name: term for term in (*self._cables, *self._chambers)}
+        self.loaded = tuple(item.name for item in self._loads)
         self.neutral = {item.name: 0.0 for item in (*self.actuators, *self._loads)}
         self.neutral.update({name: term.neutral_command for name, term in self._driven.items()})
 
@@ -146,7 +148,7 @@ class Actuation:
 
     def reports(self, positions: NDArray[np.float64]) -> dict[str, dict[str, float]]:
         """Return what terms from outside of this package report, by their names."""
-        return {term.name: term.report(positions) for term in self._more}
+        return {term.name: report for term in self._more if (report := term.report(positions))}
 
     def balance(self, positions: NDArray[np.float64], commands: Mapping[str, float]) -> Balance:
         """Return the potential [J] of what acts at ``positions`` (n, 3) [m], and its slope along every command.

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The keys of a scene file that speak of motion: inertia, damping, attached masses."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.where_schema import WhereModel
+from gdfe_ros.solver.motion.dynamics import LONGEST_STEP, Branch, Dynamics, Scheme
+
+_STEP = Quantity("longest internal step in time", "s", above=0.0, most=LONGEST_STEP)
+_RHO = Quantity("what generalised_alpha leaves of infinitely fast motion in a step", least=0.0, most=1.0)
+_MASS_DAMPING = Quantity("force over mass and velocity, against the world", "1/s", least=0.0, most=1e6)
+_VISCOSITY = Quantity("stress over rate of strain, beside the material's", "Pa s", least=0.0, most=1e12)
+_SHARE = Quantity("share of the modulus at once that this branch carries", above=0.0, below=1.0)
+_TIME = Quantity("time in which its stress falls to 1/e", "s", above=0.0, most=1e9)
+_VELOCITY = Quantity("velocity of every vertex at the start [x, y, z]", "m/s", least=-1e4, most=1e4, count=3)
+_SPIN = Quantity(
+    "angular velocity about the centre of mass at the start [x, y, z]", "rad/s", least=-1e4, most=1e4, count=3
+)
+_MASS = Quantity("mass", "kg", above=0.0, most=1e6)
+
+
+class DampingModel(Entry):
+    """What takes energy from a body in motion."""
+
+    mass: Annotated[float, _MASS_DAMPING] = 0.0
+    viscosity: Annotated[float, _VISCOSITY] = 0.0
+
+
+class BranchModel(Entry):
+    """A branch of a Prony series: stiffness that relaxes. The material's law is what is left when all have."""
+
+    share: Annotated[float, _SHARE]
+    time: Annotated[float, _TIME]
+
+
+class DynamicsModel(Entry):
+    """Inertia, damping and steps in time; without this entry every step is an equilibrium."""
+
+    scheme: Scheme = Field(
+        Dynamics.scheme,
+        description="bdf2: damps what a step does not resolve; newmark: keeps the energy; "
+        "generalised_alpha: damps as much as rho_inf says",
+    )
+    rho_inf: Annotated[float, _RHO] = Dynamics.rho_inf
+    step: Annotated[float, _STEP] = Dynamics.step
+    damping: DampingModel = DampingModel()
+    prony: tuple[BranchModel, ...] = Field((), description="branches of a Prony series; shares sum to less than 1")
+    velocity: Annotated[tuple[float, float, float], _VELOCITY] = (0.0, 0.0, 0.0)
+    spin: Annotated[tuple[float, float, float], _SPIN] = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _shares(self) -> DynamicsModel:
+        total = sum(branch.share for branch in self.prony)
+        if total >= 1.0:
+            raise ValueError(
+                f"the shares of the Prony series sum to {total:.6g}; allowed: less than 1; remedy: smaller shares, "
+                "for what is left of 1 carries slow loads"
+            )
+        return self
+
+    def build(self) -> Dynamics:
+        """Return the dynamics."""
+        return Dynamics(
+            scheme=self.scheme,
+            rho_inf=self.rho_inf,
+            step=self.step,
+            mass_damping=self.damping.mass,
+            viscosity=self.damping.viscosity,
+            prony=tuple(Branch(branch.share, branch.time) for branch in self.prony),
+            velocity=self.velocity,
+            spin=self.spin,
+        )
+
+
+class MassModel(Entry):
+    """A mass that is attached to vertices in equal parts: it weighs where there is gravity, and resists in motion."""
+
+    mass: Annotated[float, _MASS]
+    where: WhereModel = Field(description="the vertices, e.g. {face: x+}")

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a step in time has come: internal steps of equal length, cut in halves where one fails."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.solution import Solution
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.value import changed
+
+HALVINGS = 4
+"""How often an internal step that fails is cut in half."""
+WHOLE = 2**HALVINGS
+"""Shares that an internal step has."""
+ROUNDING = 1e-9
+"""Share of an internal step that counts as none."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flight:
+    """A step in time while it is made.
+
+    Attributes:
+        state: where it is.
+        began: where it began.
+        poses, commands: where handles and commands will be at the end.
+        duration: of the whole [s].
+        total: shares of the whole.
+        done: shares behind.
+        size: shares of the next internal step.
+        iterations, attempts: so far.
+        flaw: what was wrong first; empty where nothing was.
+    """
+
+    state: State
+    began: State
+    poses: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    duration: float
+    total: int
+    done: int = 0
+    size: int = WHOLE
+    iterations: int = 0
+    attempts: int = 0
+    flaw: str = ""
+
+    @classmethod
+    def over(
+        cls, duration: float, longest: float, state: State, poses: Mapping[str, Pose], commands: Mapping[str, float]
+    ) -> Flight:
+        """Plan equal internal steps of at most ``longest`` [s]."""
+        count = max(1, math.ceil(duration / longest - ROUNDING))
+        return cls(state=state, began=state, poses=poses, commands=commands, duration=duration, total=WHOLE * count)
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the whole is behind."""
+        return self.done >= self.total
+
+    @property
+    def length(self) -> float:
+        """Length [s] of the next internal step, to nine digits: each other length asks for a factor of its own."""
+        return float(f"{self.duration / (self.total / self.size):.9g}")
+
+    @property
+    def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
+        """Poses and commands at the end of the next internal step."""
+        end = self.done + self.size
+        if end >= self.total:
+            return self.poses, self.commands
+        share, began = end / self.total, self.began
+        poses = {name: began.poses[name].blend(target, share) for name, target in self.poses.items()}
+        commands = {name: value + share * (self.commands[name] - value) for name, value in began.commands.items()}
+        return poses, commands
+
+    @property
+    def can_halve(self) -> bool:
+        """Whether the next internal step may be cut in half."""
+        return self.size > 1
+
+    def tried(self, solution: Solution) -> Flight:
+        """Return the flight with the work of an attempt."""
+        return changed(self, iterations=self.iterations + solution.iterations, attempts=self.attempts + 1)
+
+    def halved(self) -> Flight:
+        """Return the flight with the next internal step cut in half."""
+        return changed(self, size=self.size // 2)
+
+    def went(self, state: State) -> Flight:
+        """Return the flight after an internal step; after two halves, the whole is tried again."""
+        done = self.done + self.size
+        size = min(WHOLE, self.size * 2) if done % (2 * self.size) == 0 else self.size
+        return changed(self, state=state, done=done, size=size, flaw=self.flaw or self._flaw(state))
+
+    def march(self, skipped: dict[str, int]) -> March:
+        """Return how far it came."""
+        flaw, arrived = self.flaw, self.arrived
+        if not arrived:
+            flaw = f"simulated {self.simulated:.6g} of {self.duration:.6g} s: {flaw or self.state.summary.message}"
+        state = self.state
+        if flaw != state.summary.message:
+            state = state.with_(summary=changed(state.summary, converged=not flaw, message=flaw))
+        return March(
+            state=state,
+            iterations=self.iterations,
+            increments=self.attempts,
+            reached=arrived,
+            converged=not flaw,
+            message=flaw,
+            skipped=skipped,
+            simulated=self.simulated,
+        )
+
+    def withdrawn(self, solution: Solution, skipped: dict[str, int]) -> March:
+        """Return the march to the last sound state before an internal step that failed."""
+        reason = solution.message
+        if not solution.diverged:
+            reason = f"elements would fold or turn inside out (least volume ratio {solution.min_det:.3g}); {reason}"
+        text = f"an internal step of {self.length:.3g} s failed: {reason}".rstrip("; ")
+        text = f"{text}; positions and velocities are those before it"
+        return changed(self, flaw=text).march(skipped)
+
+    @property
+    def simulated(self) -> float:
+        """Time behind [s]."""
+        return self.duration if self.arrived else self.duration * self.done / self.total
+
+    @staticmethod
+    def _flaw(state: State) -> str:
+        return "" if state.summary.converged else state.summary.message

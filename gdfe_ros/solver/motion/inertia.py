@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inertia as a term: E = k/2 |x - x_hat|_M^2, whose minimum with all others balances momentum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
+from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+
+NAME = "(inertia)"
+"""No actuator or load of a scene can be called that."""
+
+
+@kernel
+def inertia_energy(x, reals, integers, force, size):
+    """Return k/2 d^T M d [J] with d = x - x_hat; `term_kernel` wants this signature.
+
+    ``reals`` are k [1/s^2], x_hat (n, 3) [m] and the entries of M [kg]; ``integers`` its row starts and columns.
+    """
+    count, k = len(x), reals[0]
+    if k == 0.0:
+        return 0.0
+    away = x - reals[1 : 3 * count + 1].reshape(count, 3)
+    entries, columns = reals[3 * count + 1 :], integers[count + 1 :]
+    energy = 0.0
+    for v in range(count):
+        f0, f1, f2 = 0.0, 0.0, 0.0
+        for i in range(integers[v], integers[v + 1]):
+            share, w = k * entries[i], columns[i]
+            f0 += share * away[w, 0]
+            f1 += share * away[w, 1]
+            f2 += share * away[w, 2]
+        energy += 0.5 * (f0 * away[v, 0] + f1 * away[v, 1] + f2 * away[v, 2])
+        force[v, 0] += f0
+        force[v, 1] += f1
+        force[v, 2] += f2
+    size[0] += energy
+    return energy
+
+
+@term_kernel
+def _entry(x, n, reals, k, integers, i, force, size):
+    return inertia_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+class Inertia(Term):
+    """The mass of a body in steps of one length, with damping against the world.
+
+    Args:
+        body: the discretised body.
+        mass: (n, n) its mass matrix [kg].
+        dynamics: the scheme and the damping.
+        h: length of a step [s].
+    """
+
+    kernel, even = _entry, True
+
+    def __init__(self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics, h: float) -> None:
+        self._mass, self._dynamics, self._h = mass, dynamics, h
+        kappa, theta = stiffness(dynamics, h)
+        self._factor = kappa + dynamics.mass_damping * theta
+        self._driven = np.zeros((len(body.rest), 3), dtype=bool)
+        for handle in body.handles:
+            if not handle.turning:
+                self._driven[np.ix_(handle.vertices, [axis for axis in range(3) if axis not in handle.free])] = True
+        self._rule: Rule | None = None
+        numbers = np.concatenate([np.zeros(1 + 3 * len(body.rest)), mass.data])
+        super().__init__(NAME, numbers, np.concatenate([mass.indptr, mass.indices]).astype(np.int32))
+
+    def stiffness(self) -> sparse.spmatrix:
+        """Return kappa M, and what damping against the world adds."""
+        return (self._factor * self._mass).tocsc()
+
+    def neutral(self) -> Saved:
+        """Return that nothing has begun yet."""
+        none = np.zeros_like(self._driven, dtype=np.float64)
+        return saved_of(Kinematics.started(none, none, none, 0.0), h=0.0)
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Prepare a step; ``positions`` (n, 3) [m] have the handles where they will be. Before the first: no inertia.
+
+        The vertices that handles drive have the velocity that they are moved with: a jump of it would ring for ever
+        otherwise.
+        """
+        if not saved["h"][0]:
+            self.reals[0] = 0.0
+            return
+        now, x = kinematics_of(saved), saved["positions"]
+        if saved["h"][0] != self._h:
+            now = Kinematics.started(x, now.velocity, now.acceleration, self._h)
+        rule, damping = Rule.of(self._dynamics, self._h, x, now), self._dynamics.mass_damping
+        velocity = (positions - x) / self._h
+        acceleration = (velocity - now.velocity) / self._h
+        resisted = rule.kappa * rule.aim + damping * rule.theta * rule.drift
+        driven = self._factor * positions - acceleration - damping * velocity
+        self.reals[0] = self._factor
+        aim = self.reals[1 : 1 + positions.size].reshape(-1, 3)
+        aim[...] = np.where(self._driven, driven, resisted) / self._factor
+        self._rule, self._last = rule, x
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Return how the vertices move now."""
+        if not saved["h"][0]:
+            return saved
+        now, rule = kinematics_of(saved), self._rule
+        velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
+        balanced = rule.balanced(positions)
+        given = (positions - self._last) / self._h
+        change = (given - now.velocity) / self._h
+        velocity = np.where(self._driven, given, velocity)
+        acceleration = np.where(self._driven, change, acceleration)
+        after = Kinematics(
+            velocity=velocity,
+            acceleration=acceleration,
+            balanced=np.where(self._driven, change, balanced),
+            before=self._last,
+            velocity_before=now.velocity,
+        )
+        return saved_of(after, h=self._h, positions=positions)
+
+    def energy(self, positions: NDArray[np.float64]) -> float:
+        """Return nothing: what inertia stores is kinetic."""
+        return 0.0
+
+
+def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64] | None = None) -> Saved:
+    """Return what a state keeps of ``kinematics`` at positions (n, 3) [m] after a step of length ``h`` [s]."""
+    arrays = vars(kinematics)
+    return {**arrays, "positions": kinematics.before if positions is None else positions, "h": np.array([h])}
+
+
+def kinematics_of(saved: Saved) -> Kinematics:
+    """Return the kinematics that a state keeps."""
+    return Kinematics(**{name: array for name, array in saved.items() if name not in ("positions", "h")})

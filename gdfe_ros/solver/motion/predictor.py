@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a step in time starts: free vertices fly on, handles are where they are commanded."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.descent.active_set import Movable
+from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
+from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.motion.inertia import NAME, kinematics_of
+from gdfe_ros.solver.state import State
+
+
+class FlightPredictor(Predictor):
+    """Starts a step of one length from a state and its velocities.
+
+    Args:
+        body: the discretised body.
+        handles: its handles.
+        h: length of the step [s].
+    """
+
+    def __init__(self, body: Body, handles: HandleMotions, h: float) -> None:
+        super().__init__(body, handles)
+        self._free, self._h = body.unknowns.free, h
+
+    def predict(
+        self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
+    ) -> Prediction:
+        """Return where to start when the handles are commanded from ``state`` to ``base`` (n, 3) [m]."""
+        now, h, last, held = kinematics_of(state.terms[NAME]), self._h, state.motion, self._held
+        slides, turns = state.slides, state.turns
+        if last is not None:
+            slides, turns = slides + last.slides, turns + last.turns
+        start = state.positions.copy()
+        start[self._free] += (h * now.velocity + 0.5 * h * h * now.acceleration)[self._free]
+        start[held] += base[held] - state.base[held]
+        return Prediction(start, slides, turns, 1.0, sure=True)

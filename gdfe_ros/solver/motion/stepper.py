@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a state to the state a while later: internal steps, each the minimum of a potential."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.materials.table import SHEAR
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.deadline import Deadline, past
+from gdfe_ros.solver.elements.measures import least_volume_ratio
+from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
+from gdfe_ros.solver.motion.flight import Flight
+from gdfe_ros.solver.motion.inertia import Inertia, kinematics_of, saved_of
+from gdfe_ros.solver.motion.ledger import Accounts
+from gdfe_ros.solver.motion.predictor import FlightPredictor
+from gdfe_ros.solver.motion.scheme import Kinematics
+from gdfe_ros.solver.motion.viscosity import Viscosity
+from gdfe_ros.solver.settings import Skip, SolverSettings
+from gdfe_ros.solver.solution import Increment, Solution
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.solver.value import changed
+
+ACCURACY = 3.0
+"""Distance to the end of an internal step that is left, over h^2 |a| and the tolerance."""
+FINEST = 1e-4
+"""Least distance asked for, over the tolerance."""
+CALM = 0.5
+"""For how long [s] no vertex of a body at rest would leave the tolerance, at its velocity or acceleration."""
+RELAXED = 3.0
+"""The same over the longest time in which a body relaxes."""
+KEPT = 4
+"""Step lengths whose factors are kept."""
+
+
+class MotionStepper:
+    """Steps a body with mass in time. It has no state of its own, but factors for the step lengths in use.
+
+    Args:
+        body: the discretised body.
+        settings: how to solve.
+        dynamics: scheme and damping.
+        mass: (n, n) its mass matrix [kg].
+        acting: makes what acts on the body, with further terms.
+
+    Attributes:
+        equilibrium: what solves internal steps of the longest length.
+        actuation: what acts on the body in these.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        settings: SolverSettings,
+        dynamics: Dynamics,
+        mass: sparse.csr_matrix,
+        acting: Callable[[Sequence[Term]], Actuation],
+    ) -> None:
+        self.body, self._settings, self._dynamics, self._mass, self._acting = body, settings, dynamics, mass, acting
+        self._made: dict[float, EnergyEquilibrium] = {}
+        self.equilibrium = self._equilibrium(dynamics.step)
+        self.actuation = self.equilibrium.actuation
+        self._accounts = Accounts(body, mass, dynamics)
+        self._calm = max(CALM, RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min()))
+
+    def at_rest(self) -> State:
+        """Return the state at the start: the rest shape, with the velocities that the scene gives."""
+        return self.equilibrium.at_rest().with_(ledger=self._accounts.opened())
+
+    def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
+        """Tell whether nothing happens at these commands: the body is at rest, and held."""
+        same = state.poses == targets and state.commands == commands and state.summary.converged
+        if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
+            return False
+        now, near = kinematics_of(state.terms[inertia.NAME]), self._settings.tolerance * self.body.size
+        slow = self._calm * _largest(now.velocity) <= near
+        return slow and self._calm**2 * _largest(now.acceleration) <= near
+
+    def step(
+        self,
+        state: State,
+        targets: Mapping[str, Pose],
+        commands: Mapping[str, float],
+        *,
+        duration: float,
+        deadline: Deadline | None = None,
+    ) -> March:
+        """Follow the commands, which change evenly, for ``duration`` [s] from ``state``, which stays as it is."""
+        began = state if self._began(state) else self._started(state, commands)
+        flight = Flight.over(duration, self._dynamics.step, began, targets, commands)
+        while not flight.arrived:
+            h = flight.length
+            solution = self._solve(flight, h, deadline)
+            flight = flight.tried(solution)
+            if _failed(solution) and flight.can_halve and not past(deadline):
+                flight = flight.halved()
+                continue
+            if solution.diverged or not solution.min_det > 0.0:
+                return flight.withdrawn(solution, self.equilibrium.skipped(solution))
+            flight = flight.went(self._accepted(flight.state, solution, h))
+            if solution.cut and past(deadline):
+                break
+        return flight.march(self.equilibrium.skipped(solution))
+
+    def place(self, state: State, positions: NDArray[np.float64]) -> State:
+        """Return a state at ``positions`` (n, 3) [m] without velocity; handles stay where they are commanded."""
+        rest, placed = self.at_rest(), positions.copy()
+        slides, turns = self.equilibrium.handles.fit(placed, state.base)
+        for handle in self.body.handles:
+            if not (handle.free or handle.turning):
+                placed[handle.vertices] = state.base[handle.vertices]
+        least = float(least_volume_ratio(placed, state.operators.shape))
+        return rest.with_(
+            positions=placed,
+            base=state.base,
+            poses=state.poses,
+            commands=state.commands,
+            slides=slides,
+            turns=turns,
+            operators=state.operators,
+            summary=changed(state.summary, converged=False, min_det=least),
+            sound=least > 0.0,
+        )
+
+    def completed(self, state: State) -> State:
+        """Return a state that was read from an archive with the operators that follow from its commands."""
+        growths = self.actuation.growths
+        return state.with_(operators=growths.at(state.commands, growths.ungrown))
+
+    def velocities(self, state: State) -> NDArray[np.float64]:
+        """Return the velocity (n, 3) [m/s] of every vertex."""
+        return self._kinematics(state).velocity
+
+    def accelerations(self, state: State) -> NDArray[np.float64]:
+        """Return the acceleration (n, 3) [m/s^2] of every vertex."""
+        return self._kinematics(state).acceleration
+
+    def energies(self, state: State) -> dict[str, float]:
+        """Return kinetic, elastic and potential energy, work done and energy lost since the start [J], by name."""
+        return self._accounts.energies(state, self._kinematics(state).velocity)
+
+    def _kinematics(self, state: State) -> Kinematics:
+        if self._began(state):
+            return kinematics_of(state.terms[inertia.NAME])
+        velocity = self._accounts.velocity_at_start(state.positions)
+        return Kinematics.started(state.positions, velocity, np.zeros_like(velocity), 0.0)
+
+    def _began(self, state: State) -> bool:
+        return bool(state.terms[inertia.NAME]["h"][0])
+
+    def _started(self, state: State, commands: Mapping[str, float]) -> State:
+        """Return a state with the acceleration that the forces there give; loads act from the start."""
+        loads = {name: commands[name] for name in self.actuation.loaded}
+        state = state.with_(commands={**state.commands, **loads})
+        velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
+        free = self.body.unknowns.free
+        acceleration = np.zeros_like(velocity)
+        pull = -self.equilibrium.forces(state) - self._dynamics.mass_damping * (self._mass @ velocity)
+        acceleration[free] = splu(self._mass[free][:, free].tocsc()).solve(pull[free])
+        kinematics = Kinematics.started(state.positions, velocity, acceleration, h)
+        terms = {**state.terms, inertia.NAME: saved_of(kinematics, h=h, positions=state.positions)}
+        balance = self.actuation.balance(state.positions, state.commands)
+        return state.with_(terms=terms, balance=balance)
+
+    def _solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
+        """Find the end of an internal step of length ``h`` [s]."""
+        state, (poses, commands) = flight.state, flight.aim
+        reach = h * h * _largest(kinematics_of(state.terms[inertia.NAME]).acceleration) / self.body.size
+        tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * reach))
+        problem = Increment(
+            poses=poses,
+            commands=commands,
+            tolerance=tolerance,
+            limit=self._settings.max_iterations,
+            deadline=deadline,
+            keeping=self._settings.tolerance,
+        )
+        return self._equilibrium(h).solve(problem, state)
+
+    def _accepted(self, state: State, solution: Solution, h: float) -> State:
+        accepted = self._equilibrium(h).accept(solution, state)
+        balance = accepted.balance or state.balance
+        accepted = accepted.with_(unfinished=None, balance=balance, sound=True)
+        return accepted.with_(ledger=self._accounts.after(state, accepted, h))
+
+    def _equilibrium(self, h: float) -> EnergyEquilibrium:
+        """Return what solves internal steps of length ``h`` [s]."""
+        if h in self._made:
+            return self._made[h]
+        own = [Inertia(self.body, self._mass, self._dynamics, h)]
+        if self._dynamics.damps:
+            own.append(Viscosity(self.body, self._dynamics, h))
+        while len(self._made) >= KEPT:
+            del self._made[next(iter(self._made))]
+        self._made[h] = EnergyEquilibrium(
+            self.body,
+            self._acting(own),
+            skip=[item for item in self._settings.skip if item is not Skip.DORMANT],
+            threads=self._settings.threads,
+            predictor=lambda handles: FlightPredictor(self.body, handles, h),
+            softening=self._dynamics.scheme is not Scheme.NEWMARK,
+        )
+        return self._made[h]
+
+
+def _largest(vectors: NDArray[np.float64]) -> float:
+    """Return the largest length of vectors (n, 3)."""
+    return float(np.sqrt(np.einsum("ni,ni->n", vectors, vectors).max(initial=0.0)))
+
+
+def _failed(solution: Solution) -> bool:
+    """Tell whether a shorter step may do better."""
+    stuck = not (solution.converged or solution.exhausted)
+    return stuck or solution.diverged or not solution.min_det > 0.0

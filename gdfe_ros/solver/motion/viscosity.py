@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Viscosity and relaxation as one term that sees Green strains only: a rigid motion at any rate is not resisted.
+
+An element's strains are E = (F^T F - 1)/2 of its mean deformation gradient and w_k = F^T q_k of its hourglass vectors
+q_k, which tell its bending; both stay as they are when the body turns. A dashpot and the branches of a Prony series
+each ask for k/2 |E - E_hat|^2 V with a strain that follows from the steps before; they add up to one such energy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gdfe_ros.compiled import kernel
+from gdfe_ros.materials.table import SHEAR
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.matrix.constant_matrix import assemble
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+
+NAME = "(viscosity)"
+"""No actuator or load of a scene can be called that."""
+STRAINS = 18
+"""Of an element: the six of E, and three of each hourglass vector."""
+BEND = 0.25
+"""Hourglass stiffness over modulus and length of an element: a cube of an incompressible material that bends."""
+_WIDTH = 2 + STRAINS + 24 + 32
+"""Numbers of an element for the kernel: two stiffnesses, aims, gradient and hourglass operators."""
+
+
+@kernel
+def element_strains(f, q, out):
+    """Write E (xx, yy, zz, xy, yz, zx) and w_k of a mean gradient ``f`` (3, 3) and hourglass vectors ``q`` (4, 3)."""
+    for i in range(3):
+        j = (i + 1) % 3
+        out[i] = 0.5 * (f[0, i] * f[0, i] + f[1, i] * f[1, i] + f[2, i] * f[2, i] - 1.0)
+        out[3 + i] = 0.5 * (f[0, i] * f[0, j] + f[1, i] * f[1, j] + f[2, i] * f[2, j])
+    for k in range(4):
+        for i in range(3):
+            out[6 + 3 * k + i] = f[0, i] * q[k, 0] + f[1, i] * q[k, 1] + f[2, i] * q[k, 2]
+
+
+@kernel
+def gather(x, gradient, hourglass, corners, f, q):
+    """Write the mean gradient ``f`` (3, 3) and hourglass vectors ``q`` (4, 3) [m] of one element."""
+    f[...] = 0.0
+    q[...] = 0.0
+    for a in range(8):
+        for i in range(3):
+            position = x[corners[a], i]
+            for j in range(3):
+                f[i, j] += position * gradient[a, j]
+            for k in range(4):
+                q[k, i] += position * hourglass[k, a]
+
+
+@kernel
+def viscous_energy(x, reals, integers, force, size):
+    """Return sum_e K/2 |E - E_hat|^2 + C/2 sum_k |w_k - w_hat_k|^2 [J]; `term_kernel` wants this signature."""
+    energy = 0.0
+    f, q, strain, stress = np.empty((3, 3)), np.empty((4, 3)), np.empty(STRAINS), np.empty((3, 3))
+    for e in range(len(integers) // 8):
+        own = reals[e * _WIDTH : (e + 1) * _WIDTH]
+        corners = integers[8 * e : 8 * e + 8]
+        gradient = own[2 + STRAINS : 26 + STRAINS].reshape(8, 3)
+        hourglass = own[26 + STRAINS :].reshape(4, 8)
+        gather(x, gradient, hourglass, corners, f, q)
+        element_strains(f, q, strain)
+        stretch, bend = own[0], own[1]
+        for i in range(STRAINS):
+            strain[i] -= own[2 + i]
+        part = 0.0
+        for i in range(3):
+            part += 0.5 * stretch * (strain[i] * strain[i] + 2.0 * strain[3 + i] * strain[3 + i])
+        for i in range(6, STRAINS):
+            part += 0.5 * bend * strain[i] * strain[i]
+        for r in range(3):
+            for i in range(3):
+                j, b = (i + 1) % 3, (i + 2) % 3
+                stress[r, i] = stretch * (f[r, i] * strain[i] + f[r, j] * strain[3 + i] + f[r, b] * strain[3 + b])
+                for k in range(4):
+                    stress[r, i] += bend * q[k, r] * strain[6 + 3 * k + i]
+        for k in range(4):
+            for r in range(3):
+                pull = 0.0
+                for i in range(3):
+                    pull += f[r, i] * strain[6 + 3 * k + i]
+                q[k, r] = bend * pull
+        for a in range(8):
+            for r in range(3):
+                total = 0.0
+                for i in range(3):
+                    total += stress[r, i] * gradient[a, i]
+                for k in range(4):
+                    total += q[k, r] * hourglass[k, a]
+                force[corners[a], r] += total
+        energy += part
+    size[0] += energy
+    return energy
+
+
+@term_kernel
+def _entry(x, n, reals, k, integers, i, force, size):
+    return viscous_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+@kernel
+def all_strains(x, cells, gradient, hourglass, out):
+    """Write the strains (m, 18) of all elements at positions (n, 3) [m]."""
+    f, q = np.empty((3, 3)), np.empty((4, 3))
+    for e in range(len(cells)):
+        gather(x, gradient[e], hourglass[e], cells[e], f, q)
+        element_strains(f, q, out[e])
+
+
+class Viscosity(Term):
+    """Dashpot and Prony branches of a body in steps of one length.
+
+    A dashpot of viscosity eta asks for eta dE/dt with the backward difference of second order,
+    dE/dt = 3/(2 h) (E - (4 E_n - E_(n-1))/3). A branch of modulus m and time tau holds E - V with
+    dV/dt = (E - V)/tau by the trapezoidal rule.
+
+    Args:
+        body: the discretised body.
+        dynamics: the damping.
+        h: length of a step [s].
+    """
+
+    kernel = _entry
+
+    def __init__(self, body: Body, dynamics: Dynamics, h: float) -> None:
+        self._body, self._dynamics, self._h = body, dynamics, h
+        shape, shear = body.shape, body.table.parameters[body.material][:, SHEAR]
+        modulus = 2.0 * shear / dynamics.slow_share
+        self._moduli = [branch.share * modulus / (1.0 + 0.5 * h / branch.time) for branch in dynamics.prony]
+        self._dash = np.full(len(shear), 1.5 * dynamics.viscosity / h)
+        self._sum = self._dash + sum(self._moduli, np.zeros(len(shear)))
+        self._bend = BEND * np.cbrt(shape.volume)
+        count = len(shape.cells)
+        numbers = np.zeros((count, _WIDTH))
+        numbers[:, 0], numbers[:, 1] = self._sum * shape.volume, self._sum * self._bend
+        numbers[:, 2 + STRAINS : 26 + STRAINS] = shape.gradient.reshape(count, 24)
+        numbers[:, 26 + STRAINS :] = shape.hourglass.reshape(count, 32)
+        super().__init__(NAME, numbers.ravel(), shape.cells.ravel().astype(np.int32))
+
+    def stiffness(self) -> sparse.spmatrix:
+        """Return what resists at rest, as the constant matrix takes it."""
+        return assemble(self._body.shape, self._sum, self._sum * self._bend)
+
+    def neutral(self) -> Saved:
+        """Return strains and branches at rest."""
+        rest = self._strains(self._body.rest)
+        branches = np.repeat(rest[None], len(self._dynamics.prony), axis=0)
+        return {"strain": rest, "before": rest, "branches": branches, "h": np.array([0.0]), "lost": np.zeros(1)}
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Aim at the strains that follow from the steps before."""
+        now = saved["strain"]
+        drift = (4.0 * now - self._before(saved)) / 3.0
+        total = self._dash[:, None] * drift
+        for branch, modulus, held in zip(self._dynamics.prony, self._moduli, saved["branches"], strict=True):
+            total += modulus[:, None] * (held + 0.5 * self._h / branch.time * (now - held))
+        self.reals.reshape(-1, _WIDTH)[:, 2 : 2 + STRAINS] = total / self._sum[:, None]
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Return strains, branches, and the energy [J] that was lost so far."""
+        now, new, h = saved["strain"], self._strains(positions), self._h
+        rate = 1.5 / h * (new - (4.0 * now - self._before(saved)) / 3.0)
+        power = self._dynamics.viscosity * self._squared(rate)
+        branches, slow = [], self._dynamics.slow_share
+        modulus = 2.0 * self._body.table.parameters[self._body.material][:, SHEAR] / slow
+        for branch, held in zip(self._dynamics.prony, saved["branches"], strict=True):
+            ratio = 0.5 * h / branch.time
+            after = (held + ratio * (new + now - held)) / (1.0 + ratio)
+            mean = 0.5 * (new - after + now - held)
+            power += branch.share * modulus / branch.time * self._squared(mean)
+            branches.append(after)
+        kept = np.array(branches).reshape(saved["branches"].shape)
+        lost = saved["lost"] + h * power.sum()
+        return {"strain": new, "before": now, "branches": kept, "h": np.array([h]), "lost": lost}
+
+    def energy(self, positions: NDArray[np.float64]) -> float:
+        """Return nothing: what branches store fades, and counts with what is lost."""
+        return 0.0
+
+    def stored(self, saved: Saved) -> float:
+        """Return the energy [J] in the springs of the branches."""
+        modulus = 2.0 * self._body.table.parameters[self._body.material][:, SHEAR] / self._dynamics.slow_share
+        held = zip(self._dynamics.prony, saved["branches"], strict=True)
+        return float(
+            sum((0.5 * b.share * modulus * self._squared(saved["strain"] - strain)).sum() for b, strain in held)
+        )
+
+    def _before(self, saved: Saved) -> NDArray[np.float64]:
+        """Return the strains a step of today's length before."""
+        before, length = saved["h"][0], self._h
+        if before == length:
+            return saved["before"]
+        return saved["strain"] - (length / before if before else 0.0) * (saved["strain"] - saved["before"])
+
+    def _strains(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        shape, found = self._body.shape, np.empty((len(self._body.cells), STRAINS))
+        all_strains(positions, shape.cells, shape.gradient, shape.hourglass, found)
+        return found
+
+    def _squared(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return |E|^2 V + b sum_k |w_k|^2 (m,) [m^3] of strains (m, 18)."""
+        stretch = np.einsum("ei,ei->e", strain[:, :3], strain[:, :3])
+        stretch += 2.0 * np.einsum("ei,ei->e", strain[:, 3:6], strain[:, 3:6])
+        return self._body.shape.volume * stretch + self._bend * np.einsum("ei,ei->e", strain[:, 6:], strain[:, 6:])

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What users get of a step."""
+
+from __future__ import annotations
+
+import time as clock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.settings import Skip, SolverSettings
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.stepping.stepper import Stepper
+
+
+def step_result(
+    stepper: Stepper | MotionStepper,
+    state: State,
+    march: March | None,
+    *,
+    time: float,
+    origin: NDArray[np.float64],
+    settings: SolverSettings,
+    started: float,
+    limit: Deadline | None,
+) -> StepResult:
+    """Return the result of a step.
+
+    Args:
+        stepper: that made it.
+        state: after it.
+        march: how it went; None where nothing had to be solved.
+        time: simulation time [s] after it.
+        origin: (3,) [m] from which the state counts positions.
+        settings: how it was solved.
+        started: ``time.perf_counter`` when it began [s].
+        limit: what may have ended it.
+    """
+    summary, moving = state.summary, isinstance(stepper, MotionStepper)
+    return StepResult(
+        time=time,
+        positions=state.positions + origin,
+        converged=summary.converged,
+        iterations=march.iterations if march else 0,
+        residual=summary.residual,
+        energy=summary.energy,
+        min_det=summary.min_det,
+        reactions={name: wrench.copy() for name, wrench in summary.reactions.items()},
+        actuators=dict(summary.actuators),
+        terms={name: dict(report) for name, report in summary.terms.items()},
+        skipped=march.skipped if march else {Skip.SOLVE.value: 1},
+        substeps=march.increments if march else 0,
+        restarts=march.restarts if march else 0,
+        wall_time=clock.perf_counter() - started,
+        policy=settings.policy,
+        factorisation=stepper.equilibrium.matrix.kind.value,
+        message=summary.message,
+        cut_after=limit.after if limit else None,
+        velocities=stepper.velocities(state).copy() if moving else None,
+        energies=stepper.energies(state) if moving else {},
+    )

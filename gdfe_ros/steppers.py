@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a scene to what steps it: equilibria, or with dynamics motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.motion.mass import mass_matrix
+from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.settings import SolverSettings
+from gdfe_ros.solver.stepping.stepper import Stepper
+from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.terms.term import Term
+
+
+def make_stepper(
+    scene: Scene, settings: SolverSettings, body: Body, makers: Sequence[Callable[[Body], Term]] = ()
+) -> Stepper | MotionStepper:
+    """Return what steps a body of the scene.
+
+    Args:
+        scene: what acts on the body.
+        settings: how to solve.
+        body: the discretised body.
+        makers: of further terms, each called with the body.
+    """
+
+    def acting(more: Sequence[Term] = ()) -> Actuation:
+        return Actuation(body, scene.actuators, scene.loads, [*(make(body) for make in makers), *more])
+
+    if scene.dynamics is None:
+        return Stepper(body, settings, acting())
+    density = np.array([material.density for material in scene.materials.values()])[scene.cell_material]
+    mass = mass_matrix(body.rest, body.cells, density, scene.masses)
+    return MotionStepper(body, settings, scene.dynamics, mass, acting)

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dynamics and attached masses of a scene: what is read, and what is refused by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gdfe_ros import Simulation, load_scene
+from gdfe_ros.errors import SceneError
+from gdfe_ros.solver.motion.dynamics import Branch, Scheme
+from gdfe_ros.solver.settings import Policy, SolverSettings
+
+
+def test_all_keys_are_read() -> None:
+    """Give every key: the scene has it."""
+    given = {
+        "dynamics": {
+            "scheme": "bdf2",
+            "rho_inf": 0.5,
+            "step": 0.001,
+            "damping": {"mass": 0.1, "viscosity": 20.0},
+            "prony": [{"share": 0.2, "time": 0.1}],
+            "velocity": [0, 0, 1],
+            "spin": [1, 0, 0],
+        },
+        "masses": {"camera": {"mass": 0.1, "where": {"face": "x+"}}},
+    }
+    scene = load_scene("drop", overrides=given)
+    found = scene.dynamics
+    assert (found.scheme, found.rho_inf, found.step) == (Scheme.BDF2, 0.5, 0.001)
+    assert (found.mass_damping, found.viscosity, found.prony) == (0.1, 20.0, (Branch(0.2, 0.1),))
+    assert (found.velocity, found.spin) == ((0, 0, 1), (1, 0, 0))
+    assert [(item.name, item.mass, len(item.vertices)) for item in scene.masses] == [("camera", 0.1, 9)]
+
+
+def test_attached_masses_weigh() -> None:
+    """Hang 100 g on a bar of 80 g, without dynamics: its clamp carries both."""
+    weights = {"masses": {"camera": {"mass": 0.1, "where": {"face": "x+"}}}, "dynamics": None}
+    result = Simulation(load_scene("drop", overrides=weights)).step()
+    assert result.reactions["base"][2] == pytest.approx(0.18 * 9.81, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("dynamics.scheme", "euler", "scheme"),
+        ("dynamics.step", 0.0, "longest internal step in time"),
+        ("dynamics.step", 11.0, "longest internal step in time"),
+        ("dynamics.rho_inf", 1.1, "rho_inf"),
+        ("dynamics.damping.viscosity", -1.0, "viscosity"),
+        ("dynamics.damping.mass", -0.1, "mass"),
+        ("dynamics.prony", [{"share": 0.6, "time": 1}, {"share": 0.5, "time": 2}], "sum to 1.1; allowed: less than 1"),
+        ("dynamics.prony", [{"share": 0.6, "time": 0}], "time"),
+        ("dynamics.velocity", [0, 0], "velocity"),
+        ("dynamics.stepp", 0.1, "stepp"),
+        ("materials.rubber.density", None, "dynamics need a density: give `density` [kg/m^3] to rubber"),
+        ("materials.rubber.density", -3, "density"),
+        ("masses", {"camera": {"mass": 0.0, "where": {"face": "x+"}}}, "mass"),
+        ("masses", {"camera": {"mass": 0.1, "where": {"box": {"x": [5, 6]}}}}, "camera"),
+    ],
+)
+def test_bad_input_is_named(key: str, value: Any, said: str) -> None:
+    """Give one bad value: the error names the key, and what is allowed."""
+    with pytest.raises(SceneError) as error:
+        load_scene("drop", overrides={key: value})
+    assert said in str(error.value)
+
+
+def test_the_policy_relative_does_not_move() -> None:
+    """Ask for both, in the file or later: refused, with the remedy."""
+    with pytest.raises(SceneError, match="finds equilibria only; remedy: policy: energy"):
+        load_scene("drop", overrides={"solver.policy": "relative", "loads": {}, "program": None})
+    scene = load_scene("drop", overrides={"loads": {}, "program": None})
+    with pytest.raises(SceneError, match="finds equilibria only"):
+        Simulation(scene, settings=SolverSettings(policy=Policy.RELATIVE))

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bar that can move: its scene, and simulations of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gdfe_ros import Simulation
+from gdfe_ros.scene.loader import scene_from_text
+
+BAR = """
+name: bar
+mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [5, 1, 1]}}
+materials: {rubber: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
+regions: [{material: rubber}]
+handles: {base: {where: {face: x-}}}
+dynamics: {scheme: newmark, step: 0.002}
+"""
+
+
+@pytest.fixture
+def moving() -> Callable[..., Simulation]:
+    """Give a function that makes a simulation of the bar; keyword arguments override keys, ``__`` for a dot."""
+
+    def make(**overrides: Any) -> Simulation:
+        keys = {name.replace("__", "."): value for name, value in overrides.items()}
+        return Simulation(scene_from_text(BAR, overrides=keys))
+
+    return make

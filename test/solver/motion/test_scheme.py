@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The schemes: exact for constant acceleration, of second order for a swing, damping as they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros.solver.motion.dynamics import Branch, Dynamics, Scheme
+from gdfe_ros.solver.motion.scheme import Kinematics, Rule
+
+FREQUENCY = 2.0
+
+
+def swing(dynamics: Dynamics, h: float, count: int) -> np.ndarray:
+    """Return the positions of a unit oscillator that starts with velocity 1 at 0."""
+    x = np.zeros((1, 3))
+    now = Kinematics.started(x, np.ones((1, 3)), np.zeros((1, 3)), h)
+    path = []
+    for _ in range(count):
+        rule = Rule.of(dynamics, h, x, now)
+        new = rule.kappa * rule.aim / (rule.kappa + FREQUENCY**2)
+        velocity, acceleration, balanced = rule.velocity(new), rule.acceleration(new), rule.balanced(new)
+        now = Kinematics(
+            velocity=velocity,
+            acceleration=acceleration,
+            balanced=balanced,
+            before=x,
+            velocity_before=now.velocity,
+        )
+        x = new
+        path.append(x[0, 0])
+    return np.array(path)
+
+
+@pytest.mark.parametrize("scheme", Scheme)
+def test_constant_acceleration_is_exact(scheme: Scheme) -> None:
+    """Fall for three steps: positions and velocities are those of the parabola."""
+    h, pull = 0.1, np.array([[0.0, 0.0, -9.81]])
+    x, velocity = np.zeros((1, 3)), np.array([[1.0, 0.0, 2.0]])
+    now = Kinematics.started(x, velocity, pull, h)
+    for step in range(1, 4):
+        rule = Rule.of(Dynamics(scheme=scheme), h, x, now)
+        new = rule.aim + pull / rule.kappa
+        now = Kinematics(
+            velocity=rule.velocity(new),
+            acceleration=rule.acceleration(new),
+            balanced=rule.balanced(new),
+            before=x,
+            velocity_before=now.velocity,
+        )
+        x, t = new, step * h
+        np.testing.assert_allclose(x, velocity * t + 0.5 * pull * t * t, atol=1e-14)
+        np.testing.assert_allclose(now.velocity, velocity + pull * t, atol=1e-13)
+        np.testing.assert_allclose(now.acceleration, pull, atol=1e-11)
+
+
+@pytest.mark.parametrize("scheme", Scheme)
+def test_second_order(scheme: Scheme) -> None:
+    """Halve the step of a swing: the error falls by four."""
+    errors = []
+    for count in (100, 200, 400):
+        path = swing(Dynamics(scheme=scheme), 3.0 / count, count)
+        errors.append(abs(path[-1] - np.sin(FREQUENCY * 3.0) / FREQUENCY))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert orders == pytest.approx(2.0, abs=0.1)
+
+
+def test_newmark_keeps_the_amplitude_and_the_others_damp() -> None:
+    """Swing for a hundred periods with 60 steps each: the amplitude at the end, and that of a step far too long."""
+    amplitude = {
+        scheme: np.abs(swing(Dynamics(scheme=scheme), np.pi / 60.0, 6000)[-60:]).max() * FREQUENCY for scheme in Scheme
+    }
+    assert amplitude[Scheme.NEWMARK] == pytest.approx(1.0, abs=2e-3)
+    assert 0.9 < amplitude[Scheme.GENERALISED_ALPHA] < 1.0
+    assert 0.1 < amplitude[Scheme.BDF2] < 0.9
+    for rho in (0.0, 0.5, 0.8):
+        path = np.abs(swing(Dynamics(scheme=Scheme.GENERALISED_ALPHA, rho_inf=rho), 1e4, 12))
+        assert path[-1] <= 1.2 * rho * path[-2] + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"step": 0.0}, "step"),
+        ({"rho_inf": 1.5}, "rho_inf"),
+        ({"viscosity": -1.0}, "viscosity"),
+        ({"mass_damping": float("nan")}, "mass_damping"),
+        ({"prony": (Branch(0.6, 0.1), Branch(0.4, 1.0))}, "less than 1"),
+        ({"prony": (Branch(0.5, 0.0),)}, "positive"),
+    ],
+)
+def test_values_out_of_range_are_refused(given: dict, named: str) -> None:
+    """Give a value that makes no sense: it is named."""
+    with pytest.raises(ValueError, match=named):
+        Dynamics(**given)

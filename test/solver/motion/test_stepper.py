@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps in time: what they report, what they keep where they fail, when a body is at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.errors import CommandError
+from gdfe_ros.mesh.operators import CORNERS
+from gdfe_ros.solver.motion.mass import mass_matrix
+
+HELD = {"base": {"where": {"face": "x-"}, "fixed": True}}
+WEIGHT = {"weight": {"gravity": [0, 0, -9.81]}}
+
+
+def test_reactions_contain_inertia(moving: Callable) -> None:
+    """Shake a bar by its base: the force there is the rate of its momentum, in every step."""
+    bar = moving()
+    mass = mass_matrix(bar.mesh.vertices, bar.mesh.cells, np.full(bar.mesh.n_cells, 1000.0))
+    before, last = np.zeros(3), np.zeros(3)
+    for number in range(1, 30):
+        z = 0.01 * np.sin(40.0 * 0.002 * number)
+        result = bar.step(Command(handles={"base": Pose((0.0, 0.0, float(z)))}))
+        momentum = (mass @ result.velocities).sum(axis=0)
+        if number > 3:  # a handle that starts at once has a velocity that jumps
+            force = 0.5 * (result.reactions["base"][:3] + last)
+            assert force == pytest.approx((momentum - before) / 0.002, abs=0.05)
+        before, last = momentum, result.reactions["base"][:3].copy()
+    assert np.abs(before).max() > 0.0
+
+
+def test_a_settled_body_is_where_the_equilibrium_is_and_sleeps(moving: Callable) -> None:
+    """Release a damped bar: it comes to rest at the static equilibrium, and is not solved any more until commanded."""
+    damped = {"dynamics__damping": {"viscosity": 3e4}, "dynamics__scheme": "bdf2", "dynamics__step": 0.01}
+    bar, still = moving(handles=HELD, loads=WEIGHT, **damped), moving(handles=HELD, loads=WEIGHT, dynamics=None)
+    while not bar.settled:
+        assert bar.step().converged
+        assert bar.time < 20.0
+    assert bar.step().skipped == {"solve": 1}
+    static = still.step().positions
+    assert np.abs(bar.positions - static).max() < 3e-4 * bar.mesh.size
+    woken = bar.step(Command(loads={"weight": 0.5}))
+    assert woken.iterations > 0
+    assert not bar.settled
+
+
+def test_long_steps_are_cut_into_internal_ones(moving: Callable) -> None:
+    """Make one step of 7 ms: the same to the last bit as its four internal steps."""
+    whole, parts = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
+    result = whole.step(dt=0.007)
+    assert result.substeps == 4
+    for _ in range(4):
+        parts.step(dt=0.00175)
+    np.testing.assert_array_equal(whole.positions, parts.positions)
+    assert parts.step(dt=0.0).iterations == 0
+
+
+def test_a_checkpoint_goes_on_to_the_last_bit(moving: Callable) -> None:
+    """Save in the middle of a swing and go on elsewhere: same positions, velocities and energies."""
+    series = {"dynamics__prony": [{"share": 0.2, "time": 0.01}], "dynamics__scheme": "bdf2"}
+    first, second = (moving(handles=HELD, loads=WEIGHT, **series) for _ in range(2))
+    for _ in range(5):
+        first.step()
+    load_state(second, save_state(first))
+    for _ in range(5):
+        one, two = first.step(), second.step()
+        np.testing.assert_array_equal(one.positions, two.positions)
+        np.testing.assert_array_equal(one.velocities, two.velocities)
+        assert one.energies == two.energies
+
+
+def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
+    """Let the time pass within a long step: less is simulated and said; given its place, it ends there again."""
+    cut, again = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
+    result = cut.step(dt=0.2, cut_after=7)
+    assert not result.converged
+    assert 0.0 < result.time == cut.time < 0.2
+    assert result.message.startswith(f"simulated {result.time:.6g} of 0.2 s")
+    np.testing.assert_array_equal(again.step(dt=0.2, cut_after=7).positions, result.positions)
+    assert cut.step(dt=0.002).converged
+
+
+def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
+    """Jerk the base by ten body lengths in a step: it fails, says so, and what was before goes on."""
+    bar = moving(handles={"base": {"where": {"face": "x-"}}, "tip": {"where": {"face": "x+"}}})
+    bar.step()
+    before = bar.positions.copy()
+    result = bar.step(Command(handles={"tip": Pose((-1.0, 0.0, 0.0))}))
+    assert not result.converged
+    assert "positions and velocities are those before it" in result.message
+    assert result.min_det > 0.0
+    assert result.time < 0.004
+    bar.step(Command(handles={"tip": Pose((0.0, 0.0, 0.0))}))
+    for _ in range(200):
+        result = bar.step()
+    assert result.converged
+    assert np.isfinite(result.positions).all()
+    assert np.abs(before).max() < 1.0
+
+
+def test_given_positions_start_without_velocity(moving: Callable) -> None:
+    """Release a bar from a bent shape: nothing moves at first, then it swings back through its rest."""
+    bar = moving(handles=HELD)
+    bent = bar.mesh.vertices.copy()
+    bent[:, 2] += 0.02 * (bent[:, 0] / 0.1) ** 2
+    bar.set_positions(bent)
+    heights = [bar.step().positions[-1, 2] for _ in range(60)]
+    assert heights[0] > 0.0099 + CORNERS[-1, 2] * 0.01
+    assert min(heights) < 0.01
+
+
+def test_a_jacobian_of_a_body_in_motion_is_refused(moving: Callable) -> None:
+    """Ask for it: the remedy is named."""
+    with pytest.raises(CommandError, match="leave `dynamics` out"):
+        moving().jacobian()

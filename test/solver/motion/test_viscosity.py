@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Viscosity and Prony series: derivatives, rigid motion that costs nothing, and relaxation as in the closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros import Command, Pose
+from gdfe_ros.materials import NeoHookean
+from gdfe_ros.mesh.generators import bar
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.motion.dynamics import Branch, Dynamics
+from gdfe_ros.solver.motion.viscosity import Viscosity
+from gdfe_ros.solver.terms.term import TermTable, terms_energy
+
+DYNAMICS = Dynamics(viscosity=300.0, prony=(Branch(0.2, 0.05), Branch(0.1, 0.5)))
+H = 0.01
+
+
+def make_body() -> Body:
+    """Build two warped cells without handles."""
+    mesh = bar([0.04, 0.02, 0.02], [2, 1, 1])
+    vertices = mesh.vertices + 0.001 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
+    material = NeoHookean(young=1e6, poisson=0.4, density=1000.0)
+    return Body.build(vertices, mesh.cells, (material,), np.zeros(mesh.n_cells, np.int32), ())
+
+
+def test_the_force_is_the_derivative() -> None:
+    """Compare with central differences along random directions, from strained steps before."""
+    body, random = make_body(), np.random.default_rng(1)
+    term = Viscosity(body, DYNAMICS, H)
+    x = body.rest + 0.001 * random.standard_normal(body.rest.shape)
+    saved = term.neutral()
+    for _ in range(2):
+        term.begin({}, saved, x, 1.0)
+        saved = term.finish(saved, x)
+        x = x + 0.001 * random.standard_normal(x.shape)
+    term.begin({}, saved, x, 1.0)
+    table, force, scratch = TermTable.of(term), np.zeros_like(x), np.zeros_like(x)
+    terms_energy(x, table, force, np.zeros(1))
+    for _ in range(5):
+        direction = random.standard_normal(x.shape)
+        high = terms_energy(x + 1e-7 * direction, table, scratch, np.zeros(1))
+        low = terms_energy(x - 1e-7 * direction, table, scratch, np.zeros(1))
+        assert (high - low) / 2e-7 == pytest.approx(np.vdot(force, direction), rel=1e-6)
+
+
+def test_rigid_motion_is_not_resisted() -> None:
+    """Turn and shift a strained body for some steps at any rate: no force arises, nothing is lost."""
+    body = make_body()
+    term = Viscosity(body, Dynamics(viscosity=300.0), H)
+    x = body.rest * [1.3, 0.9, 0.9]
+    saved = term.neutral()
+    for _ in range(4):
+        term.begin({}, saved, x, 1.0)
+        saved = term.finish(saved, x)
+    lost = saved["lost"][0]
+    for angle in (0.3, 1.7, 3.0):
+        rotation = Rotation.from_rotvec([0.2, angle, -0.1]).as_matrix()
+        turned = np.ascontiguousarray(x @ rotation.T + np.array([5.0, 0.0, 1.0]))
+        term.begin({}, saved, turned, 1.0)
+        force = np.zeros_like(x)
+        terms_energy(turned, TermTable.of(term), force, np.zeros(1))
+        assert np.abs(force).max() < 1e-9
+        saved = term.finish(saved, turned)
+    assert saved["lost"][0] - lost < 1e-12 * lost
+
+
+def test_stress_relaxes_as_the_series_says(moving: Callable) -> None:
+    """Stretch a bar by 1 % at once and hold it: the force is that of all branches, and fades with them."""
+    branches = [{"share": 0.3, "time": 0.1}, {"share": 0.2, "time": 1.0}]
+    ends = {"base": {"where": {"face": "x-"}, "free": ["y", "z"]}, "tip": {"where": {"face": "x+"}, "free": ["y", "z"]}}
+    free = {"materials__rubber__poisson": 0.0, "materials__rubber__density": 1e-3}
+    held = moving(handles=ends, dynamics__prony=branches, dynamics__step=0.005, **free)
+    held.step(Command(handles={"tip": Pose((1e-4, 0.0, 0.0))}), dt=0.005)
+    slow = 1e6 * 0.02**2 * 1e-3
+    for _ in range(200):
+        result = held.step(dt=0.005)
+        since = result.time - 0.0025
+        expected = slow * (1.0 + (0.3 * np.exp(-since / 0.1) + 0.2 * np.exp(-since)) / 0.5)
+        if result.time > 0.02:
+            assert result.reactions["tip"][0] == pytest.approx(expected, rel=0.01)
