@@ -17,7 +17,8 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.interface import DIAGNOSTICS, NODE_NAME, TARGET
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.topics import DIAGNOSTICS, TARGET
 from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.qos import interface_class

@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.node.client import CELLS, Client, height
 from benchmarks.node.meter import Reading, read_processor
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.interface import MESH, STRAIN
+from gdfe_ros.node.interface.topics import MESH, STRAIN
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.testing.process import NodeProcess

@@ -13,7 +13,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.node.client import Client
-from gdfe_ros.node.interface import MESH
+from gdfe_ros.node.interface.topics import MESH
 from gdfe_ros.testing.process import NodeProcess, package_environment
 
 _LONGEST = 3.0

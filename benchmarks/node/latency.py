@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
 from benchmarks.node.client import CELLS, Client
-from gdfe_ros.node.interface import MESH, STEP_RECORD, STRAIN
+from gdfe_ros.node.interface.topics import MESH, STEP_RECORD, STRAIN
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 
