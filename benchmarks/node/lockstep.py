@@ -73,7 +73,6 @@ def _send(client: Client, count: int) -> float:
         return max(last, int(client.values.get("steps", 1)) - 1)
 
     client.wait_for_node()
-    client.wait(lambda: kept)
     started = time.monotonic()
     for number in range(1, count + 1):
         client.wait(lambda number=number: number - made() < _AHEAD)
