@@ -40,13 +40,12 @@ def _level(tip: str, stretch: float) -> Levels:
     task = Solve.at(equilibrium._model, state.with_(positions=moved)).evaluate(
         equilibrium._whole, equilibrium.matrix.coupling, threads=None
     )
-    level, problem, work = TangentLevel(body, equilibrium.matrix.assembled), task.problem, task.active.workspace
-    elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
+    level, work = TangentLevel(body, equilibrium.matrix.assembled), task.active.workspace
     products = TangentProducts(body)
     products.begin(task)
     free = np.ones(body.unknowns.rows * 3)
     free[3 * len(body.unknowns.free) :] = _free_rows(body.unknowns)
-    return level, level.take(work.u, work.x, problem.frame, elements), products, free
+    return level, level.take(task.problem, work.u, work.x), products, free
 
 
 def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
@@ -98,9 +97,8 @@ def test_an_indefinite_tangent_gets_a_factor_all_the_same() -> None:
     task = Solve.at(equilibrium._model, equilibrium.at_rest().with_(positions=squashed)).evaluate(
         equilibrium._whole, equilibrium.matrix.coupling, threads=None
     )
-    level, problem, work = TangentLevel(body, equilibrium.matrix.assembled), task.problem, task.active.workspace
-    elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
-    matrix = level.assembled(level.take(work.u, work.x, problem.frame, elements)).toarray()
+    level, work = TangentLevel(body, equilibrium.matrix.assembled), task.active.workspace
+    matrix = level.assembled(level.take(task.problem, work.u, work.x)).toarray()
     assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0] > 0.0
 
 
