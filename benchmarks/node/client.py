@@ -17,7 +17,8 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.interface import DIAGNOSTICS, NODE_NAME, TARGET
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.topics import DIAGNOSTICS, TARGET
 from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.qos import interface_class
@@ -89,8 +90,9 @@ class Client:
         return self._node.create_publisher(kind, f"/{NODE_NAME}/{topic}", 1000)
 
     def wait_for_node(self) -> None:
-        """Wait until the node is active and listens to the tip's target."""
+        """Wait until the node is active, listens to the tip's target, and has been heard on every topic."""
         self.wait(lambda: self.values.get("state") == "active" and self._target.get_subscription_count())
+        self.wait(lambda: all(self.counts.values()))
 
     def pause(self) -> None:
         """Hold the node's stepping, and wait until its diagnostics say so."""
@@ -139,6 +141,11 @@ class Client:
         if "solve time per step [ms]" in self.values:
             now = int(self.values["steps"])
             self.solved = (now, spent + 1e-3 * (now - steps) * float(self.values["solve time per step [ms]"]))
+
+
+def bar(elements: int) -> dict[str, list[str]]:
+    """Give the parameters of a node whose bar has so many elements."""
+    return {"scene_overrides": [f"mesh.bar.cells={list(CELLS[elements])}"]}
 
 
 def height(number: int) -> float:

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.node.client import CELLS, Client, height
+from benchmarks.node.client import CELLS, Client, bar, height
 from benchmarks.node.meter import Reading, read_processor
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.interface import MESH, STRAIN
+from gdfe_ros.node.interface.topics import MESH, STRAIN
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.testing.process import NodeProcess
@@ -68,19 +68,17 @@ class Cost:
 
 def measure(elements: int, *, subscribed: bool, recorded: bool, steps: int = _STEPS) -> Cost:
     """Have ``steps`` commands worked off, after as many to warm up."""
-    overrides = {"mesh.bar.cells": list(CELLS[elements])}
-    alone = _alone(overrides, steps)
+    alone = _alone(elements, steps)
     topics = (MESH, STRAIN) if subscribed else ()
     with tempfile.TemporaryDirectory() as folder, Client(*topics) as client:
         parameters = {
-            "scene_overrides": [f"{key}={value}" for key, value in overrides.items()],
+            **bar(elements),
             "clock": "lockstep",
             "record": recorded,
             "bag_path": str(Path(folder) / "bag"),
         }
         with NodeProcess(parameters) as node:
             client.wait_for_node()
-            client.wait(lambda: all(client.counts.values()))
             _work_off(client, node.pid, range(1, steps + 1))
             before = client.solved[1]
             span, used = _work_off(client, node.pid, range(steps + 1, 2 * steps + 1))
@@ -106,9 +104,9 @@ def _work_off(client: Client, pid: int, numbers: range) -> tuple[float, Reading]
     return end - started, last.since(first)
 
 
-def _alone(overrides: dict[str, Any], steps: int) -> float:
+def _alone(elements: int, steps: int) -> float:
     """Give the mean time of the solves [ms] of the second half of the same commands, without ROS."""
-    simulation = Simulation(load_scene("bend5", overrides=overrides))
+    simulation = Simulation(load_scene("bend5", overrides={"mesh.bar.cells": list(CELLS[elements])}))
     simulation.warm_up()
     times = []
     for number in range(1, 2 * steps + 1):

@@ -16,7 +16,7 @@ from sensor_msgs.msg import PointCloud2
 from benchmarks.node.client import Client
 from benchmarks.node.hostile import ACTUATOR_TOPICS, HANDLE_TOPICS, actuator_commands, handle_commands
 from benchmarks.node.meter import read_memory
-from gdfe_ros.node.interface import MESH
+from gdfe_ros.node.interface.topics import MESH
 from gdfe_ros.testing.process import NodeProcess
 
 _BATCH = 250

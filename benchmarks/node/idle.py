@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.node.client import Client
 from benchmarks.node.meter import read_processor
-from gdfe_ros.node.interface import MESH, STRAIN
+from gdfe_ros.node.interface.topics import MESH, STRAIN
 from gdfe_ros.testing.process import NodeProcess
 
 _SETTLE = 3.0

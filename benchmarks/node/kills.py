@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from benchmarks.node.client import Client
-from gdfe_ros.node.interface import MESH
+from benchmarks.node.client import Client, bar
+from gdfe_ros.node.interface.topics import MESH
 from gdfe_ros.testing.process import NodeProcess, package_environment
 
 _LONGEST = 3.0
 """Latest moment of a kill after the first step [s]."""
-_RISES = 2000
 
 
 @dataclass(frozen=True)
@@ -55,18 +54,12 @@ def measure(count: int, *, seed: int = 1, home: Path | None = None) -> Kills:
 
 
 def _record_and_kill(bag: Path, seconds: float, home: Path | None) -> None:
-    parameters = {
-        "scene_overrides": ["mesh.bar.cells=[20, 5, 5]"],
-        "publish_clock": True,
-        "record": True,
-        "bag_path": str(bag),
-    }
+    parameters = {**bar(500), "publish_clock": True, "record": True, "bag_path": str(bag)}
     with Client(MESH) as client, NodeProcess(parameters, home=home) as node:
         client.wait_for_node()
-        client.wait(lambda: client.counts[MESH.name])
         end, number = time.monotonic() + seconds, 0
         while time.monotonic() < end:
-            client.command(number % _RISES)
+            client.command(number)
             client.poll(0.01)
             number += 1
         node.kill()

@@ -12,8 +12,8 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from benchmarks.node.client import CELLS, Client
-from gdfe_ros.node.interface import MESH, STEP_RECORD, STRAIN
+from benchmarks.node.client import Client, bar
+from gdfe_ros.node.interface.topics import MESH, STEP_RECORD, STRAIN
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 
@@ -45,14 +45,13 @@ class Latency:
 def measure(elements: int, *, steps: int, home: Path | None = None) -> Latency:
     """Measure a loop of ``steps`` steps after some to warm up; ``home`` as for ``NodeProcess``."""
     parameters = {
-        "scene_overrides": [f"mesh.bar.cells={list(CELLS[elements])}"],
+        **bar(elements),
         "clock": "lockstep",
         "dt": _DT,
         "publish_clock": True,  # a step's mesh is known by its simulation time
     }
     with Client(MESH, STRAIN, STEP_RECORD, keep=(MESH, STEP_RECORD)) as client, NodeProcess(parameters, home=home):
         client.wait_for_node()
-        client.wait(lambda: all(client.counts.values()))
         times = [_round_trip(client, number) for number in range(1, _WARM + steps + 1)][_WARM:]
         client.wait(lambda: client.counts[STEP_RECORD.name] > steps + _WARM)
         texts = [deserialize_message(data, String).data for data in client.kept[STEP_RECORD.name]]

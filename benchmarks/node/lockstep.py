@@ -13,7 +13,7 @@ from std_msgs.msg import String
 
 from benchmarks.node.client import Client, height
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.node.interface import STEP_RECORD
+from gdfe_ros.node.interface.topics import STEP_RECORD
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing.process import NodeProcess
 
@@ -73,7 +73,6 @@ def _send(client: Client, count: int) -> float:
         return max(last, int(client.values.get("steps", 1)) - 1)
 
     client.wait_for_node()
-    client.wait(lambda: kept)
     started = time.monotonic()
     for number in range(1, count + 1):
         client.wait(lambda number=number: number - made() < _AHEAD)

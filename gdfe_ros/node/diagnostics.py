@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from gdfe_ros.node import interface
 from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.refusals import RefusalLog
@@ -63,7 +63,7 @@ class Diagnostics:
 
     def __init__(self, node: ManagedNode, refusals: RefusalLog) -> None:
         self._node, self._refusals = node, refusals
-        self._channel = Channel(node, interface.DIAGNOSTICS)
+        self._channel = Channel(node, topics.DIAGNOSTICS)
         self._doubles = Doubles(node)
         self._mark, self._refused, self._faults = _Mark(), 0, 0
 

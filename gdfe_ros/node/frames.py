@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node import interface
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.qos import installed, interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal
@@ -68,7 +68,7 @@ class Transforms:
             node.create_subscription(
                 interface_class(spec.type), spec.name, callback, qos_profile(spec.delivery), raw=True
             )
-            for spec, callback in ((interface.TF, self._keep), (interface.TF_STATIC, self._keep_fixed))
+            for spec, callback in ((topics.TF, self._keep), (topics.TF_STATIC, self._keep_fixed))
         ]
 
     def destroy(self) -> None:
@@ -110,7 +110,7 @@ class Transforms:
 
     def _read(self) -> None:
         """Read what was put aside; needs the lock."""
-        kind = interface_class(interface.TF.type)
+        kind = interface_class(topics.TF.type)
         for waiting in (self._fixed_unread, self._unread):
             while waiting:
                 for each in deserialize_message(waiting.popleft(), kind).transforms:
@@ -230,4 +230,4 @@ class Frames:
 
 def transforms_installed() -> bool:
     """Tell whether the messages of /tf are installed."""
-    return installed(interface.TF.type)
+    return installed(topics.TF.type)

@@ -10,12 +10,12 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
-from gdfe_ros.node import interface
 from gdfe_ros.node.actuator_orders import ActuatorOrders
 from gdfe_ros.node.following import Followers, Leader, followed_order, refuse_followed
 from gdfe_ros.node.freshness import Freshness
 from gdfe_ros.node.handle_orders import pose_order, twist_order
 from gdfe_ros.node.inbox import Inbox
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal
@@ -145,7 +145,7 @@ def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
     scene, frames, size = run.scene, run.frames, run.scene.mesh.size
     for handle in scene.handles:
         leader = leaders.get(handle.name)
-        for spec, check in ((interface.TARGET, pose_order), (interface.VELOCITY, twist_order)):
+        for spec, check in ((topics.TARGET, pose_order), (topics.VELOCITY, twist_order)):
             topic = spec.name.format(handle=handle.name)
             take = partial(check, handle=handle, size=size, frames=frames)
             if leader is not None:
@@ -153,15 +153,15 @@ def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
             yield Input(topic.removeprefix("~/"), topic, spec, take, stamped=True)
         if leader is not None and leader.topic:
             take = partial(followed_order, leader=leader, size=size, frames=frames)
-            yield Input(leader.key, leader.topic, interface.FOLLOWED, take, stamped=True)
+            yield Input(leader.key, leader.topic, topics.FOLLOWED, take, stamped=True)
     if scene.actuators or scene.loads:
         orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads])
-        yield Input("actuation", interface.ACTUATION.name, interface.ACTUATION, orders.from_joint_state, stamped=True)
+        yield Input("actuation", topics.ACTUATION.name, topics.ACTUATION, orders.from_joint_state, stamped=True)
         if scene.actuators:
             yield Input(
                 "commands",
-                interface.ACTUATOR_COMMANDS.name,
-                interface.ACTUATOR_COMMANDS,
+                topics.ACTUATOR_COMMANDS.name,
+                topics.ACTUATOR_COMMANDS,
                 orders.from_array,
                 stamped=False,
             )
@@ -169,4 +169,4 @@ def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
         def follow(message: Any) -> Order:
             return orders.from_trajectory(message, now=run.simulation_time(run.now()), convert=run.simulation_time)
 
-        yield Input("trajectory", interface.TRAJECTORY.name, interface.TRAJECTORY, follow, stamped=False)
+        yield Input("trajectory", topics.TRAJECTORY.name, topics.TRAJECTORY, follow, stamped=False)

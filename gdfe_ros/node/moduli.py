@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.node.bag import Bags
-from gdfe_ros.node.interface import MODULUS
+from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.parameters import require_allowed
 from gdfe_ros.scene.scene import Scene
 

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node import interface, messages
+from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.markers import SurfaceMarker
 from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, TransformPacker, WrenchPacker
 from gdfe_ros.node.run import Run
@@ -34,19 +35,19 @@ class Outputs:
         self._run, self._frames, self._frame_id = run, frames, frames.frame_id
         publish_tf = frames.transforms is not None and run.parameters["publish_tf"]
         each_step = partial(Channel, node, matched=matched)
-        self._mesh, self._strain = each_step(interface.MESH), each_step(interface.STRAIN)
-        self._record, self._markers = each_step(interface.STEP_RECORD), each_step(interface.MARKERS)
-        self._topology, self._scene_text = Channel(node, interface.TOPOLOGY), Channel(node, interface.SCENE)
+        self._mesh, self._strain = each_step(topics.MESH), each_step(topics.STRAIN)
+        self._record, self._markers = each_step(topics.STEP_RECORD), each_step(topics.MARKERS)
+        self._topology, self._scene_text = Channel(node, topics.TOPOLOGY), Channel(node, topics.SCENE)
         names = [handle.name for handle in scene.handles]
-        self._poses = {name: each_step(interface.HANDLE_POSE, handle=name) for name in names}
-        self._wrenches = {name: each_step(interface.HANDLE_WRENCH, handle=name) for name in names}
-        self._sensors = {name: each_step(interface.HANDLE_SENSOR, handle=name) for name in names}
-        self._probes = {name: each_step(interface.PROBE, probe=name) for name in scene.probes}
-        self._joints = each_step(interface.JOINT_STATES) if scene.actuators else None
-        self._jacobian = Channel(node, interface.JACOBIAN) if scene.actuators and scene.probes else None
-        self._clock = each_step(interface.CLOCK) if run.parameters["publish_clock"] else None
-        self._tf = each_step(interface.TF, own=1) if publish_tf else None
-        self._tf_static = Channel(node, interface.TF_STATIC) if publish_tf else None
+        self._poses = {name: each_step(topics.HANDLE_POSE, handle=name) for name in names}
+        self._wrenches = {name: each_step(topics.HANDLE_WRENCH, handle=name) for name in names}
+        self._sensors = {name: each_step(topics.HANDLE_SENSOR, handle=name) for name in names}
+        self._probes = {name: each_step(topics.PROBE, probe=name) for name in scene.probes}
+        self._joints = each_step(topics.JOINT_STATES) if scene.actuators else None
+        self._jacobian = Channel(node, topics.JACOBIAN) if scene.actuators and scene.probes else None
+        self._clock = each_step(topics.CLOCK) if run.parameters["publish_clock"] else None
+        self._tf = each_step(topics.TF, own=1) if publish_tf else None
+        self._tf_static = Channel(node, topics.TF_STATIC) if publish_tf else None
         self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
         self._pose_packers = {name: PosePacker(frames.rest(name)) for name in names}
         self._wrench_packers = {name: WrenchPacker(frames.centre(name)) for name in names}

@@ -20,8 +20,9 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node import interface, messages
+from gdfe_ros.node import messages
 from gdfe_ros.node.frames import Placement
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.messages import MESH_FIELDS, STRAIN_FIELDS
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.solver.elements.fields import ElementFields
@@ -145,7 +146,7 @@ class TransformPacker:
     """
 
     def __init__(self, names: Sequence[str], frame_id: str) -> None:
-        kind = interface_class(interface.TF.type)
+        kind = interface_class(topics.TF.type)
         marks = [_MARK * (1 + place) for place in range(len(names))]
         seconds = [_MARK_SECONDS + place for place in range(len(names))]
         transforms = []

@@ -17,7 +17,7 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.interface import PARAMETERS
+from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.specification import Change, ParameterSpec
 
 _OPEN = {

@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node import interface
+from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.qos import interface_class
@@ -35,13 +35,13 @@ class Services:
     def __init__(self, node: ManagedNode, parameters: Parameters, session: Callable[[], Session | None]) -> None:
         self._node, self._parameters, self._find = node, parameters, session
         actions = {
-            interface.RESET: self._reset,
-            interface.PAUSE: self._pause,
-            interface.STEP: self._step,
-            interface.RECORD: self._record,
-            interface.SAVE_STATE: self._save_state,
-            interface.LOAD_STATE: self._load_state,
-            interface.COMPUTE_JACOBIAN: self._compute_jacobian,
+            services.RESET: self._reset,
+            services.PAUSE: self._pause,
+            services.STEP: self._step,
+            services.RECORD: self._record,
+            services.SAVE_STATE: self._save_state,
+            services.LOAD_STATE: self._load_state,
+            services.COMPUTE_JACOBIAN: self._compute_jacobian,
         }
         for spec, action in actions.items():
             node.offer(interface_class(spec.type), spec.name, self._answer(spec.name, action))

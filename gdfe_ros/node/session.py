@@ -18,7 +18,7 @@ from gdfe_ros.node.following import leaders_of
 from gdfe_ros.node.frames import Transforms, transforms_installed
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.inputs import Inputs
-from gdfe_ros.node.interface import MODULUS
+from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.moduli import Moduli
 from gdfe_ros.node.outputs import Outputs

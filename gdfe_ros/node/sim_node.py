@@ -14,7 +14,8 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.diagnostics import Diagnostics
-from gdfe_ros.node.interface import NODE_NAME, PARAMETERS
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.preparation import prepare

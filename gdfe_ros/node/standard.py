@@ -13,7 +13,7 @@ from enum import IntEnum
 from typing import Any
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node import interface
+from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.qos import installed, interface_class
 from gdfe_ros.node.session import Session
@@ -57,14 +57,14 @@ class StandardServices:
     def __init__(self, node: ManagedNode, session: Callable[[], Session | None], quit: threading.Event | None) -> None:
         self._node, self._session, self._quit = node, session, quit
         self._at_start = False
-        if not installed(interface.STEP_SIMULATION.type):
+        if not installed(services.STEP_SIMULATION.type):
             return
         offered = {
-            interface.GET_FEATURES: self._features,
-            interface.GET_STATE: self._get_state,
-            interface.SET_STATE: self._set_state,
-            interface.RESET_SIMULATION: self._reset,
-            interface.STEP_SIMULATION: self._step,
+            services.GET_FEATURES: self._features,
+            services.GET_STATE: self._get_state,
+            services.SET_STATE: self._set_state,
+            services.RESET_SIMULATION: self._reset,
+            services.STEP_SIMULATION: self._step,
         }
         for spec, answer in offered.items():
             node.offer(interface_class(spec.type), spec.name, answer)
@@ -162,7 +162,7 @@ class StandardServices:
     def _offer_action(self) -> None:
         from rclpy.action import ActionServer, CancelResponse
 
-        kind, name = interface_class(interface.SIMULATE_STEPS.type), interface.SIMULATE_STEPS.name
+        kind, name = interface_class(services.SIMULATE_STEPS.type), services.SIMULATE_STEPS.name
         self._action = ActionServer(
             self._node,
             kind,
@@ -179,7 +179,7 @@ class StandardServices:
 
     def _accept(self, goal: Any) -> None:
         """Make the steps of a goal, each told as feedback, and give its result when they are made."""
-        kind, steps = interface_class(interface.SIMULATE_STEPS.type), goal.request.steps
+        kind, steps = interface_class(services.SIMULATE_STEPS.type), goal.request.steps
 
         def tell(done: int) -> None:
             goal.publish_feedback(kind.Feedback(completed_steps=done, remaining_steps=steps - done))

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 
 from rclpy.lifecycle import LifecycleNode
 
-from gdfe_ros.node import interface
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
 
 
@@ -25,7 +25,7 @@ class Strays:
         self._node, self._handles, self._refusals = node, list(handles), refusals
         self._patterns = [
             tuple(node.resolve_topic_name(spec.name.replace("{handle}", "h")).rsplit("h/", 1))
-            for spec in interface.COMMANDS
+            for spec in topics.COMMANDS
             if "{handle}" in spec.name
         ]
         self._told: set[str] = set()
@@ -67,7 +67,7 @@ class Doubles:
         if (count := node.get_node_names_and_namespaces().count(own)) > 1:
             name = node.get_fully_qualified_name()
             found.append(f"{count} nodes are called {name}: commands reach them all; remap __node or __ns")
-        clock = node.resolve_topic_name(interface.CLOCK.name)
+        clock = node.resolve_topic_name(topics.CLOCK.name)
         giving = any(info.node_name == own[0] for info in node.get_publishers_info_by_topic(clock))
         if giving and (count := node.count_publishers(clock)) > 1:
             found.append(f"{count} publishers of {clock}: time jumps to and fro; set publish_clock false but for one")

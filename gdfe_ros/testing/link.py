@@ -13,7 +13,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.interface import STEP_RECORD
+from gdfe_ros.node.interface.topics import STEP_RECORD
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.testing.client import STATE_QOS, Client
 from gdfe_ros.testing.process import NodeProcess

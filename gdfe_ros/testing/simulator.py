@@ -23,7 +23,9 @@ from std_srvs.srv import Trigger
 from gdfe_ros.actuators import Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.interface import ACTUATOR_COMMANDS, COMPUTE_JACOBIAN, JACOBIAN, NODE_NAME, TARGET
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN
+from gdfe_ros.node.interface.topics import ACTUATOR_COMMANDS, JACOBIAN, TARGET
 from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.scene.loader import load_scene

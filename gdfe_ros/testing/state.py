@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node import interface
+from gdfe_ros.node.interface import topics
 from gdfe_ros.node.messages import to_time
+from gdfe_ros.node.specification import TopicSpec
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.scene.scene import Scene
 
@@ -53,14 +54,14 @@ class State:
 
 def state_topics(scene: Scene) -> dict[str, str]:
     """List the topics that make up a state, relative to the node, with their types."""
-    topics = {_key(spec): spec.type for spec in (interface.MESH, interface.STRAIN, interface.STEP_RECORD)}
+    found = {_key(spec): spec.type for spec in (topics.MESH, topics.STRAIN, topics.STEP_RECORD)}
     for handle in scene.handles:
-        for spec in (interface.HANDLE_POSE, interface.HANDLE_WRENCH):
-            topics[_key(spec, handle=handle.name)] = spec.type
-    topics |= {_key(interface.PROBE, probe=name): interface.PROBE.type for name in scene.probes}
+        for spec in (topics.HANDLE_POSE, topics.HANDLE_WRENCH):
+            found[_key(spec, handle=handle.name)] = spec.type
+    found |= {_key(topics.PROBE, probe=name): topics.PROBE.type for name in scene.probes}
     if scene.actuators:
-        topics[_key(interface.JOINT_STATES)] = interface.JOINT_STATES.type
-    return topics
+        found[_key(topics.JOINT_STATES)] = topics.JOINT_STATES.type
+    return found
 
 
 def moment_of(message: Any) -> Moment:
@@ -71,24 +72,24 @@ def moment_of(message: Any) -> Moment:
 
 def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
     """Make a state of one message of each topic of ``state_topics``."""
-    mesh = np.frombuffer(messages[_key(interface.MESH)].data, "<f4").reshape(-1, 6)
-    joints = messages.get(_key(interface.JOINT_STATES))
+    mesh = np.frombuffer(messages[_key(topics.MESH)].data, "<f4").reshape(-1, 6)
+    joints = messages.get(_key(topics.JOINT_STATES))
     names = [handle.name for handle in scene.handles]
     return State(
-        record=StepRecord.from_json(messages[_key(interface.STEP_RECORD)].data),
+        record=StepRecord.from_json(messages[_key(topics.STEP_RECORD)].data),
         positions=mesh[:, :3],
         displacements=mesh[:, 3:],
-        strain=np.frombuffer(messages[_key(interface.STRAIN)].data, "<f4").reshape(-1, 8),
-        poses={name: _pose(messages[_key(interface.HANDLE_POSE, handle=name)]) for name in names},
-        wrenches={name: _wrench(messages[_key(interface.HANDLE_WRENCH, handle=name)]) for name in names},
-        probes={name: _pose(messages[_key(interface.PROBE, probe=name)]) for name in scene.probes},
+        strain=np.frombuffer(messages[_key(topics.STRAIN)].data, "<f4").reshape(-1, 8),
+        poses={name: _pose(messages[_key(topics.HANDLE_POSE, handle=name)]) for name in names},
+        wrenches={name: _wrench(messages[_key(topics.HANDLE_WRENCH, handle=name)]) for name in names},
+        probes={name: _pose(messages[_key(topics.PROBE, probe=name)]) for name in scene.probes},
         joints={}
         if joints is None
         else dict(zip(joints.name, zip(joints.position, joints.velocity, joints.effort, strict=True), strict=True)),
     )
 
 
-def _key(spec: interface.TopicSpec, **names: str) -> str:
+def _key(spec: TopicSpec, **names: str) -> str:
     return spec.name.removeprefix("~/").format(**names)
 
 

@@ -19,7 +19,8 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
 from gdfe_ros.actuators import Mode
-from gdfe_ros.node.interface import ACTUATION, JOINT_STATES, NODE_NAME
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.topics import ACTUATION, JOINT_STATES
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.discovery import await_discovery

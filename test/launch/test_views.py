@@ -13,7 +13,8 @@ import yaml
 from rosbags.typesys import Stores, get_typestore
 
 from gdfe_ros.analysis.published import STRAIN_FIELDS
-from gdfe_ros.node.interface import NODE_NAME, OUTPUTS
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.topics import OUTPUTS
 from gdfe_ros.node.specification import Delivery
 
 CONFIG = Path(__file__).parents[2] / "config"

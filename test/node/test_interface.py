@@ -8,7 +8,10 @@ from typing import Any
 
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 
-from gdfe_ros.node.interface import COMMANDS, NODE_NAME, OUTPUTS, PARAMETERS, SERVICES
+from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.parameters import PARAMETERS
+from gdfe_ros.node.interface.services import SERVICES
+from gdfe_ros.node.interface.topics import COMMANDS, OUTPUTS
 from gdfe_ros.node.qos import installed
 from gdfe_ros.node.reference import markdown
 

@@ -15,6 +15,7 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Descended, Minimiser, Task
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.descent.workspace import End
+from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.estimate import Estimate, estimate
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
@@ -78,23 +79,17 @@ class CertifiedMinimiser(Minimiser):
         if trusting:
             self._patient, self._free, self._worth = max(PATIENT, level.price), 0, max(WORTH, level.price)
 
-    def begin(
-        self,
-        active: ActiveSet,
-        *,
-        watched: bool,
-        tangent: Tangent | None = None,
-        last: NDArray[np.float64] | None = None,
-    ) -> None:
-        """Begin a solve with the ``tangent`` that its history belongs to.
+    def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
+        """Begin a solve with the tangent of ``start``, to which its history belongs.
 
-        A tangent that is due is taken at the ``last`` equilibrium (n, 3) [m], or where the solve begins.
+        A tangent that is due is taken at the last equilibrium where the solve is ``warm``, else where it begins.
         """
-        super().begin(active, watched=False)
-        self.tangent, self._last, self._work, self._distance = tangent, last, 0, np.inf
+        super().begin(active, start, warm=True)
+        self.tangent, self._last = start.tangent, start.positions if warm else None
+        self._work, self._distance = 0, np.inf
         self.lost, self._unknown, self._tangents = False, 0, 0
-        if tangent is not None:
-            self._level.load(tangent)
+        if self.tangent is not None:
+            self._level.load(self.tangent)
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
         """Descend until the step is short enough; at the ``final`` tolerance, until the distance is known to be.
@@ -196,9 +191,8 @@ class CertifiedMinimiser(Minimiser):
             self._take(task, damping=damping)
 
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
-        work, problem = task.active.workspace, task.problem
-        elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
-        self.tangent = self._level.take(work.u, work.x if x is None else x, problem.frame, elements, damping=damping)
+        work = task.active.workspace
+        self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, damping=damping)
         status, self._work = task.active.status, 0
         status["count"], status["pending"], status["ended"], self._prepared = 0, 0, End.NONE, False
 

@@ -21,6 +21,7 @@ from gdfe_ros.solver.descent.workspace import End, Problem, Workspace
 from gdfe_ros.solver.distance import largest_shift
 from gdfe_ros.solver.matrix.constant_matrix import Factorisation
 from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
+from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
 SAFETY = 0.1
@@ -113,21 +114,11 @@ class Minimiser:
         self.lumps = find_lumps(body, weight, bending)
         self.observer: Observer | None = None
 
-    def begin(
-        self,
-        active: ActiveSet,
-        *,
-        watched: bool,
-        tangent: Tangent | None = None,
-        last: NDArray[np.float64] | None = None,
-    ) -> None:
-        """Begin a solve; with ``watched`` it ends only when its steps have shrunk.
-
-        Tangents are for those that keep one.
-        """
+    def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
+        """Begin a solve from ``start``; where it is not ``warm``, it ends only when its steps have shrunk."""
         work, status = active.workspace, active.status
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
-        status["seen"], work.recent[...] = 0 if watched else -1, 0.0
+        status["seen"], work.recent[...] = -1 if warm else 0, 0.0
         status["ended"] = End.NONE
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:

@@ -79,6 +79,10 @@ class Dormancy:
         self._alive[whole.unknowns.members] = True
         self._part: Part | None = None
 
+    def forbid(self) -> None:
+        """Hold nothing, ever: where the constant matrix cannot tell how far what is held would move."""
+        self._possible = False
+
     def at_rest(self) -> Sleep | None:
         """Return that nothing is held; None where nothing ever is."""
         if not self._possible:

@@ -101,7 +101,7 @@ class EnergyEquilibrium:
         )
         self.minimiser = self._model.minimiser
         if self.minimiser.lumps or self.minimiser.certified:
-            self._dormancy = Dormancy(body, self._whole, (), pushed=bool(self.actuation.terms))
+            self._dormancy.forbid()
         count = len(body.material)
         self._stored, self._least = np.zeros(count), np.ones(count)
         self._loaded: Known | None = None

@@ -62,9 +62,8 @@ def for_slender(
         SLENDER_IN_MOTION if moving else SLENDER
     ):
         return model
-    level, problem, work = TangentLevel(body, matrix.assembled, model.actuation.terms), task.problem, whole.workspace
-    elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
-    if level.take(work.u, work.x, problem.frame, elements).shift > 0.0:
+    level, work = TangentLevel(body, matrix.assembled, model.actuation.terms), whole.workspace
+    if level.take(task.problem, work.u, work.x).shift > 0.0:
         return model
     for _ in range(INVERSE_ITERATIONS):
         load, found = _weighed(matrix, field, count), np.empty(field.size)

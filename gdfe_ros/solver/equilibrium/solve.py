@@ -139,8 +139,7 @@ class Solve:
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
         """Descend, and update multipliers until they keep what they are to keep."""
         status, tolerance = active.status, self.problem.tolerance
-        last = self.start.positions if self._warm else None
-        self._minimiser.begin(active, watched=not self._warm, tangent=self.start.tangent, last=last)
+        self._minimiser.begin(active, self.start, warm=self._warm)
         task = self.evaluate(active, coupling, threads=threads)
         updates = len(active.carried) or self._softens(active) or self._actuation.updates
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.response import evaluate
 
 SPACING = 1e-5
@@ -60,30 +61,18 @@ class ElementStiffness:
         self._work, self._energy = np.zeros((8 * count, 3)), np.zeros(count)
         self._force, self._values = np.zeros((2, count, 8, 3)), np.zeros((count, 24, 24))
 
-    def at(
-        self,
-        x: NDArray[np.float64],
-        shape: tuple,
-        blocks: tuple,
-        material: NDArray[np.int32],
-        pressure: NDArray[np.float64],
-        scale: NDArray[np.float64],
-        table: tuple,
-    ) -> NDArray[np.float64]:
-        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites.
-
-        The other arguments are those of `gdfe_ros.solver.elements.response.evaluate`.
-        """
+    def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites."""
         element_stiffness(
             x,
             self._cells,
             self._spacing,
-            shape._replace(cells=self._apart),
-            blocks,
-            material,
-            pressure,
-            scale,
-            table,
+            problem.shape._replace(cells=self._apart),
+            problem.blocks,
+            problem.material,
+            problem.pressure,
+            problem.scale,
+            problem.table,
             self._work,
             self._force,
             self._energy,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import pinvh
 
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.matrix.coupling import SINGULAR
 from gdfe_ros.solver.matrix.unknowns import Frame, place
 from gdfe_ros.solver.tangent.assembly import Assembly
@@ -74,7 +75,7 @@ class TangentLevel:
         self._loaded: Tangent | None = None
 
     def take(
-        self, u: NDArray[np.float64], x: NDArray[np.float64], frame: Frame, elements: tuple, *, damping: float = 0.0
+        self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, damping: float = 0.0
     ) -> Tangent:
         """Return the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m], and be ready to apply it.
 
@@ -82,13 +83,12 @@ class TangentLevel:
         eigenvalues, and a share of the constant matrix is added until the factor exists.
 
         Args:
+            problem: what the elements and the handles' frame are at present.
             u: the unknowns.
             x: where they put the vertices.
-            frame: where handles are commanded.
-            elements: shape, blocks, material, pressure, scale and table, as the element kernel takes them.
             damping: share of the constant matrix that is added anyway.
         """
-        stiffness, motion = self._elements.at(x, *elements), self._motion(u, frame)
+        stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
         added = [term.tangents(x) for term in self._terms]
         tangent, shift = self._assembly.blocks([stiffness, *added]) + self._even + damping * self._constant, 0.0
         if self._load(Tangent(blocks=tangent, motion=motion)):

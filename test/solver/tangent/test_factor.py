@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 import scipy.sparse as sparse
@@ -12,6 +14,8 @@ from gdfe_ros.solver.tangent import factor as module
 from gdfe_ros.solver.tangent.factor import Factor
 from gdfe_ros.solver.tangent.ordering import narrow_order
 
+Make = Callable[..., tuple[sparse.csr_matrix, Factor]]
+
 
 def _graph(cells: tuple[int, int, int]) -> tuple[sparse.csr_matrix, np.ndarray]:
     mesh = bar([float(n) for n in cells], list(cells))
@@ -20,30 +24,34 @@ def _graph(cells: tuple[int, int, int]) -> tuple[sparse.csr_matrix, np.ndarray]:
     return sparse.csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count)), mesh.vertices
 
 
-@pytest.mark.parametrize("broadest", [10**9, 0], ids=["band", "sparse"])
-def test_it_solves(monkeypatch: pytest.MonkeyPatch, broadest: int) -> None:
+@pytest.fixture(params=[10**9, 0], ids=["band", "sparse"])
+def make(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Make:
+    """Make a matrix of a bar and what factors it, in a band and sparse."""
+    monkeypatch.setattr(module, "BROADEST", request.param)
+
+    def of(*cells: int) -> tuple[sparse.csr_matrix, Factor]:
+        graph, points = _graph(cells)
+        matrix = (graph + 100.0 * sparse.identity(graph.shape[0])).tocsr()
+        matrix.sort_indices()
+        return matrix, Factor(matrix, narrow_order(graph, points))
+
+    return of
+
+
+def test_it_solves(make: Make) -> None:
     """Solve for one and for three right-hand sides."""
-    monkeypatch.setattr(module, "BROADEST", broadest)
-    graph, points = _graph((12, 2, 2))
-    matrix = (graph + 100.0 * sparse.identity(graph.shape[0])).tocsr()
-    matrix.sort_indices()
-    found = Factor(matrix, narrow_order(graph, points))
+    matrix, found = make(12, 2, 2)
     assert found.factor(matrix)
-    right = np.random.default_rng(0).standard_normal((graph.shape[0], 3))
+    right = np.random.default_rng(0).standard_normal((matrix.shape[0], 3))
     np.testing.assert_allclose(matrix @ found.solve(right), right, atol=1e-10)
     np.testing.assert_allclose(matrix @ found.solve(right[:, 0]), right[:, 0], atol=1e-10)
     np.testing.assert_array_equal(found.solve(right[:, 0]), found.solve(right[:, 0].copy()))
 
 
-@pytest.mark.parametrize("broadest", [10**9, 0], ids=["band", "sparse"])
-def test_what_is_not_definite_has_no_factor(monkeypatch: pytest.MonkeyPatch, broadest: int) -> None:
+def test_what_is_not_definite_has_no_factor(make: Make) -> None:
     """Refuse an indefinite matrix, and take the next one."""
-    monkeypatch.setattr(module, "BROADEST", broadest)
-    graph, points = _graph((4, 1, 1))
-    matrix = (graph + 100.0 * sparse.identity(graph.shape[0])).tocsr()
-    matrix.sort_indices()
-    found = Factor(matrix, narrow_order(graph, points))
-    assert not found.factor((matrix - 200.0 * sparse.identity(graph.shape[0])).tocsr())
+    matrix, found = make(4, 1, 1)
+    assert not found.factor((matrix - 200.0 * sparse.identity(matrix.shape[0])).tocsr())
     assert found.factor(matrix)
 
 

@@ -29,24 +29,23 @@ TIPS = {
 Levels = tuple[TangentLevel, Tangent, TangentProducts, NDArray[np.float64]]
 
 
-def _level(tip: str, stretch: float) -> Levels:
-    """Take the tangent of a strip whose tip has been pulled out by a share of its length."""
+def _level(tip: str, stretch: float, *, power: int = 2) -> Levels:
+    """Take the tangent of a strip that is stretched by a share of its length; evenly where ``power`` is 1."""
     simulation = Simulation(scene_from_text(SCENE.replace("TIP", tip)))
     equilibrium = simulation._stepper.equilibrium
     body = equilibrium.body
     state, share = equilibrium.at_rest(), (body.rest[:, 0] - body.rest[:, 0].min()) / 0.1
-    moved = body.rest + np.outer(share**2 * stretch * 0.1, [1.0, 0.0, 0.0])
+    moved = body.rest + np.outer(share**power * stretch * 0.1, [1.0, 0.0, 0.0])
     moved[body.unknowns.prescribed] = body.rest[body.unknowns.prescribed]
     task = Solve.at(equilibrium._model, state.with_(positions=moved)).evaluate(
         equilibrium._whole, equilibrium.matrix.coupling, threads=None
     )
-    level, problem, work = TangentLevel(body, equilibrium.matrix.assembled), task.problem, task.active.workspace
-    elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
+    level, work = TangentLevel(body, equilibrium.matrix.assembled), task.active.workspace
     products = TangentProducts(body)
     products.begin(task)
     free = np.ones(body.unknowns.rows * 3)
     free[3 * len(body.unknowns.free) :] = _free_rows(body.unknowns)
-    return level, level.take(work.u, work.x, problem.frame, elements), products, free
+    return level, level.take(task.problem, work.u, work.x), products, free
 
 
 def _free_rows(unknowns: tuple) -> NDArray[np.float64]:
@@ -89,18 +88,8 @@ def test_it_follows_a_stretched_shape() -> None:
 
 def test_an_indefinite_tangent_gets_a_factor_all_the_same() -> None:
     """Squash the strip far beyond its buckling load: what is taken is positive definite."""
-    simulation = Simulation(scene_from_text(SCENE.replace("TIP", "")))
-    equilibrium = simulation._stepper.equilibrium
-    body = equilibrium.body
-    squashed = body.rest * [0.7, 1.0, 1.0]
-    squashed[:, 0] += body.rest[:, 0].min() * 0.3
-    squashed[body.unknowns.prescribed] = body.rest[body.unknowns.prescribed]
-    task = Solve.at(equilibrium._model, equilibrium.at_rest().with_(positions=squashed)).evaluate(
-        equilibrium._whole, equilibrium.matrix.coupling, threads=None
-    )
-    level, problem, work = TangentLevel(body, equilibrium.matrix.assembled), task.problem, task.active.workspace
-    elements = problem.shape, problem.blocks, problem.material, problem.pressure, problem.scale, problem.table
-    matrix = level.assembled(level.take(work.u, work.x, problem.frame, elements)).toarray()
+    level, tangent, *_ = _level("", -0.3, power=1)
+    matrix = level.assembled(tangent).toarray()
     assert np.linalg.eigvalsh(0.5 * (matrix + matrix.T))[0] > 0.0
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.scene import scene_from_text
@@ -52,36 +53,43 @@ WORDS = ("message", "cut_after", "actuators", "policy", "factorisation")
 Way = list[tuple[Command, dict]]
 
 
-class Same:
-    """Comparisons to the last bit."""
+class Differences:
+    """What is not the same to the last bit, by name."""
 
-    def result(self, found: StepResult, expected: StepResult) -> None:
+    def result(self, found: StepResult, expected: StepResult) -> list[str]:
         """Compare two results; the wall time apart."""
-        np.testing.assert_array_equal(found.positions, expected.positions)
-        for name, reaction in expected.reactions.items():
-            np.testing.assert_array_equal(found.reactions[name], reaction, err_msg=name)
-        for name in NUMBERS + WORDS:
-            assert getattr(found, name) == getattr(expected, name), name
+        names = [name for name in NUMBERS + WORDS if getattr(found, name) != getattr(expected, name)]
+        names += [name for name, loads in expected.reactions.items() if not _equal(found.reactions[name], loads)]
+        return names if _equal(found.positions, expected.positions) else ["positions", *names]
 
-    def run(self, found: list[StepResult], expected: list[StepResult]) -> None:
+    def run(self, found: list[StepResult], expected: list[StepResult]) -> list[str]:
         """Compare step by step."""
-        for one, other in zip(found, expected, strict=True):
-            self.result(one, other)
+        pairs = enumerate(zip(found, expected, strict=True))
+        return [f"{name} of step {number}" for number, pair in pairs for name in self.result(*pair)]
 
-    def fields(self, found: Any, expected: Any) -> None:
+    def fields(self, found: Any, expected: Any) -> list[str]:
         """Compare element fields."""
-        for item in fields_of(expected):
-            np.testing.assert_array_equal(getattr(found, item.name), getattr(expected, item.name), err_msg=item.name)
+        names = [item.name for item in fields_of(expected)]
+        return [name for name in names if not _equal(getattr(found, name), getattr(expected, name))]
 
-    def state(self, one: Simulation, other: Simulation) -> None:
+    def state(self, one: Simulation, other: Simulation) -> list[str]:
         """Compare all that two simulations tell of their states."""
-        np.testing.assert_array_equal(one.positions, other.positions)
-        assert (one.time, one.targets, one.commands) == (other.time, other.targets, other.commands)
-        assert one.actuator_states() == other.actuator_states()
-        assert [one.handle_pose(name) for name in one.handle_names] == [
-            other.handle_pose(name) for name in other.handle_names
-        ]
-        self.fields(one.fields(), other.fields())
+        first, second = (
+            {
+                "time": each.time,
+                "targets": each.targets,
+                "commands": each.commands,
+                "actuators": each.actuator_states(),
+                "poses": [each.handle_pose(name) for name in each.handle_names],
+            }
+            for each in (one, other)
+        )
+        names = [name for name in first if first[name] != second[name]] + self.fields(one.fields(), other.fields())
+        return names if _equal(one.positions, other.positions) else ["positions", *names]
+
+
+def _equal(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    return np.array_equal(one, other, equal_nan=True)
 
 
 @dataclass
@@ -265,6 +273,6 @@ def feature(request: pytest.FixtureRequest) -> Feature:
 
 
 @pytest.fixture(scope="session")
-def same() -> Same:
+def differences() -> Differences:
     """Give comparisons to the last bit."""
-    return Same()
+    return Differences()

@@ -33,40 +33,40 @@ def test_the_feature_is_at_work(feature: Any) -> None:
 # --- once more ---
 
 
-def test_replay(feature: Any, same: Any) -> None:
+def test_replay(feature: Any, differences: Any) -> None:
     """Make the same steps in a fresh simulation."""
-    same.run(feature.run(feature.simulation(), feature.way), feature.results)
+    assert not differences.run(feature.run(feature.simulation(), feature.way), feature.results)
 
 
-def test_replay_of_the_scene_read_anew(feature: Any, same: Any) -> None:
+def test_replay_of_the_scene_read_anew(feature: Any, differences: Any) -> None:
     """Read the scene from its own text and make the same steps."""
     simulation = Simulation(scene_from_text(feature.scene.source))
-    same.run(feature.run(simulation, feature.way), feature.results)
+    assert not differences.run(feature.run(simulation, feature.way), feature.results)
 
 
-def test_reset_and_again(feature: Any, same: Any) -> None:
+def test_reset_and_again(feature: Any, differences: Any) -> None:
     """Make the steps, go elsewhere, reset, and again: as in the beginning, each time."""
     simulation, fresh = feature.simulation(), feature.simulation()
     for _ in range(2):
         feature.run(simulation, feature.way + feature.elsewhere)
         simulation.reset()
-        same.state(simulation, fresh)
-    same.run(feature.run(simulation, feature.way), feature.results)
+        assert not differences.state(simulation, fresh)
+    assert not differences.run(feature.run(simulation, feature.way), feature.results)
 
 
 # --- side by side ---
 
 
-def test_two_in_turn(feature: Any, same: Any) -> None:
+def test_two_in_turn(feature: Any, differences: Any) -> None:
     """Step two simulations of one scene in turn, on different ways: each as if alone."""
     one, other, found = feature.simulation(), feature.simulation(), []
     for index, step in enumerate(feature.way):
         feature.run(other, [feature.elsewhere[index % 2]])
         found += feature.run(one, [step])
-    same.run(found, feature.results)
+    assert not differences.run(found, feature.results)
 
 
-def test_two_threads_at_the_same_time(feature: Any, same: Any) -> None:
+def test_two_threads_at_the_same_time(feature: Any, differences: Any) -> None:
     """Step two simulations of one scene in two threads: each as if alone."""
     simulations, found = [feature.simulation(), feature.simulation()], {}
     barrier = threading.Barrier(2)
@@ -81,14 +81,14 @@ def test_two_threads_at_the_same_time(feature: Any, same: Any) -> None:
     for thread in threads:
         thread.join()
     for index in range(2):
-        same.run(found[index], feature.results)
+        assert not differences.run(found[index], feature.results)
 
 
 # --- saved and loaded ---
 
 
 @pytest.mark.parametrize("where", ["fresh", "elsewhere", "itself"])
-def test_checkpoint(feature: Any, same: Any, where: str) -> None:
+def test_checkpoint(feature: Any, differences: Any, where: str) -> None:
     """Save in the middle, load where nothing or something else has happened, go on: as if never interrupted."""
     half = len(feature.way) // 2
     first = feature.simulation()
@@ -99,15 +99,15 @@ def test_checkpoint(feature: Any, same: Any, where: str) -> None:
         feature.run(second, feature.elsewhere)
     load_state(second, state)
     if where != "itself":
-        same.state(second, first)
+        assert not differences.state(second, first)
     for simulation in {id(item): item for item in (second, first)}.values():
-        same.run(feature.run(simulation, feature.way[half:]), feature.results[half:])
+        assert not differences.run(feature.run(simulation, feature.way[half:]), feature.results[half:])
 
 
 # --- fields of the past ---
 
 
-def test_deferred_fields(feature: Any, same: Any) -> None:
+def test_deferred_fields(feature: Any, differences: Any) -> None:
     """Take the fields of every step at once, and evaluate them later in another thread: equal."""
     simulation, now, later = feature.simulation(), [], []
     for step in feature.way:
@@ -121,13 +121,13 @@ def test_deferred_fields(feature: Any, same: Any) -> None:
     feature.run(simulation, feature.way[:1])
     thread.join()
     for one, other in zip(found, now, strict=True):
-        same.fields(one, other)
+        assert not differences.fields(one, other)
 
 
 # --- what must not change a thing ---
 
 
-def test_a_refused_command_changes_nothing(feature: Any, same: Any) -> None:
+def test_a_refused_command_changes_nothing(feature: Any, differences: Any) -> None:
     """Refuse commands between any two steps: the steps are those of a simulation that never was asked."""
     simulation, found = feature.simulation(), []
     for step in feature.way:
@@ -135,10 +135,10 @@ def test_a_refused_command_changes_nothing(feature: Any, same: Any) -> None:
             with pytest.raises(CommandError):
                 simulation.step(wrong, dt=0.1)
         found += feature.run(simulation, [step])
-    same.run(found, feature.results)
+    assert not differences.run(found, feature.results)
 
 
-def test_asking_changes_nothing(feature: Any, same: Any) -> None:
+def test_asking_changes_nothing(feature: Any, differences: Any) -> None:
     """Ask for all that can be asked between any two steps: the steps are those of a simulation that never was."""
     simulation, found = feature.simulation(), []
     for index, step in enumerate(feature.way):
@@ -148,7 +148,7 @@ def test_asking_changes_nothing(feature: Any, same: Any) -> None:
         if index == len(feature.way) // 2:
             simulation.jacobian()
         found += feature.run(simulation, [step])
-    same.run(found, feature.results)
+    assert not differences.run(found, feature.results)
 
 
 # --- the same with threads ---

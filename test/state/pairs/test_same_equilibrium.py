@@ -26,7 +26,7 @@ def assert_near(lab: Any, simulation: Simulation, found: StepResult, expected: S
     assert found.energy == pytest.approx(expected.energy, rel=ENERGIES)
 
 
-def test_positions_of_another_simulation(feature: Any, lab: Any, same: Any) -> None:
+def test_positions_of_another_simulation(feature: Any, lab: Any, differences: Any) -> None:
     """Start from the end of another simulation: the same equilibrium, and the same bits when done twice."""
     found = []
     for _ in range(2):
@@ -34,12 +34,12 @@ def test_positions_of_another_simulation(feature: Any, lab: Any, same: Any) -> N
         feature.run(simulation, feature.elsewhere)
         simulation.set_positions(feature.results[-1].positions)
         found.append(feature.finish(simulation))
-    same.result(found[1], found[0])
+    assert not differences.result(found[1], found[0])
     if simulation.policy is Policy.ENERGY:
         assert_near(lab, simulation, found[0], feature.results[-1])
 
 
-def test_restart_from_mirrored_positions(feature: Any, lab: Any, same: Any) -> None:
+def test_restart_from_mirrored_positions(feature: Any, lab: Any, differences: Any) -> None:
     """Turn the body inside out and step: the equilibrium of a simulation that never failed, then the same bits."""
     simulation, plain = feature.simulation(), feature.simulation()
     centre = simulation.mesh.vertices.mean(axis=0)
@@ -51,10 +51,10 @@ def test_restart_from_mirrored_positions(feature: Any, lab: Any, same: Any) -> N
         np.testing.assert_array_equal(found.positions, expected.positions)
         assert found.energy == expected.energy
     simulation.reset()
-    same.run(feature.run(simulation, feature.way), feature.results)
+    assert not differences.run(feature.run(simulation, feature.way), feature.results)
 
 
-def test_after_a_failed_step(feature: Any, lab: Any, same: Any) -> None:
+def test_after_a_failed_step(feature: Any, lab: Any, differences: Any) -> None:
     """Ask for what has no equilibrium: finite, then the equilibrium as ever, and after a reset the same bits."""
     simulation = feature.simulation()
     feature.run(simulation, feature.way[:1])
@@ -63,18 +63,18 @@ def test_after_a_failed_step(feature: Any, lab: Any, same: Any) -> None:
     if simulation.policy is Policy.ENERGY:
         assert_near(lab, simulation, feature.finish(simulation), feature.finish(feature.simulation()))
     simulation.reset()
-    same.run(feature.run(simulation, feature.way), feature.results)
+    assert not differences.run(feature.run(simulation, feature.way), feature.results)
 
 
-def test_jacobian(feature: Any, lab: Any, same: Any) -> None:
+def test_jacobian(feature: Any, lab: Any, differences: Any) -> None:
     """Compare d(probe)/d(command) with steps of fresh simulations; asking does not change the next steps."""
     simulation, twin = feature.simulation(), feature.simulation()
     for each in (simulation, twin):
         feature.run(each, feature.way)
     name, change = feature.lever
     column = simulation.jacobian(["edge"], [name])[0, :, 0]
-    same.state(simulation, twin)
-    same.run(*(feature.run(each, feature.elsewhere) for each in (simulation, twin)))
+    assert not differences.state(simulation, twin)
+    assert not differences.run(*(feature.run(each, feature.elsewhere) for each in (simulation, twin)))
     before = [] if simulation.policy is Policy.ENERGY else [command for command, _ in feature.way]
     ends = []
     for side in (-change, change):

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Topics of the node: `COMMANDS` are what it takes, `OUTPUTS` what it publishes."""
+
+from __future__ import annotations
+
+from gdfe_ros.node.specification import Delivery, TopicSpec
+
+TARGET = TopicSpec(
+    name="~/handles/{handle}/target",
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="target of the handle relative to its rest pose [m], rotation about its own centre by the nearest turn; "
+    "`frame_id` empty, the node's or `<handle>_rest`; any other is looked up on TF, or refused by name",
+    delivery=Delivery.COMMAND,
+)
+VELOCITY = TopicSpec(
+    name="~/handles/{handle}/velocity",
+    type="geometry_msgs/msg/TwistStamped",
+    meaning="velocity of the handle's target [m/s], [rad/s], axes of the node's frame, in force for "
+    "`velocity_timeout`; turns add up beyond 180 degrees; `frame_id` as for the target",
+    delivery=Delivery.COMMAND,
+)
+ACTUATION = TopicSpec(
+    name="~/actuation",
+    type="sensor_msgs/msg/JointState",
+    meaning="commands of actuators by name: `effort` for tension [N] and pressure [Pa], `position` for length and "
+    "shortening [m], volume [m^3], growth [1]; and of loads: `position` is the factor [1] on them",
+    delivery=Delivery.COMMAND,
+)
+ACTUATOR_COMMANDS = TopicSpec(
+    name="~/commands",
+    type="std_msgs/msg/Float64MultiArray",
+    meaning="one command for each actuator in the scene's order, unit of its mode (ros2_control's forward controllers)",
+    delivery=Delivery.COMMAND,
+)
+TRAJECTORY = TopicSpec(
+    name="~/trajectory",
+    type="trajectory_msgs/msg/JointTrajectory",
+    meaning="commands of actuators over simulation time: `positions` in the unit of each mode, linear in between; "
+    "stamp 0 starts at once, another one on the node's clock, at most 60 s ahead",
+    delivery=Delivery.COMMAND,
+)
+FOLLOWED = TopicSpec(
+    name="",  # the parameter names it
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="where a handle that follows a topic is held: pose of its frame in the header's; empty: the node's",
+    delivery=Delivery.FOLLOWED,
+)
+COMMANDS = (TARGET, VELOCITY, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
+
+CLOCK = TopicSpec(
+    name="/clock",
+    type="rosgraph_msgs/msg/Clock",
+    meaning="simulation time, with `publish_clock`; a reset sets it back",
+    delivery=Delivery.CLOCK,
+)
+MESH = TopicSpec(
+    name="~/mesh",
+    type="sensor_msgs/msg/PointCloud2",
+    meaning="x, y, z, ux, uy, uz of each vertex [m], float32",
+    delivery=Delivery.CLOUD,
+)
+STRAIN = TopicSpec(
+    name="~/strain",
+    type="sensor_msgs/msg/PointCloud2",
+    meaning="x, y, z [m] of each cell's centroid, eps_eq, J, omega, tangent [Pa], energy_density [J/m^3], float32",
+    delivery=Delivery.CLOUD,
+)
+HANDLE_POSE = TopicSpec(
+    name="~/handles/{handle}/pose",
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="where the handle is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the handle's centre at "
+    "rest with the axes of the node's frame",
+)
+HANDLE_WRENCH = TopicSpec(
+    name="~/handles/{handle}/wrench",
+    type="geometry_msgs/msg/WrenchStamped",
+    meaning="force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre: "
+    "`frame_id` is `<handle>_centre`, which moves with the handle and keeps the axes of the node's frame",
+)
+HANDLE_SENSOR = TopicSpec(
+    name="~/handles/{handle}/force_torque",
+    type="geometry_msgs/msg/WrenchStamped",
+    meaning="what a force-torque sensor between the handle and what holds it reads: force [N] and moment [N m] which "
+    "the body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with it; not recorded",
+    recorded=False,
+)
+PROBE = TopicSpec(
+    name="~/probe/{probe}",
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="where the material point is [m], and how the cell around it has turned",
+)
+JOINT_STATES = TopicSpec(
+    name="~/joint_states",
+    type="sensor_msgs/msg/JointState",
+    meaning="of each actuator: `position` length or shortening [m], volume [m^3] or growth [1], as it is commanded; "
+    "`velocity` its rate; `effort` tension [N] or pressure [Pa]",
+)
+JACOBIAN = TopicSpec(
+    name="~/jacobian",
+    type="std_msgs/msg/Float64MultiArray",
+    meaning="probes x 3 x actuators, d position / d command at the equilibrium, after ~/compute_jacobian; the layout's "
+    "labels name probes and actuators",
+)
+STEP_RECORD = TopicSpec(
+    name="~/step_record",
+    type="std_msgs/msg/String",
+    meaning="JSON: what the step consumed and how it went; all that a replay needs (gdfe_ros.recording.step_record)",
+)
+MARKERS = TopicSpec(
+    name="~/markers",
+    type="visualization_msgs/msg/Marker",
+    meaning="the surface as triangles in the colours of `marker_field`, at most `marker_rate`; not recorded",
+    recorded=False,
+    delivery=Delivery.CLOUD,
+)
+TF = TopicSpec(
+    name="/tf",
+    type="tf2_msgs/msg/TFMessage",
+    meaning="with `publish_tf`, in the node's frame: `<handle>`, which moves and turns with the handle, "
+    "`<handle>_centre`, which keeps the axes, and `<probe>_probe`; not recorded",
+    recorded=False,
+    delivery=Delivery.TRANSFORMS,
+)
+TF_STATIC = TopicSpec(
+    name="/tf_static",
+    type="tf2_msgs/msg/TFMessage",
+    meaning="with `publish_tf`: `<handle>_rest` in the node's frame; not recorded",
+    recorded=False,
+    delivery=Delivery.LATCHED,
+)
+TOPOLOGY = TopicSpec(
+    name="~/topology",
+    type="std_msgs/msg/Int32MultiArray",
+    meaning="m x 8 vertex numbers of the cells, VTK hexahedron order",
+    delivery=Delivery.LATCHED,
+)
+SCENE = TopicSpec(
+    name="~/scene",
+    type="std_msgs/msg/String",
+    meaning="the scene as YAML text that needs no other file",
+    delivery=Delivery.LATCHED,
+)
+DIAGNOSTICS = TopicSpec(
+    name="/diagnostics",
+    type="diagnostic_msgs/msg/DiagnosticArray",
+    meaning="once a second, as a whole and in parts, each with level and reason: solver and skipped work, commands "
+    "taken and refused, bag, clock",
+    recorded=False,
+)
+OUTPUTS = (
+    MESH, STRAIN, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, PROBE, JOINT_STATES, JACOBIAN, STEP_RECORD, MARKERS, TF,
+    TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
+)  # fmt: skip
