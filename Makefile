@@ -31,7 +31,7 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-skip bench-sweep \
+.PHONY: install run test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion bench-skip bench-sweep \
         bags docs clean
 
 install: $(STAMP)
@@ -106,6 +106,10 @@ bench-node: install
 # Latencies, bad commands and SIGKILLs beside another commit: make bench-node-since COMMIT=753eda7
 bench-node-since: install
 	@$(BIN)/python -m benchmarks.node.since $(COMMIT)
+
+# Error against wall time on a bar that falls, a measured beam, robots beside real time
+bench-motion: install
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.motion
 
 bench-skip: install
 	@$(BIN)/python -m benchmarks.savings

@@ -147,7 +147,7 @@ def test_a_second_node_and_a_second_clock_are_told(client: Any, start: Callable,
     first = start(**coarse, clock="lockstep", publish_clock=True)
     start(**coarse, clock="lockstep", publish_clock=True)
     client.wait(lambda: "2 nodes are called /gdfe_sim" in first.log and "2 publishers of /clock" in first.log)
-    client.wait(lambda: any("2 nodes are called /gdfe_sim" in reason for reason in _reasons(client)))
+    assert client.wait(lambda: any("2 nodes are called /gdfe_sim" in reason for reason in _reasons(client)))
 
 
 @pytest.mark.parametrize(

@@ -95,15 +95,16 @@ class Inertia(Term):
             return
         now, x = kinematics_of(saved), saved["positions"]
         if saved["h"][0] != self._h:
-            now = Kinematics.started(x, now.velocity, now.acceleration, self._h)
+            now = Kinematics.started(x, now.velocity, now.acceleration, self._h, first=now.first)
         rule, damping = Rule.of(self._dynamics, self._h, x, now), self._dynamics.mass_damping
         velocity = (positions - x) / self._h
         acceleration = (velocity - now.velocity) / self._h
+        factor = rule.kappa + damping * rule.theta
         resisted = rule.kappa * rule.aim + damping * rule.theta * rule.drift
-        driven = self._factor * positions - acceleration - damping * velocity
-        self.reals[0] = self._factor
+        driven = factor * positions - acceleration - damping * velocity
+        self.reals[0] = factor
         aim = self.reals[1 : 1 + positions.size].reshape(-1, 3)
-        aim[...] = np.where(self._driven, driven, resisted) / self._factor
+        aim[...] = np.where(self._driven, driven, resisted) / factor
         self._rule, self._last = rule, x
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
@@ -133,10 +134,16 @@ class Inertia(Term):
 
 def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64] | None = None) -> Saved:
     """Return what a state keeps of ``kinematics`` at positions (n, 3) [m] after a step of length ``h`` [s]."""
-    arrays = vars(kinematics)
-    return {**arrays, "positions": kinematics.before if positions is None else positions, "h": np.array([h])}
+    arrays = {name: value for name, value in vars(kinematics).items() if name != "first"}
+    return {
+        **arrays,
+        "first": np.array([float(kinematics.first)]),
+        "positions": kinematics.before if positions is None else positions,
+        "h": np.array([h]),
+    }
 
 
 def kinematics_of(saved: Saved) -> Kinematics:
     """Return the kinematics that a state keeps."""
-    return Kinematics(**{name: array for name, array in saved.items() if name not in ("positions", "h")})
+    arrays = {name: array for name, array in saved.items() if name not in ("positions", "h", "first")}
+    return Kinematics(**arrays, first=bool(saved["first"][0]))

@@ -31,6 +31,7 @@ class Kinematics:
         balanced: f [m/s^2], what the forces of that moment would accelerate by.
         before: positions [m] at the end of the step before.
         velocity_before: [m/s] at the end of the step before.
+        first: no step was made yet.
     """
 
     velocity: Vectors
@@ -38,11 +39,15 @@ class Kinematics:
     balanced: Vectors
     before: Vectors
     velocity_before: Vectors
+    first: bool = False
 
     @classmethod
-    def started(cls, positions: Vectors, velocity: Vectors, acceleration: Vectors, h: float) -> Kinematics:
+    def started(
+        cls, positions: Vectors, velocity: Vectors, acceleration: Vectors, h: float, *, first: bool = False
+    ) -> Kinematics:
         """Begin at positions (n, 3) [m]: the step before is what this velocity and acceleration would have made."""
         return cls(
+            first=first,
             velocity=velocity,
             acceleration=acceleration,
             balanced=acceleration,
@@ -99,6 +104,9 @@ def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
 
 
 def _bdf2(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
+    if now.first:  # backward Euler: what would have been before may lie far above the energy that is there
+        aim = x + h * now.velocity
+        return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim)
     theta = 1.5 / h
     drift = (4.0 * x - now.before) / 3.0
     aim = drift + (4.0 * now.velocity - now.velocity_before) / (3.0 * theta)

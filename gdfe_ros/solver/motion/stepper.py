@@ -168,7 +168,7 @@ class MotionStepper:
         acceleration = np.zeros_like(velocity)
         pull = -self.equilibrium.forces(state) - self._dynamics.mass_damping * (self._mass @ velocity)
         acceleration[free] = splu(self._mass[free][:, free].tocsc()).solve(pull[free])
-        kinematics = Kinematics.started(state.positions, velocity, acceleration, h)
+        kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
         terms = {**state.terms, inertia.NAME: saved_of(kinematics, h=h, positions=state.positions)}
         balance = self.actuation.balance(state.positions, state.commands)
         return state.with_(terms=terms, balance=balance)

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hard cases in motion: every state is finite, what is wrong is said, and damping schemes make no energy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation
+
+SOFT = {
+    "materials__rubber__young": 1.0e5,
+    "mesh__bar__cells": [5, 2, 2],
+    "loads": {"weight": {"gravity": [0, 0, -9.81]}},
+    "dynamics__scheme": "bdf2",
+}
+HEAVY = {
+    "rubber": {"law": "neo_hookean", "young": 1.0e5, "poisson": 0.45, "density": 1000},
+    "heavy": {"law": "neo_hookean", "young": 1.0e5, "poisson": 0.45, "density": 9.9e5},
+}
+REGIONS = [{"material": "rubber"}, {"material": "heavy", "where": {"box": {"x": [0.06, 0.1]}}}]
+
+
+def balance(energies: dict[str, float]) -> float:
+    """Return what a body has beyond what it was given [J]."""
+    has = energies["kinetic"] + energies["elastic"] + energies["potential"]
+    return has + energies["dissipated"] - energies["work"]
+
+
+def played(simulation: Simulation, count: int, **options: Any) -> list:
+    """Make steps, and check that all are finite and that what has not converged says why."""
+    results = [simulation.step(**options) for _ in range(count)]
+    for result in results:
+        assert np.isfinite(result.positions).all()
+        assert np.isfinite(result.velocities).all()
+        assert result.min_det > 0.0
+        assert result.converged == (result.message == "")
+    return results
+
+
+@pytest.mark.parametrize("step", [1e-5, 1e-3, 0.05, 1.0])
+def test_steps_of_any_length_make_no_energy(moving: Callable, step: float) -> None:
+    """Drop a soft bar in steps of 10 us to 1 s by `bdf2`: all converge, and no step gains more than rounding."""
+    results = played(moving(**SOFT, dynamics__step=step), 20)
+    assert all(result.converged for result in results)
+    held = np.array([balance(result.energies) for result in results])
+    scale = max(result.energies["kinetic"] + result.energies["elastic"] for result in results)
+    assert held.max() < 1e-3 * scale
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"materials": HEAVY, "regions": REGIONS},
+        {"masses": {"weight": {"mass": 10.0, "where": {"face": "x+"}}}},
+        {"materials__rubber__poisson": 0.499},
+        {"materials__rubber__poisson": 0.5},
+        {"dynamics__damping": {"viscosity": 1e7}},
+        {"dynamics__damping": {"mass": 1e4}},
+        {"dynamics__prony": [{"share": 0.99, "time": 0.01}]},
+        {"handles": {"base": {"where": {"face": "x-"}, "free": ["z"]}}},
+        {"handles": {"base": {"where": {"face": "x-"}, "free": ["ry"]}}},
+        {"handles": {"base": {"where": {"face": "x-"}, "free": ["rx", "ry", "rz"]}}},
+        {"handles": {}, "dynamics__spin": [0.0, 0.0, 50.0]},
+        {"solver__threads": 2},
+    ],
+    ids=lambda given: next(iter(given)),
+)
+@pytest.mark.parametrize("scheme", ["bdf2", "newmark", "generalised_alpha"])
+def test_every_feature_works_in_motion(moving: Callable, scheme: str, given: dict) -> None:
+    """Move a soft bar with one feature more for 0.1 s: every step converges."""
+    simulation = moving(**{**SOFT, "dynamics__step": 0.005, **given, "dynamics__scheme": scheme})
+    assert all(result.converged for result in played(simulation, 20))
+
+
+def test_a_fall_from_a_thousand_body_lengths(moving: Callable) -> None:
+    """Drop a free bar by 100 m: it falls as far as it must, unstrained."""
+    result = played(moving(**{**SOFT, "dynamics__scheme": "newmark"}, handles={}, dynamics__step=0.01), 452)[-1]
+    assert result.positions[:, 2].mean() == pytest.approx(-0.5 * 9.81 * result.time**2, rel=1e-9)
+    assert result.energies["elastic"] < 1e-9
+
+
+def test_a_jerk_by_a_body_length_is_survived(moving: Callable) -> None:
+    """Command the base a body length away in one step of 5 ms: said where it fails, finite, and it goes on after it."""
+    bar = moving(**SOFT, dynamics__step=0.005)
+    played(bar, 3)
+    results = played(bar, 1, command=Command(handles={"base": Pose((0.0, 0.0, 0.1))}))
+    results += played(bar, 6, command=Command(handles={"base": Pose()}))
+    assert all("an internal step of" in result.message for result in results if not result.converged)
+    assert 0.02 < bar.time <= 0.05
+
+
+def test_a_step_of_changing_length_keeps_its_order(moving: Callable) -> None:
+    """Swing in steps that alternate between 1 and 3 ms: within 1 % of steps of 1 ms after 0.2 s."""
+    even, uneven = (moving(**SOFT, dynamics__step=0.003, dynamics__damping={"viscosity": 100.0}) for _ in range(2))
+    for _ in range(50):
+        for _ in range(4):
+            even.step(dt=0.001)
+        uneven.step(dt=0.001)
+        uneven.step(dt=0.003)
+    away = np.abs(even.positions - uneven.positions).max()
+    assert away < 0.02 * np.abs(even.positions - even.mesh.vertices).max()
