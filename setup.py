@@ -33,7 +33,7 @@ EXTRAS = {
         "ros-jazzy-common-interfaces==5.3.6",
     ],
     "mcap": ["mcap>=1.6", "lz4>=4.3", "zstandard>=0.22", "rosbags>=0.11"],
-    "fast": ["cholespy>=2.0"],
+    "fast": ["cholespy>=2.0", "threadpoolctl>=3.2"],
     "mesh": ["meshio>=5.3", "trimesh>=4.0"],
     "plot": ["matplotlib>=3.8", "plotly>=5.20", "pillow>=10.0"],
     "sweep": ["distributed>=2024.8", "pyarrow>=15.0"],
