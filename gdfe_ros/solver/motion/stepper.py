@@ -14,7 +14,6 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
@@ -28,9 +27,9 @@ from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
+from gdfe_ros.solver.stepping.placing import placed
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.solver.value import changed
 
 ACCURACY = 3.0
 """Distance to the end of an internal step that is left, over h^2 |a| and the tolerance."""
@@ -115,23 +114,7 @@ class MotionStepper:
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] without velocity; handles stay where they are commanded."""
-        rest, placed = self.at_rest(), positions.copy()
-        slides, turns = self.equilibrium.handles.fit(placed, state.base)
-        for handle in self.body.handles:
-            if not (handle.free or handle.turning):
-                placed[handle.vertices] = state.base[handle.vertices]
-        least = float(least_volume_ratio(placed, state.operators.shape))
-        return rest.with_(
-            positions=placed,
-            base=state.base,
-            poses=state.poses,
-            commands=state.commands,
-            slides=slides,
-            turns=turns,
-            operators=state.operators,
-            summary=changed(state.summary, converged=False, min_det=least),
-            sound=least > 0.0,
-        )
+        return placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
 
     def completed(self, state: State) -> State:
         """Return a state that was read from an archive with the operators that follow from its commands."""

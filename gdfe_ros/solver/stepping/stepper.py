@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
 from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
@@ -21,6 +20,7 @@ from gdfe_ros.solver.stepping.attempt import Attempt
 from gdfe_ros.solver.stepping.balance import jumped
 from gdfe_ros.solver.stepping.increments import planned_increments
 from gdfe_ros.solver.stepping.march import NEAR, March
+from gdfe_ros.solver.stepping.placing import placed
 from gdfe_ros.solver.stepping.way import Goal, Verdict, Way
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
@@ -111,26 +111,8 @@ class Stepper:
         Pressures, captured shapes and the motion so far are forgotten. Where an element is folded or inverted there,
         the next step compares what it finds with the way from rest, lest it end in another minimum of the energy.
         """
-        rest, placed = self.at_rest(), positions.copy()
-        slides, turns = self.equilibrium.handles.fit(placed, state.base)
-        for handle in self.body.handles:
-            if not (handle.free or handle.turning):
-                placed[handle.vertices] = state.base[handle.vertices]
-        least = float(least_volume_ratio(placed, state.operators.shape))
-        return rest.with_(
-            positions=placed,
-            base=state.base,
-            poses=state.poses,
-            commands=state.commands,
-            slides=slides,
-            turns=turns,
-            operators=state.operators,
-            balance=None,
-            summary=changed(state.summary, converged=False, min_det=least),
-            sound=least > 0.0,
-            suspect=not least > 0.0,
-            tried=state.tried,
-        )
+        there = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
+        return there.with_(suspect=not there.sound, tried=state.tried)
 
     def completed(self, state: State) -> State:
         """Return a state that was read from an archive with the operators that follow from its commands."""
