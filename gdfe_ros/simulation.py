@@ -185,7 +185,8 @@ class Simulation:
         """Start the next step from given vertices, e.g. those of another simulation; commands stay as they are.
 
         Handles stay where they are commanded, sliding ones keep the offset of their first vertex along free axes.
-        Pressures, the shapes that ``relative`` captures and the motion so far are forgotten. Where the positions turn
+        Pressures, the shapes that ``relative`` captures and the motion so far are forgotten; with dynamics the vertices
+        have the velocities that the scene gives at the start. Where the positions turn
         elements inside out, the next step compares the equilibrium it finds with that found from rest and keeps the
         one with the lower energy; `StepResult.restarts` and the message tell.
 

@@ -113,7 +113,7 @@ class MotionStepper:
         return flight.march(self.equilibrium.skipped(solution))
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
-        """Return a state at ``positions`` (n, 3) [m] without velocity; handles stay where they are commanded."""
+        """Return a state at ``positions`` (n, 3) [m] with the velocities of the start; handles stay where they are."""
         return placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
 
     def completed(self, state: State) -> State:
