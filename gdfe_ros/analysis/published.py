@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators import ActuatorState, Mode, Readings
 from gdfe_ros.analysis.bag_steps import RECORD
+from gdfe_ros.analysis.difference import VELOCITIES
 from gdfe_ros.analysis.message_values import Values, record_values
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.simulation import Simulation
@@ -55,6 +56,8 @@ class Publication:
             makers[f"handles/{name}/wrench"] = lambda name=name: _wrench(result.reactions[name])
         for name in simulation.scene.probes:
             makers[f"probe/{name}"] = lambda name=name: _probe(simulation, name, result.positions)
+        if simulation.scene.dynamics:
+            makers["velocity"] = lambda: _velocity(result)
         if simulation.actuator_names:
             makers["joint_states"] = lambda: self._joint_states(record)
         return makers
@@ -77,6 +80,12 @@ def _mesh(simulation: Simulation, result: StepResult) -> Values:
     shift = result.positions - simulation.mesh.vertices
     columns = [*result.positions.T, *shift.T]
     return {name: values.astype("<f4") for name, values in zip(("x", "y", "z", "ux", "uy", "uz"), columns, strict=True)}
+
+
+def _velocity(result: StepResult) -> Values:
+    columns = [*result.positions.T, *result.velocities.T]
+    names = ("x", "y", "z", *VELOCITIES)
+    return {name: values.astype("<f4") for name, values in zip(names, columns, strict=True)}
 
 
 def _strain(simulation: Simulation) -> Values:

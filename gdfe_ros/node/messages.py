@@ -37,6 +37,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.elements.fields import ElementFields
 
 MESH_FIELDS = ("x", "y", "z", "ux", "uy", "uz")
+VELOCITY_FIELDS = ("x", "y", "z", "vx", "vy", "vz")
 STRAIN_FIELDS = ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "energy_density")
 
 
@@ -61,6 +62,12 @@ def mesh_cloud(head: Header, positions: NDArray[np.float64], rest: NDArray[np.fl
     values[:, :3] = positions
     values[:, 3:] = positions - rest
     return _cloud(head, MESH_FIELDS, values)
+
+
+def velocity_cloud(head: Header, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> PointCloud2:
+    """Pack current vertices (n, 3) [m] and their velocities (n, 3) [m/s]."""
+    values = np.hstack([positions, velocities]).astype("<f4")
+    return _cloud(head, VELOCITY_FIELDS, values)
 
 
 def strain_cloud(head: Header, fields: ElementFields) -> PointCloud2:

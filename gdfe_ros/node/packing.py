@@ -23,7 +23,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.messages import MESH_FIELDS, STRAIN_FIELDS
+from gdfe_ros.node.messages import MESH_FIELDS, STRAIN_FIELDS, VELOCITY_FIELDS
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.solver.elements.fields import ElementFields
 
@@ -76,6 +76,24 @@ class MeshPacker:
         """Serialise positions (n, 3) [m] with a stamp [ns]."""
         self._values[:, :3] = positions
         np.subtract(positions, self._rest, out=self._values[:, 3:], casting="same_kind")
+        return self._template.stamped(stamp)
+
+
+class VelocityPacker:
+    """Packs vertices and their velocities; the messages are those of ``messages.velocity_cloud``.
+
+    Args:
+        rest: (n, 3) vertices at rest [m].
+        frame_id: of the coordinates and the velocities.
+    """
+
+    def __init__(self, rest: NDArray[np.float64], frame_id: str) -> None:
+        cloud = messages.velocity_cloud(messages.header(0, frame_id), rest, np.zeros_like(rest))
+        self._template, self._values = _cloud_template(cloud, (len(rest), len(VELOCITY_FIELDS)))
+
+    def pack(self, stamp: int, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> bytes:
+        """Serialise positions (n, 3) [m] and velocities (n, 3) [m/s] with a stamp [ns]."""
+        self._values[:, :3], self._values[:, 3:] = positions, velocities
         return self._template.stamped(stamp)
 
 

@@ -14,7 +14,7 @@ from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
-from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, WrenchPacker
+from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, VelocityPacker, WrenchPacker
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
 
@@ -42,6 +42,14 @@ def test_clouds_are_those_of_rclpy(bent: Simulation) -> None:
     assert _same(mesh.pack(12_250_000_000, bent.positions), messages.mesh_cloud(HEAD, bent.positions, rest))
     assert _same(strain.pack(12_250_000_000, fields), messages.strain_cloud(HEAD, fields))
     assert isinstance(deserialize_message(strain.pack(12_250_000_000, fields), PointCloud2), PointCloud2)
+
+
+def test_velocities_are_those_of_rclpy(bent: Simulation) -> None:
+    """Pack velocities after others."""
+    packer, velocities = VelocityPacker(bent.mesh.vertices, FRAME), np.sin(bent.positions)
+    packer.pack(1, bent.mesh.vertices, np.ones_like(velocities))
+    made = packer.pack(12_250_000_000, bent.positions, velocities)
+    assert _same(made, messages.velocity_cloud(HEAD, bent.positions, velocities))
 
 
 @pytest.mark.parametrize("rotation", [(0.0, 0.0, 0.0), (0.0, -0.3, 0.0), (5.0, 0.1, 0.0), (1e-9, 0.0, 0.0)])

@@ -65,6 +65,12 @@ STRAIN = TopicSpec(
     meaning="x, y, z [m] of each cell's centroid, eps_eq, J, omega, tangent [Pa], energy_density [J/m^3], float32",
     delivery=Delivery.CLOUD,
 )
+VERTEX_VELOCITY = TopicSpec(
+    name="~/velocity",
+    type="sensor_msgs/msg/PointCloud2",
+    meaning="x, y, z [m], vx, vy, vz [m/s] of each vertex, float32; only of scenes with `dynamics`",
+    delivery=Delivery.CLOUD,
+)
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
     type="geometry_msgs/msg/PoseStamped",
@@ -148,6 +154,6 @@ DIAGNOSTICS = TopicSpec(
     recorded=False,
 )
 OUTPUTS = (
-    MESH, STRAIN, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, PROBE, JOINT_STATES, JACOBIAN, STEP_RECORD, MARKERS, TF,
-    TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
+    MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, PROBE, JOINT_STATES, JACOBIAN,
+    STEP_RECORD, MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
 )  # fmt: skip
