@@ -50,7 +50,9 @@ def cloud_values(cloud: Any) -> Values:
 def record_values(record: StepRecord) -> Values:
     """Give what a replay of a step must reproduce of its record."""
     values = {name: np.array([getattr(record, name)], dtype=float) for name in RECORD_FIELDS}
-    return values | {f"skipped.{name}": np.array([count], dtype=float) for name, count in record.skipped.items()}
+    parts = {f"skipped.{name}": count for name, count in record.skipped.items()}
+    parts |= {f"energies.{name}": value for name, value in record.energies.items()}
+    return values | {name: np.array([value], dtype=float) for name, value in parts.items()}
 
 
 def _leaves(path: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -18,7 +18,7 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.result import StepResult
 
 STRAIN_FIELDS = ("eps_eq", "J", "omega", "tangent", "energy_density")
-_OUTCOMES = ("converged", "iterations", "substeps", "residual", "energy", "min_det", "skipped")
+_OUTCOMES = ("converged", "iterations", "substeps", "residual", "energy", "min_det", "skipped", "energies")
 
 
 class Publication:

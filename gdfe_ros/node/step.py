@@ -19,7 +19,7 @@ from gdfe_ros.solver.result import StepResult
 
 _OUTCOME = (
     "converged", "iterations", "substeps", "residual", "energy", "min_det", "wall_time", "skipped", "message",
-    "cut_after",
+    "cut_after", "energies",
 )  # fmt: skip
 
 

@@ -50,6 +50,20 @@ def test_every_vertex_tells_its_velocity(client: Any, start: Callable, listen: C
     assert now[:, 5].min() < -0.1
 
 
+def test_energies_are_told_by_records_and_diagnostics(client: Any, start: Callable) -> None:
+    """Release a bar without damping: what its weight gives is kinetic and elastic energy, and diagnostics say so."""
+    start(**_DROP, clock="lockstep", dt=0.002)
+    client.wait(client.records)
+    _advance(client, 20)
+    client.wait(lambda: len(client.records()) == 21)
+    energies = client.record().energies
+    assert list(energies) == ["kinetic", "elastic", "potential", "work", "dissipated"]
+    assert energies["kinetic"] > 0.001
+    assert energies["kinetic"] + energies["elastic"] == pytest.approx(-energies["potential"], rel=0.02)
+    told = client.diagnostics()
+    assert [told[f"energy: {name} [J]"] for name in energies] == [f"{value:.6g}" for value in energies.values()]
+
+
 def test_a_scene_without_dynamics_has_no_topic_of_motion(client: Any, start: Callable, coarse: dict) -> None:
     """Look at the topics of a node whose body has no mass."""
     start(**coarse)
