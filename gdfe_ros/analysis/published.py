@@ -15,6 +15,7 @@ from gdfe_ros.analysis.difference import VELOCITIES
 from gdfe_ros.analysis.message_values import Values, record_values
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.motion.imu import ImuReading
 from gdfe_ros.solver.result import StepResult
 
 STRAIN_FIELDS = ("eps_eq", "J", "omega", "tangent", "energy_density")
@@ -58,6 +59,8 @@ class Publication:
             makers[f"probe/{name}"] = lambda name=name: _probe(simulation, name, result.positions)
         if simulation.scene.dynamics:
             makers["velocity"] = lambda: _velocity(result)
+            imus = simulation.later_imus()
+            makers |= {f"probe/{name}/imu": lambda name=name: _imu(imus()[name]) for name in simulation.scene.probes}
         if simulation.actuator_names:
             makers["joint_states"] = lambda: self._joint_states(record)
         return makers
@@ -112,6 +115,16 @@ def _probe(simulation: Simulation, name: str, positions: NDArray[np.float64]) ->
     before, now = simulation.mesh.vertices[point.corners[0]], positions[point.corners[0]]
     turn, _ = Rotation.align_vectors(now - now.mean(axis=0), before - before.mean(axis=0))
     return _pose(point.at(positions)[0], turn.as_rotvec())
+
+
+def _imu(reading: ImuReading) -> Values:
+    vectors = {
+        "orientation": reading.orientation.as_quat(),
+        "angular_velocity": reading.angular_velocity,
+        "linear_acceleration": reading.linear_acceleration,
+    }
+    values = {field: entry for name, vector in vectors.items() for field, entry in _entries(name, vector)}
+    return values | {f"{name}_covariance": np.zeros(9) for name in vectors}
 
 
 def _pose(translation: Collection[float], rotation: Collection[float]) -> Values:

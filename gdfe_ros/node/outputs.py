@@ -84,6 +84,7 @@ class Outputs:
             fields=self._strain.wanted or marker,
             poses=any(channel.wanted for channel in turning),
             actuators=self._joints is not None and self._joints.wanted,
+            imus=(self._motion is not None and self._motion.imus_wanted) or (self._tf is not None and self._tf.wanted),
         )
 
     def missed(self) -> bool:
@@ -148,7 +149,8 @@ class Outputs:
             channel.send_step(step, self._sensor_packers[name].pack(stamp, felt.ravel()))
         if self._tf is not None and self._tf.due(step):
             probes = {name: self._probe(name, step) for name in self._run.scene.probes}
-            self._tf.send_step(step, self._transform_packer.pack(stamp, self._frames.places(step.poses, probes)))
+            places = self._frames.places(step.poses, probes, step.imus() if step.imus else {})
+            self._tf.send_step(step, self._transform_packer.pack(stamp, places))
 
     def _probe(self, name: str, step: Step) -> Pose:
         return messages.material_pose(

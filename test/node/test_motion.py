@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import Imu, PointCloud2
 from std_srvs.srv import Trigger
+
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
 
 _QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DROP = {"scene": "drop", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"]}
@@ -64,13 +68,63 @@ def test_energies_are_told_by_records_and_diagnostics(client: Any, start: Callab
     assert [told[f"energy: {name} [J]"] for name in energies] == [f"{value:.6g}" for value in energies.values()]
 
 
+def test_each_probe_has_an_inertial_unit(client: Any, start: Callable, listen: Callable) -> None:
+    """Release a bar: held, its tip feels what holds it up; let go, nothing; then what the simulation says."""
+    listen("probe/tip/imu", Imu)
+    start(**_DROP, clock="lockstep", dt=0.002)
+    _advance(client, 10)
+    units = client.wait(lambda: client.received["probe/tip/imu"][10:] and client.received["probe/tip/imu"])
+    assert units[0].header.frame_id == "tip_imu"
+    np.testing.assert_allclose(_vector(units[0].linear_acceleration), [0.0, 0.0, 9.81], atol=1e-12)
+    np.testing.assert_allclose(_vector(units[2].linear_acceleration), 0.0, atol=0.01)
+    simulation = Simulation(load_scene("drop", overrides={"mesh.bar.cells": [10, 1, 1]}))
+    for _ in range(10):
+        simulation.step(dt=0.002)
+    expected, told = simulation.imus()["tip"], units[10]
+    assert _vector(told.linear_acceleration) == list(expected.linear_acceleration)
+    assert _vector(told.angular_velocity) == list(expected.angular_velocity)
+    assert [*_vector(told.orientation), told.orientation.w] == list(expected.orientation.as_quat())
+
+
+def test_the_frame_of_a_unit_is_on_tf(client: Any, start: Callable, listen: Callable, interfaces: Callable) -> None:
+    """Release a bar: the frame of the tip's unit lies at the probe and is turned as the unit says."""
+    interfaces("tf2_msgs")
+    from tf2_msgs.msg import TFMessage
+
+    listen("probe/tip/imu", Imu)
+    listen("probe/tip", PoseStamped)
+    told: dict[int, dict[str, Any]] = {}
+
+    def hear(message: TFMessage) -> None:
+        for each in message.transforms:
+            told.setdefault(to_nanoseconds(each.header.stamp), {})[each.child_frame_id] = each.transform
+
+    client.node.create_subscription(TFMessage, "/tf", hear, 100)
+    start(**_DROP, clock="lockstep", dt=0.002)
+    _advance(client, 10)
+    client.wait(lambda: len(client.received["probe/tip/imu"]) == 11 and len(client.received["probe/tip"]) == 11)
+    reading, probe = client.last("probe/tip/imu"), client.last("probe/tip")
+    frame = client.wait(lambda: told.get(to_nanoseconds(reading.header.stamp), {}).get("tip_imu"))
+    assert frame.rotation == reading.orientation
+    assert _vector(frame.translation) == _vector(probe.pose.position)
+
+
 def test_a_scene_without_dynamics_has_no_topic_of_motion(client: Any, start: Callable, coarse: dict) -> None:
     """Look at the topics of a node whose body has no mass."""
     start(**coarse)
     client.wait(client.records)
     names = {name for name, _ in client.node.get_publisher_names_and_types_by_node("gdfe_sim", "/")}
     assert "/gdfe_sim/mesh" in names
-    assert "/gdfe_sim/velocity" not in names
+    assert not [name for name in names if name.endswith(("/velocity", "/imu"))]
+
+
+def to_nanoseconds(stamp: Any) -> int:
+    """Give a stamp as a whole number."""
+    return stamp.sec * 10**9 + stamp.nanosec
+
+
+def _vector(value: Any) -> list[float]:
+    return [value.x, value.y, value.z]
 
 
 def _columns(cloud: PointCloud2) -> np.ndarray:
