@@ -4,15 +4,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Imu, PointCloud2
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.cli import main
+from gdfe_ros.constraints import Pose
+from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
@@ -125,6 +132,100 @@ def to_nanoseconds(stamp: Any) -> int:
 
 def _vector(value: Any) -> list[float]:
     return [value.x, value.y, value.z]
+
+
+def test_a_body_in_motion_is_stepped_until_it_rests(client: Any, start: Callable) -> None:
+    """Release a damped bar on the wall clock: steps without an order until it rests, then heartbeats only."""
+    start(scene="drop", scene_overrides=[*_DROP["scene_overrides"], "dynamics.damping.mass=30"], heartbeat=0.3)
+    client.wait(lambda: client.record().skipped.get("solve") and client.record().step > 1)
+    records = [record for record in client.records() if record.step]
+    moving = [record for record in records if "solve" not in record.skipped]
+    assert len(moving) > 20
+    assert {record.dt for record in moving} == {0.01}
+    client.wait(lambda: client.record().dt >= 0.29)
+    assert client.record().energies["kinetic"] < 1e-8
+    assert client.mesh()[:, 5].min() < -0.05
+
+
+def test_a_handle_is_shaken_by_velocities_and_the_bag_replays(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Shake the whip in lockstep, then leave it alone: it swings on, and the bag holds every bit of it."""
+    process = start(scene="whip", clock="lockstep", record=True, bag_path=str(tmp_path / "bag"), velocity_timeout=0.05)
+    for speed in (0.4, -0.4, 0.4):
+        _shake(client, speed, steps=5)
+    _advance(client, 10)
+    client.wait_steps(26)
+    records = client.records()[1:]
+    assert records[4].handles["base"].translation[2] == pytest.approx(0.02)
+    assert records[4].energies["kinetic"] > 1e-3
+    assert not records[-1].handles
+    assert np.ptp([mesh[:, 5].min() for mesh in client.meshes()[-10:]]) > 1e-3
+    process.stop()
+    _replays(tmp_path / "bag", {"velocity", "probe/tip/imu", "probe/tip", "mesh", "step_record"})
+
+
+def test_a_bag_begun_in_flight_replays(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Record from the middle of a motion, on the wall clock with a deadline that cuts steps: all bits again."""
+    process = start(**_DROP, deadline=0.004, bag_path=str(tmp_path / "bag"))
+    client.wait(lambda: client.record().energies["kinetic"] > 1e-3)
+    assert client.call(SetBool, "record", SetBool.Request(data=True)).success
+    count = client.record().step
+    client.wait(lambda: client.record().step > count + 50)
+    process.stop()
+    _replays(tmp_path / "bag", {"velocity", "probe/tip/imu", "probe/tip", "mesh", "strain", "step_record"})
+
+
+def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Save in flight, go on, load, go on: the same bits; a reset stands still at rest and falls as at first."""
+    start(**_DROP, clock="lockstep", state_path=str(tmp_path / "state"))
+    _advance(client, 5)
+    assert client.call(Trigger, "save_state", Trigger.Request()).success
+    _advance(client, 5)
+    answer = client.call(Trigger, "load_state", Trigger.Request())
+    assert answer.success, answer.message
+    _advance(client, 5)
+    assert client.call(Trigger, "reset", Trigger.Request()).success
+    _advance(client, 5)
+    client.wait_steps(23)
+    records, meshes = client.records(), client.meshes()
+    assert [records[place].begin for place in (11, 17)] == [Begin.LOADED, Begin.REST]
+    for again, first in (*zip(range(11, 17), range(5, 11), strict=True), *zip(range(17, 23), range(6), strict=True)):
+        assert records[again].energies == records[first].energies
+        assert np.array_equal(meshes[again], meshes[first])
+    assert records[17].energies["kinetic"] == 0.0
+
+
+def test_a_command_after_a_rest_acts_in_one_step(client: Any, start: Callable) -> None:
+    """Command a body that has rested for a while: the time without a command passes before, not on the way."""
+    start(scene="whip", scene_overrides=["loads={}", "dynamics.damping.mass=30"], heartbeat=0.0)
+    client.wait(client.records)
+    client.target(0.0, handle="base")
+    client.wait_taken(1)
+    client.spin(0.5)
+    client.target(0.01, handle="base")
+    client.wait(lambda: any(record.handles.get("base", Pose()).translation[2] for record in client.records()))
+    record = next(each for each in client.records() if each.handles.get("base", Pose()).translation[2])
+    assert record.dt == 0.01
+    before = next(each for each in client.records() if each.step == record.step - 1)
+    assert before.dt > 0.3
+    assert not before.handles
+
+
+def _shake(client: Any, speed: float, *, steps: int) -> None:
+    """Command the base upward [m/s] and wait until the steps in lockstep are made."""
+    message, count = TwistStamped(), len(client.received["step_record"]) if client.received["step_record"] else 1
+    message.twist.linear.z = speed
+    client.publish("handles/base/velocity", message)
+    client.wait_steps(count + 1)
+    _advance(client, steps - 1)
+    client.wait_steps(count + steps)
+
+
+def _replays(bag: Path, topics: set[str]) -> None:
+    """Replay a bag: every bit of these topics is made again, and nothing is left over."""
+    report = Replay(BagRun(bag)).run()
+    assert report.verdict() is Verdict.IDENTICAL, (report.differences.differing, report.unknown, report.strays)
+    assert topics <= {topic for topic, _ in report.differences.fields}
+    assert main(["replay", str(bag)]) == 0
 
 
 def _columns(cloud: PointCloud2) -> np.ndarray:
