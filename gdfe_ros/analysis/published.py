@@ -123,8 +123,7 @@ def _imu(reading: ImuReading) -> Values:
         "angular_velocity": reading.angular_velocity,
         "linear_acceleration": reading.linear_acceleration,
     }
-    values = {field: entry for name, vector in vectors.items() for field, entry in _entries(name, vector)}
-    return values | {f"{name}_covariance": np.zeros(9) for name in vectors}
+    return {field: entry for name, vector in vectors.items() for field, entry in _entries(name, vector)}
 
 
 def _pose(translation: Collection[float], rotation: Collection[float]) -> Values:
