@@ -210,6 +210,24 @@ def test_a_command_after_a_rest_acts_in_one_step(client: Any, start: Callable) -
     assert not before.handles
 
 
+def test_a_modulus_that_changes_sets_a_resting_body_in_motion(client: Any, start: Callable) -> None:
+    """Make a bar four times stiffer that has sagged: it swings up from where it is, and rests where a stiffer one does.
+
+    A body at rest must not sleep through the change.
+    """
+    damped = [*_DROP["scene_overrides"], "dynamics.damping.mass=30", "dynamics.scheme=bdf2"]
+    start(scene="drop", scene_overrides=damped, clock="fast", heartbeat=0.1)
+    client.wait(lambda: client.record().skipped.get("solve") and client.record().step > 1)
+    sag, time = client.mesh()[:, 5].min(), client.record().time
+    assert client.set(**{"materials.rubber.young": 2.0e6})[0].successful
+    client.wait(lambda: client.record().begin is Begin.LAST and client.record().time > time + 0.5)
+    client.wait(lambda: client.record().energies["kinetic"] < 1e-9)
+    overrides = {"mesh.bar.cells": [10, 1, 1], "materials.rubber.young": 2.0e6, "dynamics": None}
+    equilibrium = Simulation(load_scene("drop", overrides=overrides)).step().positions
+    client.wait(lambda: abs(client.mesh()[:, 2].min() - equilibrium[:, 2].min()) < 1e-4)
+    assert client.mesh()[:, 5].min() > 0.5 * sag
+
+
 def _shake(client: Any, speed: float, *, steps: int) -> None:
     """Command the base upward [m/s] and wait until the steps in lockstep are made."""
     message, count = TwistStamped(), len(client.received["step_record"]) if client.received["step_record"] else 1
