@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -21,6 +20,7 @@ from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
 from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
+from gdfe_ros.solver.motion.imu import ImuReading, later_readings
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
@@ -28,12 +28,10 @@ from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.solver.stepping.outcome import step_result
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.steppers import make_stepper
+from gdfe_ros.steppers import make_stepper, usual_steps
 
 WARM_UP = 1e-3
 """Of the body's size: how far handles are moved to have every kernel compiled."""
-RELATIVE_STEPS = 20
-"""Load steps of a program under the ``relative`` policy where the user names none."""
 
 
 class Simulation:
@@ -224,7 +222,7 @@ class Simulation:
         program = self.scene.program
         if program is None:
             raise CommandError(f"scene {self.scene.name!r} has no program to play; add the key 'program'")
-        steps = steps or self.settings.steps or self._usual_steps(program.duration)
+        steps = steps or self.settings.steps or usual_steps(self.scene, self.policy)
         for moment in program.moments(steps):
             command = Command(
                 program.handle_poses(moment), program.actuator_values(moment), program.load_factors(moment)
@@ -232,12 +230,6 @@ class Simulation:
             yield self.step(command, dt=moment - self.time)
             if progress is not None:
                 progress(moment / program.duration)
-
-    def _usual_steps(self, duration: float) -> int | None:
-        """Return the load steps of a program where nobody names them; None for one at each keyframe."""
-        if self.scene.dynamics is not None:
-            return math.ceil(duration / self.scene.dynamics.step)
-        return RELATIVE_STEPS if self.policy is Policy.RELATIVE else None
 
     def fields(self) -> ElementFields:
         """Evaluate the element fields at the current positions."""
@@ -270,6 +262,14 @@ class Simulation:
     def probe_positions(self) -> dict[str, NDArray[np.float64]]:
         """Return where each of the scene's probes is now, (3,) [m]."""
         return {name: point.at(self.positions)[0] for name, point in self.scene.probes.items()}
+
+    def imus(self) -> dict[str, ImuReading]:
+        """Return what an inertial measurement unit at each probe reads; a `CommandError` without dynamics."""
+        return self.later_imus()()
+
+    def later_imus(self) -> Callable[[], dict[str, ImuReading]]:
+        """Return what evaluates that of the present state in any thread, also after further steps."""
+        return later_readings(self.scene.probes, self.scene.loads, self._stepper, self._state, self.commands)
 
     def jacobian(
         self, probes: Sequence[str] | None = None, actuators: Sequence[str] | None = None

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -11,10 +12,13 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.mass import mass_matrix
 from gdfe_ros.solver.motion.stepper import MotionStepper
-from gdfe_ros.solver.settings import SolverSettings
+from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
+
+RELATIVE_STEPS = 20
+"""Load steps of a program under the ``relative`` policy where the user names none."""
 
 
 def make_stepper(
@@ -37,3 +41,10 @@ def make_stepper(
     density = np.array([material.density for material in scene.materials.values()])[scene.cell_material]
     mass = mass_matrix(body.rest, body.cells, density, scene.masses)
     return MotionStepper(body, settings, scene.dynamics, mass, acting)
+
+
+def usual_steps(scene: Scene, policy: Policy) -> int | None:
+    """Return the load steps of a scene's program where nobody names them; None for one at each keyframe."""
+    if scene.dynamics is not None:
+        return math.ceil(scene.program.duration / scene.dynamics.step)
+    return RELATIVE_STEPS if policy is Policy.RELATIVE else None

@@ -14,8 +14,12 @@ from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.step_record import StepRecord
 
-_INPUTS = frozenset({"target", "velocity", "follow", "actuation", "commands", "trajectory"})
-"""Last parts of topics that the node listens to; what it made of them stands in the step record."""
+_INPUTS = frozenset({"actuation", "commands", "trajectory"})
+_HANDLE_INPUTS = frozenset({"target", "velocity", "follow"})
+"""Last parts of topics that the node listens to, those of handles apart: ``velocity`` alone is that of the body.
+
+What it made of them stands in the step record.
+"""
 _OTHERS = frozenset({"topology", "scene", "markers", "jacobian", "/clock"})
 """Topics of the node that are not published once a step."""
 
@@ -122,4 +126,5 @@ def _is_step_topic(role: str) -> bool:
 
 def _is_known(role: str) -> bool:
     """Tell whether a topic of the node needs no comparison."""
-    return role in _OTHERS or (not role.startswith("/") and role.rpartition("/")[2] in _INPUTS)
+    owner, _, last = role.rpartition("/")
+    return role in _OTHERS or (not role.startswith("/") and (last in _INPUTS or (owner and last in _HANDLE_INPUTS)))

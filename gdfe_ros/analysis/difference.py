@@ -18,6 +18,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import Scene
 
 LENGTHS = frozenset({"x", "y", "z", "ux", "uy", "uz"})
+VELOCITIES = ("vx", "vy", "vz")
 _RATIOS = ("eps_eq", "J", "omega", "min_det")
 CUT = 100.0
 """Tolerances that count for a step whose solve was cut: how far it was from the equilibrium is not known."""
@@ -238,8 +239,10 @@ class Differences:
     def _kin(self, entry: FieldDifference) -> Iterator[FieldDifference]:
         """Give the components of the same vector: one that is zero has no scale of its own."""
         stem = entry.field.rpartition(".")[0]
+        vector = VELOCITIES if entry.field in VELOCITIES else ()
         for other in self.fields.values():
-            if other.topic == entry.topic and (other is entry or (stem and other.field.startswith(f"{stem}."))):
+            kin = other is entry or other.field in vector or (stem and other.field.startswith(f"{stem}."))
+            if other.topic == entry.topic and kin:
                 yield other
 
 

@@ -14,8 +14,9 @@ from gdfe_ros.analysis.difference import Differences, FieldDifference, Place
 UNITS = {
     "x": "m", "y": "m", "z": "m", "ux": "m", "uy": "m", "uz": "m",
     "tangent": "Pa", "energy_density": "J/m^3", "energy": "J", "position": "m", "force": "N", "torque": "N m",
+    "vx": "m/s", "vy": "m/s", "vz": "m/s", "angular_velocity": "rad/s", "linear_acceleration": "m/s^2", "energies": "J",
 }  # fmt: skip
-_VECTORS = {"x": "x y z", "y": "x y z", "z": "x y z", "ux": "ux uy uz", "uy": "ux uy uz", "uz": "ux uy uz"}
+_VECTORS = {part: vector for vector in ("x y z", "ux uy uz", "vx vy vz") for part in vector.split()}
 _NARROW = 130
 
 
@@ -50,13 +51,13 @@ def difference_table(differences: Differences, *, factor: float) -> Table:
 
 def unit_of(field: str) -> str:
     """Give the SI unit of a published field; empty where it has none."""
-    parts = field.split(".")
-    return UNITS.get(field) or (UNITS.get(parts[1], "") if len(parts) > 1 else "")
+    # Of wrench.force.z the word before the component tells: it is no length.
+    return UNITS.get(field.split(".")[-2] if "." in field else field, "")
 
 
 def where(place: Place, topic: str) -> str:
     """Say when and in which vertex or cell."""
-    kind = {"mesh": "vertex", "strain": "cell"}.get(topic)
+    kind = {"mesh": "vertex", "velocity": "vertex", "strain": "cell"}.get(topic)
     repeat = f" ({place.key[1] + 1})" if place.key[1] else ""
     return f"{place.stamp:.9g} s{repeat}" + (f", {kind} {place.element}" if kind else "")
 

@@ -25,7 +25,7 @@ def message_values(message: Any) -> Values:
     """Give the numbers of a message that ``array_decoder`` decoded.
 
     Columns of a PointCloud2 come by the names of its fields, numbers of nested messages by their dotted path;
-    headers, layouts and texts are left out.
+    headers, layouts, covariances and texts are left out.
     """
     if hasattr(message, "point_step"):
         return cloud_values(message)
@@ -50,7 +50,9 @@ def cloud_values(cloud: Any) -> Values:
 def record_values(record: StepRecord) -> Values:
     """Give what a replay of a step must reproduce of its record."""
     values = {name: np.array([getattr(record, name)], dtype=float) for name in RECORD_FIELDS}
-    return values | {f"skipped.{name}": np.array([count], dtype=float) for name, count in record.skipped.items()}
+    parts = {f"skipped.{name}": count for name, count in record.skipped.items()}
+    parts |= {f"energies.{name}": value for name, value in record.energies.items()}
+    return values | {name: np.array([value], dtype=float) for name, value in parts.items()}
 
 
 def _leaves(path: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -63,5 +65,5 @@ def _leaves(path: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
             yield from _leaves(f"{path}.{place}", item)
     elif hasattr(value, "__dataclass_fields__"):
         for name in value.__dataclass_fields__:
-            if name not in _DESCRIPTION:
+            if name not in _DESCRIPTION and not name.endswith("_covariance"):
                 yield from _leaves(f"{path}.{name}" if path else name, getattr(value, name))

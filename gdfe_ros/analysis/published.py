@@ -11,13 +11,15 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators import ActuatorState, Mode, Readings
 from gdfe_ros.analysis.bag_steps import RECORD
+from gdfe_ros.analysis.difference import VELOCITIES
 from gdfe_ros.analysis.message_values import Values, record_values
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.motion.imu import ImuReading
 from gdfe_ros.solver.result import StepResult
 
 STRAIN_FIELDS = ("eps_eq", "J", "omega", "tangent", "energy_density")
-_OUTCOMES = ("converged", "iterations", "substeps", "residual", "energy", "min_det", "skipped")
+_OUTCOMES = ("converged", "iterations", "substeps", "residual", "energy", "min_det", "skipped", "energies")
 
 
 class Publication:
@@ -55,6 +57,10 @@ class Publication:
             makers[f"handles/{name}/wrench"] = lambda name=name: _wrench(result.reactions[name])
         for name in simulation.scene.probes:
             makers[f"probe/{name}"] = lambda name=name: _probe(simulation, name, result.positions)
+        if simulation.scene.dynamics:
+            makers["velocity"] = lambda: _velocity(result)
+            imus = simulation.later_imus()
+            makers |= {f"probe/{name}/imu": lambda name=name: _imu(imus()[name]) for name in simulation.scene.probes}
         if simulation.actuator_names:
             makers["joint_states"] = lambda: self._joint_states(record)
         return makers
@@ -77,6 +83,12 @@ def _mesh(simulation: Simulation, result: StepResult) -> Values:
     shift = result.positions - simulation.mesh.vertices
     columns = [*result.positions.T, *shift.T]
     return {name: values.astype("<f4") for name, values in zip(("x", "y", "z", "ux", "uy", "uz"), columns, strict=True)}
+
+
+def _velocity(result: StepResult) -> Values:
+    columns = [*result.positions.T, *result.velocities.T]
+    names = ("x", "y", "z", *VELOCITIES)
+    return {name: values.astype("<f4") for name, values in zip(names, columns, strict=True)}
 
 
 def _strain(simulation: Simulation) -> Values:
@@ -103,6 +115,15 @@ def _probe(simulation: Simulation, name: str, positions: NDArray[np.float64]) ->
     before, now = simulation.mesh.vertices[point.corners[0]], positions[point.corners[0]]
     turn, _ = Rotation.align_vectors(now - now.mean(axis=0), before - before.mean(axis=0))
     return _pose(point.at(positions)[0], turn.as_rotvec())
+
+
+def _imu(reading: ImuReading) -> Values:
+    vectors = {
+        "orientation": reading.orientation.as_quat(),
+        "angular_velocity": reading.angular_velocity,
+        "linear_acceleration": reading.linear_acceleration,
+    }
+    return {field: entry for name, vector in vectors.items() for field, entry in _entries(name, vector)}
 
 
 def _pose(translation: Collection[float], rotation: Collection[float]) -> Values:

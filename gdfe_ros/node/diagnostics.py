@@ -161,6 +161,7 @@ def _solver(session: Session, last: _Mark, mark: _Mark) -> _Part:
         "iterations": result.iterations,
         "residual": f"{result.residual:.3e}",
         "energy [J]": f"{result.energy:.6g}",
+        **{f"energy: {name} [J]": f"{value:.6g}" for name, value in result.energies.items()},
         "least det F": f"{result.min_det:.4g}",
         "policy": result.policy.value,
         "factorisation": result.factorisation,

@@ -20,6 +20,7 @@ from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.qos import installed, interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.motion.imu import ImuReading
 
 _UNREAD = 2000
 """Messages of /tf that wait to be read; a frame that moves is told again long before as many others are."""
@@ -165,26 +166,40 @@ class Frames:
         """Name the frame that moves and turns with a material point."""
         return f"{self._prefix}{probe}_probe"
 
+    def imu(self, probe: str) -> str:
+        """Name the frame that moves with a material point and turns with the mean deformation of its cell."""
+        return f"{self._prefix}{probe}_imu"
+
     @property
     def moving(self) -> list[str]:
         """Name the frames that ``places`` gives, in its order."""
+        units = map(self.imu, self._scene.probes if self._scene.dynamics else ())
         handles = [name(handle.name) for handle in self._scene.handles for name in (self.centre, self.handle)]
-        return [*handles, *map(self.probe, self._scene.probes)]
+        return [*handles, *map(self.probe, self._scene.probes), *units]
 
     def rests(self) -> dict[str, Placement]:
         """Give where the centres of the handles are at rest, by frame."""
         vertices = self._scene.mesh.vertices
         return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._scene.handles}
 
-    def places(self, poses: Mapping[str, Pose], probes: Mapping[str, Pose]) -> list[Placement]:
-        """Give where the moving frames are, of poses of the handles relative to rest and of the material points."""
+    def places(
+        self, poses: Mapping[str, Pose], probes: Mapping[str, Pose], units: Mapping[str, ImuReading]
+    ) -> list[Placement]:
+        """Give where the moving frames are.
+
+        Args:
+            poses: of the handles, relative to rest.
+            probes: of the material points.
+            units: what inertial units at these read; empty without dynamics.
+        """
         found = []
         for handle in self._scene.handles:
             pose = poses[handle.name]
             origin = handle.centre(self._scene.mesh.vertices) + pose.translation
             found += [Placement(origin), Placement(origin, Rotation.from_rotvec(pose.rotation))]
-        points = (probes[name] for name in self._scene.probes)
-        return found + [Placement(np.array(each.translation), Rotation.from_rotvec(each.rotation)) for each in points]
+        points = [(np.array(probes[name].translation), name) for name in self._scene.probes]
+        found += [Placement(origin, Rotation.from_rotvec(probes[name].rotation)) for origin, name in points]
+        return found + [Placement(origin, units[name].orientation) for origin, name in points if name in units]
 
     def place(self, frame: str) -> Placement | None:
         """Give where any frame is in the node's; None where no transforms lead there."""

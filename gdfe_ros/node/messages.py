@@ -26,7 +26,7 @@ from geometry_msgs.msg import (
 )
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import JointState, PointCloud2, PointField
+from sensor_msgs.msg import Imu, JointState, PointCloud2, PointField
 from std_msgs.msg import Float64MultiArray, Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout
 
 from gdfe_ros.actuators import Actuator, Embedding, Readings
@@ -35,8 +35,10 @@ from gdfe_ros.node.actuator_orders import EFFORTS
 from gdfe_ros.node.step import Step
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.elements.fields import ElementFields
+from gdfe_ros.solver.motion.imu import ImuReading
 
 MESH_FIELDS = ("x", "y", "z", "ux", "uy", "uz")
+VELOCITY_FIELDS = ("x", "y", "z", "vx", "vy", "vz")
 STRAIN_FIELDS = ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "energy_density")
 
 
@@ -61,6 +63,12 @@ def mesh_cloud(head: Header, positions: NDArray[np.float64], rest: NDArray[np.fl
     values[:, :3] = positions
     values[:, 3:] = positions - rest
     return _cloud(head, MESH_FIELDS, values)
+
+
+def velocity_cloud(head: Header, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> PointCloud2:
+    """Pack current vertices (n, 3) [m] and their velocities (n, 3) [m/s]."""
+    values = np.hstack([positions, velocities]).astype("<f4")
+    return _cloud(head, VELOCITY_FIELDS, values)
 
 
 def strain_cloud(head: Header, fields: ElementFields) -> PointCloud2:
@@ -95,6 +103,18 @@ def wrench_stamped(head: Header, reaction: NDArray[np.float64]) -> WrenchStamped
     fx, fy, fz, mx, my, mz = map(float, reaction)
     wrench = Wrench(force=Vector3(x=fx, y=fy, z=fz), torque=Vector3(x=mx, y=my, z=mz))
     return WrenchStamped(header=head, wrench=wrench)
+
+
+def imu(head: Header, reading: ImuReading) -> Imu:
+    """Pack what an inertial unit reads; covariances of zeros only say that they are unknown."""
+    x, y, z, w = map(float, reading.orientation.as_quat())
+    turn, felt = (map(float, each) for each in (reading.angular_velocity, reading.linear_acceleration))
+    return Imu(
+        header=head,
+        orientation=Quaternion(x=x, y=y, z=z, w=w),
+        angular_velocity=Vector3(**dict(zip("xyz", turn, strict=True))),
+        linear_acceleration=Vector3(**dict(zip("xyz", felt, strict=True))),
+    )
 
 
 def topology(cells: NDArray[np.int32]) -> Int32MultiArray:

@@ -16,6 +16,7 @@ from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.markers import SurfaceMarker
+from gdfe_ros.node.motion_outputs import MotionOutputs
 from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, TransformPacker, WrenchPacker
 from gdfe_ros.node.run import Run
 from gdfe_ros.node.step import Demand, Step
@@ -43,6 +44,7 @@ class Outputs:
         self._wrenches = {name: each_step(topics.HANDLE_WRENCH, handle=name) for name in names}
         self._sensors = {name: each_step(topics.HANDLE_SENSOR, handle=name) for name in names}
         self._probes = {name: each_step(topics.PROBE, probe=name) for name in scene.probes}
+        self._motion = MotionOutputs(run, each_step) if scene.dynamics else None
         self._joints = each_step(topics.JOINT_STATES) if scene.actuators else None
         self._jacobian = Channel(node, topics.JACOBIAN) if scene.actuators and scene.probes else None
         self._clock = each_step(topics.CLOCK) if run.parameters["publish_clock"] else None
@@ -64,6 +66,8 @@ class Outputs:
         yield from (self._mesh, self._strain, self._record, self._topology, self._scene_text, self._markers)
         for group in (self._poses, self._wrenches, self._sensors, self._probes):
             yield from group.values()
+        if self._motion is not None:
+            yield from self._motion.channels
         for channel in (self._joints, self._jacobian, self._clock, self._tf, self._tf_static):
             if channel is not None:
                 yield channel
@@ -73,12 +77,14 @@ class Outputs:
         each_step = (self._mesh, self._record, self._strain, self._joints, self._clock, self._tf)
         turning = (*self._poses.values(), *self._sensors.values(), *([self._tf] if self._tf else ()))
         named = (*self._wrenches.values(), *turning, *self._probes.values())
-        marker = self._marker_due()
+        marker, motion = self._marker_due(), self._motion.wanted if self._motion else False
+        told = any(channel is not None and channel.wanted for channel in (*each_step, *named))
         return Demand(
-            messages=marker or any(channel is not None and channel.wanted for channel in (*each_step, *named)),
+            messages=marker or motion or told,
             fields=self._strain.wanted or marker,
             poses=any(channel.wanted for channel in turning),
             actuators=self._joints is not None and self._joints.wanted,
+            imus=(self._motion is not None and self._motion.imus_wanted) or (self._tf is not None and self._tf.wanted),
         )
 
     def missed(self) -> bool:
@@ -122,6 +128,8 @@ class Outputs:
         if step.actuators and self._joints.due(step):
             message = self._actuator_states.message(messages.header(stamp, self._frame_id), step)
             self._joints.send_step(step, message)
+        if self._motion is not None:
+            self._motion.publish_step(step)
         if step.fields is not None:
             self._publish_fields(step)
 
@@ -141,7 +149,8 @@ class Outputs:
             channel.send_step(step, self._sensor_packers[name].pack(stamp, felt.ravel()))
         if self._tf is not None and self._tf.due(step):
             probes = {name: self._probe(name, step) for name in self._run.scene.probes}
-            self._tf.send_step(step, self._transform_packer.pack(stamp, self._frames.places(step.poses, probes)))
+            places = self._frames.places(step.poses, probes, step.imus() if step.imus else {})
+            self._tf.send_step(step, self._transform_packer.pack(stamp, places))
 
     def _probe(self, name: str, step: Step) -> Pose:
         return messages.material_pose(

@@ -17,15 +17,16 @@ from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 from scipy.spatial.transform import Rotation
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import Imu, PointCloud2
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
 from gdfe_ros.node.frames import Placement
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.messages import MESH_FIELDS, STRAIN_FIELDS
+from gdfe_ros.node.messages import MESH_FIELDS, STRAIN_FIELDS, VELOCITY_FIELDS
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.solver.elements.fields import ElementFields
+from gdfe_ros.solver.motion.imu import ImuReading
 
 _STAMP_AT = 4
 """CDR has a head of four bytes; the messages below begin with their header, and that with its stamp."""
@@ -76,6 +77,24 @@ class MeshPacker:
         """Serialise positions (n, 3) [m] with a stamp [ns]."""
         self._values[:, :3] = positions
         np.subtract(positions, self._rest, out=self._values[:, 3:], casting="same_kind")
+        return self._template.stamped(stamp)
+
+
+class VelocityPacker:
+    """Packs vertices and their velocities; the messages are those of ``messages.velocity_cloud``.
+
+    Args:
+        rest: (n, 3) vertices at rest [m].
+        frame_id: of the coordinates and the velocities.
+    """
+
+    def __init__(self, rest: NDArray[np.float64], frame_id: str) -> None:
+        cloud = messages.velocity_cloud(messages.header(0, frame_id), rest, np.zeros_like(rest))
+        self._template, self._values = _cloud_template(cloud, (len(rest), len(VELOCITY_FIELDS)))
+
+    def pack(self, stamp: int, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> bytes:
+        """Serialise positions (n, 3) [m] and velocities (n, 3) [m/s] with a stamp [ns]."""
+        self._values[:, :3], self._values[:, 3:] = positions, velocities
         return self._template.stamped(stamp)
 
 
@@ -134,6 +153,28 @@ class WrenchPacker:
     def pack(self, stamp: int, reaction: NDArray[np.float64]) -> bytes:
         """Serialise a reaction (6,), force [N] then moment [N m], with a stamp [ns]."""
         self._values[:] = reaction
+        return self._template.stamped(stamp)
+
+
+class ImuPacker:
+    """Packs what inertial units read; the messages are those of ``messages.imu``.
+
+    Args:
+        frame_id: of the unit.
+    """
+
+    def __init__(self, frame_id: str) -> None:
+        message = Imu(header=messages.header(0, frame_id))
+        message.orientation.x = _MARK
+        self._template = Template(message)
+        # A covariance of 9 numbers stands behind each of the three.
+        values = self._template.view(struct.pack("<d", _MARK), (4 + 9 + 3 + 9 + 3,), "<f8")
+        self._orientation, self._turn, self._felt = values[:4], values[13:16], values[25:28]
+
+    def pack(self, stamp: int, reading: ImuReading) -> bytes:
+        """Serialise a reading with a stamp [ns]."""
+        self._orientation[:] = reading.orientation.as_quat()
+        self._turn[:], self._felt[:] = reading.angular_velocity, reading.linear_acceleration
         return self._template.stamped(stamp)
 
 

@@ -80,11 +80,16 @@ class Run:
             return to_nanoseconds(self.simulation.time)
         return self.clock()
 
-    def stamp(self, ending: float) -> int:
-        """Give the stamp [ns] of a step that begins now and ends at a simulation time [s]."""
+    def stamp(self, ending: float, early: float = 0.0) -> int:
+        """Give the stamp [ns] of a step that begins now and ends at a simulation time [s].
+
+        Args:
+            ending: that time [s].
+            early: how long before the time of another's clock, where one is followed [s].
+        """
         if self.parameters["publish_clock"]:
             return to_nanoseconds(ending)
-        return self.pace.moment or self.clock()
+        return self.pace.moment - to_nanoseconds(early) if self.pace.moment else self.clock()
 
     def simulation_time(self, stamp: int) -> float:
         """Convert a time on the clock of the stamps [ns] to simulation time [s], by the last step's."""

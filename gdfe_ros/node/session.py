@@ -34,6 +34,7 @@ from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.motion.carry import carried
 
 _LONG = 1e9
 """Time [s] in which every rate limit lets every command through."""
@@ -244,18 +245,16 @@ class Session:
         self.courier.put(replace(self.run.last, first=False, again=True, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
-        """Go on with a simulation of other moduli, under the commands in force."""
+        """Go on with a simulation of other moduli, under the commands in force; a body with mass moves on from here."""
         overrides = {MODULUS.name.format(material=name): young for name, young in moduli.items()}
 
         def swap() -> None:
             changed = Simulation(scene_from_text(self.scene.source, origin=self.scene.name, overrides=overrides))
             old = self.simulation
-            handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
-            actuators = {name: old.commands[name] for name in old.actuator_names}
-            loads = {load.name: old.commands[load.name] for load in old.scene.loads}
-            command = Command(handles=handles, actuators=actuators, loads=loads)
-            changed.step(command, dt=_LONG, interrupted=self.stepper.must_end)
-            changed.time = old.time
+            if old.scene.dynamics:
+                changed.restore(carried(old.snapshot(), changed.snapshot()))
+            else:
+                self._equilibrate(changed, old)
             self.run.simulation = changed
             self.outputs.publish_scene(self.run.log_time)
             self.stepper.resume()
@@ -263,6 +262,15 @@ class Session:
         # Commands that come after this are consumed after it: the steps wait, the node's other callbacks do not.
         what = f"going to the equilibrium with {', '.join(f'{key}={young:g}' for key, young in overrides.items())}"
         self.stepper.post(self.run.node.guarded(swap, "a change of moduli"), what)
+
+    def _equilibrate(self, changed: Simulation, old: Simulation) -> None:
+        """Bring a simulation of other moduli to the equilibrium of the commands that the old one follows."""
+        handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
+        actuators = {name: old.commands[name] for name in old.actuator_names}
+        loads = {load.name: old.commands[load.name] for load in old.scene.loads}
+        command = Command(handles=handles, actuators=actuators, loads=loads)
+        changed.step(command, dt=_LONG, interrupted=self.stepper.must_end)
+        changed.time = old.time
 
     def _command_set(self) -> list[str]:
         keys = self.run.parameters.entries("command_set")

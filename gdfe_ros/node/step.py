@@ -15,11 +15,12 @@ from gdfe_ros.constraints import Axis, Handle, Pose
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.elements.fields import ElementFields
+from gdfe_ros.solver.motion.imu import ImuReading
 from gdfe_ros.solver.result import StepResult
 
 _OUTCOME = (
     "converged", "iterations", "substeps", "residual", "energy", "min_det", "wall_time", "skipped", "message",
-    "cut_after",
+    "cut_after", "energies",
 )  # fmt: skip
 
 
@@ -32,12 +33,14 @@ class Demand:
         fields: element fields.
         poses: of the handles.
         actuators: their states.
+        imus: what inertial units read.
     """
 
     messages: bool = True
     fields: bool = True
     poses: bool = True
     actuators: bool = True
+    imus: bool = True
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,6 +58,8 @@ class Step:
         fields: evaluates the element fields, in the thread that publishes; None where nobody wants them.
         poses: where each handle is; empty where nobody wants it, like the following.
         actuators: states by name.
+        imus: evaluates what inertial units read, in the thread that publishes; None where nobody wants it, and without
+            dynamics.
     """
 
     record: StepRecord
@@ -66,6 +71,7 @@ class Step:
     fields: Callable[[], ElementFields] | None = None
     poses: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, ActuatorState] = field(default_factory=dict)
+    imus: Callable[[], Mapping[str, ImuReading]] | None = None
 
 
 def make_record(result: StepResult, command: Command, *, step: int, begin: Begin, dt: float, stamp: int) -> StepRecord:
@@ -86,11 +92,13 @@ def make_record(result: StepResult, command: Command, *, step: int, begin: Begin
 
 def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
     """Evaluate what is wanted of the present state, as keywords of ``Step``."""
+    imus = demand.imus and simulation.scene.dynamics is not None
     return {
         "wanted": demand.messages,
         "fields": simulation.later_fields() if demand.fields else None,
         "poses": {name: simulation.handle_pose(name) for name in simulation.handle_names if demand.poses},
         "actuators": simulation.actuator_states() if demand.actuators else {},
+        "imus": simulation.later_imus() if imus else None,
     }
 
 

@@ -224,8 +224,13 @@ class Stepper:
         return None
 
     def _turn(self) -> None:
+        """Make the step that is due; a body with mass lets the time of its rest pass before it follows an order."""
         with self.changed:
             orders, dt = self._inbox.take(), self._pace.begin()
+        last = self._run.parameters["dt"]
+        if orders and self._simulation.scene.dynamics and dt > 1.5 * last:
+            self._step((), dt=dt - last, early=last)
+            dt = last
         self._step(orders, dt=dt)
 
     def _settled(self) -> bool:
@@ -239,8 +244,8 @@ class Stepper:
                 return False
         return simulation.settled or (not simulation.scene.dynamics and self._retries >= _MOST_RETRIES)
 
-    def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False) -> None:
-        """Make one step and deliver it."""
+    def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False, early: float = 0.0) -> None:
+        """Make one step and deliver it; ``early`` is the simulation time [s] that is left before that of the clock."""
         started = time.perf_counter()
         run, simulation = self._run, self._simulation
         demand = Demand() if first else self._outputs.demand()
@@ -248,7 +253,7 @@ class Stepper:
         command = Command()
         if not first:
             command = self._drive.command(orders, time=simulation.time + dt, dt=min(dt, run.parameters["dt"]))
-        stamp, place = run.stamp(simulation.time + dt), run.parameters["cut_after"]
+        stamp, place = run.stamp(simulation.time + dt, early), run.parameters["cut_after"]
         limits = {"cut_after": place if place >= 0 else None, "interrupted": self.must_end}
         limits["deadline"] = run.parameters["deadline"] or None
         self.work, self.rounds = (f"a step to {simulation.time + dt:.9g} s", time.monotonic()), 0

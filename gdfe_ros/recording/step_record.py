@@ -54,6 +54,7 @@ class StepRecord:
         wall_time: time spent solving [s]; the only entry that differs between two equal runs.
         skipped: work that was not needed, by name.
         message: what is wrong; empty where nothing is.
+        energies: of a body in motion [J], by name; empty without dynamics, and then not in the text.
     """
 
     step: int
@@ -75,11 +76,14 @@ class StepRecord:
     wall_time: float = 0.0
     skipped: Mapping[str, int] = field(default_factory=dict)
     message: str = ""
+    energies: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> str:
         """Give the text that is published: one object, ``format`` first, poses as six numbers."""
         entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
         entries["handles"] = {name: [*pose.translation, *pose.rotation] for name, pose in self.handles.items()}
+        if not self.energies:
+            del entries["energies"]
         # JSON has no infinity: a distance that is not known is null.
         entries["residual"] = self.residual if math.isfinite(self.residual) else None
         return json.dumps({"format": FORMAT, **entries, "begin": self.begin.value})

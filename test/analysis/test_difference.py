@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.analysis.difference import Differences, Verdict
+from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.scene import load_scene
 
@@ -67,3 +68,22 @@ def test_whether_a_step_converges_is_judged_only_where_it_did() -> None:
         first, second = ({"step_record": _record(converged=c, residual=5e-8)} for c in (converged, not converged))
         differences.add((0, 0), first, second)
         assert differences.verdict(10.0) is verdict
+
+
+@pytest.mark.parametrize(
+    ("field", "unit"),
+    [
+        ("ux", "m"),
+        ("vy", "m/s"),
+        ("wrench.force.z", "N"),
+        ("pose.position.x", "m"),
+        ("pose.orientation.x", ""),
+        ("orientation.x", ""),
+        ("angular_velocity.x", "rad/s"),
+        ("linear_acceleration.z", "m/s^2"),
+        ("energies.kinetic", "J"),
+    ],
+)
+def test_fields_have_their_units(field: str, unit: str) -> None:
+    """Ask for units: the vector that a component is of tells, where there is one."""
+    assert unit_of(field) == unit

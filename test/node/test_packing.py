@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.serialization import deserialize_message
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
-from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, WrenchPacker
+from gdfe_ros.node.packing import ImuPacker, MeshPacker, PosePacker, StrainPacker, VelocityPacker, WrenchPacker
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.motion.imu import ImuReading
 
 FRAME = "robot/base_link"
 HEAD = messages.header(12_250_000_000, FRAME)
@@ -44,6 +46,14 @@ def test_clouds_are_those_of_rclpy(bent: Simulation) -> None:
     assert isinstance(deserialize_message(strain.pack(12_250_000_000, fields), PointCloud2), PointCloud2)
 
 
+def test_velocities_are_those_of_rclpy(bent: Simulation) -> None:
+    """Pack velocities after others."""
+    packer, velocities = VelocityPacker(bent.mesh.vertices, FRAME), np.sin(bent.positions)
+    packer.pack(1, bent.mesh.vertices, np.ones_like(velocities))
+    made = packer.pack(12_250_000_000, bent.positions, velocities)
+    assert _same(made, messages.velocity_cloud(HEAD, bent.positions, velocities))
+
+
 @pytest.mark.parametrize("rotation", [(0.0, 0.0, 0.0), (0.0, -0.3, 0.0), (5.0, 0.1, 0.0), (1e-9, 0.0, 0.0)])
 def test_poses_are_those_of_rclpy(rotation: tuple[float, float, float]) -> None:
     """Pack poses without a turn, with one, beyond half a turn, and hardly turned."""
@@ -61,6 +71,20 @@ def test_wrenches_are_those_of_rclpy() -> None:
     assert isinstance(message, WrenchStamped)
     packer.pack(3, np.ones(6))
     assert _same(packer.pack(12_250_000_000, reaction), message)
+
+
+def test_readings_of_inertial_units_are_those_of_rclpy() -> None:
+    """Pack a reading after another one; covariances are unknown, which all zeros say."""
+    packer, turn = ImuPacker(FRAME), Rotation.from_rotvec([0.1, -0.2, 3.0])
+    first, second = (
+        ImuReading(orientation=each, angular_velocity=np.arange(3.0) * sign, linear_acceleration=np.full(3, sign / 3.0))
+        for each, sign in ((turn.inv(), 1.0), (turn, -1.0))
+    )
+    packer.pack(3, first)
+    message = messages.imu(HEAD, second)
+    assert _same(packer.pack(12_250_000_000, second), message)
+    assert message.orientation.z == turn.as_quat()[2]
+    assert not any([*message.orientation_covariance, *message.linear_acceleration_covariance])
 
 
 def test_fields_of_a_body_far_away_are_published_where_it_is() -> None:

@@ -65,6 +65,15 @@ def test_a_record_of_before_stamps_is_read() -> None:
     assert StepRecord.from_json(stamped.to_json()) == stamped
 
 
+def test_energies_are_told_of_bodies_in_motion_only() -> None:
+    """Write records with and without energies: the text of a body without mass is what it always was."""
+    still = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5)
+    assert "energies" not in json.loads(still.to_json())
+    assert StepRecord.from_json(still.to_json()) == still
+    moving = StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5, energies={"kinetic": 0.1, "work": -1e-300})
+    assert StepRecord.from_json(moving.to_json()) == moving
+
+
 def test_skipped_work_has_one_name_in_records_old_and_new() -> None:
     """Read a record from before handles had one word: what was skipped has today's name."""
     entries = json.loads(StepRecord(step=1, begin=Begin.LAST, time=0.5, dt=0.5).to_json())

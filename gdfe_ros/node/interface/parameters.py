@@ -147,5 +147,5 @@ MODULUS = ParameterSpec(
     least=1.0,
     most=1e12,
     meaning="Young's modulus of each linear and neo-Hookean material while configured, at first the scene's; the body "
-    "goes to its new equilibrium; not while a bag is written",
+    "goes to its new equilibrium, or with `dynamics` moves on from where it is; not while a bag is written",
 )

@@ -65,6 +65,12 @@ STRAIN = TopicSpec(
     meaning="x, y, z [m] of each cell's centroid, eps_eq, J, omega, tangent [Pa], energy_density [J/m^3], float32",
     delivery=Delivery.CLOUD,
 )
+VERTEX_VELOCITY = TopicSpec(
+    name="~/velocity",
+    type="sensor_msgs/msg/PointCloud2",
+    meaning="x, y, z [m], vx, vy, vz [m/s] of each vertex, float32; only of scenes with `dynamics`",
+    delivery=Delivery.CLOUD,
+)
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
     type="geometry_msgs/msg/PoseStamped",
@@ -88,6 +94,13 @@ PROBE = TopicSpec(
     name="~/probe/{probe}",
     type="geometry_msgs/msg/PoseStamped",
     meaning="where the material point is [m], and how the cell around it has turned",
+)
+IMU = TopicSpec(
+    name="~/probe/{probe}/imu",
+    type="sensor_msgs/msg/Imu",
+    meaning="what an inertial unit at the material point reads (REP-145): turn of the mean deformation of the cell "
+    "around it; angular velocity [rad/s] and acceleration [m/s^2] in its own frame `<probe>_imu`, +9.81 upward at "
+    "rest; covariances all 0: unknown; only of scenes with `dynamics`",
 )
 JOINT_STATES = TopicSpec(
     name="~/joint_states",
@@ -117,7 +130,8 @@ TF = TopicSpec(
     name="/tf",
     type="tf2_msgs/msg/TFMessage",
     meaning="with `publish_tf`, in the node's frame: `<handle>`, which moves and turns with the handle, "
-    "`<handle>_centre`, which keeps the axes, and `<probe>_probe`; not recorded",
+    "`<handle>_centre`, which keeps the axes, `<probe>_probe` and, of scenes with `dynamics`, "
+    "`<probe>_imu`; not recorded",
     recorded=False,
     delivery=Delivery.TRANSFORMS,
 )
@@ -148,6 +162,6 @@ DIAGNOSTICS = TopicSpec(
     recorded=False,
 )
 OUTPUTS = (
-    MESH, STRAIN, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, PROBE, JOINT_STATES, JACOBIAN, STEP_RECORD, MARKERS, TF,
-    TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
+    MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, PROBE, IMU, JOINT_STATES,
+    JACOBIAN, STEP_RECORD, MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
 )  # fmt: skip

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The topics that only scenes with dynamics have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.interface import topics
+from gdfe_ros.node.packing import ImuPacker, VelocityPacker
+from gdfe_ros.node.run import Run
+from gdfe_ros.node.step import Step
+
+
+class MotionOutputs:
+    """Publishes how a body moves; no message is built for a topic that nobody wants.
+
+    Args:
+        run: whose simulation is published; its scene has dynamics.
+        channel: makes the channel of a topic that each step publishes.
+    """
+
+    def __init__(self, run: Run, channel: Callable[..., Channel]) -> None:
+        self._velocity = channel(topics.VERTEX_VELOCITY)
+        self._imus = {name: channel(topics.IMU, probe=name) for name in run.scene.probes}
+        self._imu_packers = {name: ImuPacker(run.frames.imu(name)) for name in run.scene.probes}
+        self._velocity_packer = VelocityPacker(run.scene.mesh.vertices, run.frames.frame_id)
+
+    @property
+    def channels(self) -> Iterator[Channel]:
+        """Every topic, in no particular order."""
+        yield self._velocity
+        yield from self._imus.values()
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anything is wanted of the next step."""
+        return any(channel.wanted for channel in self.channels)
+
+    @property
+    def imus_wanted(self) -> bool:
+        """Whether readings of inertial units are wanted of the next step."""
+        return any(channel.wanted for channel in self._imus.values())
+
+    def publish_step(self, step: Step) -> None:
+        """Publish and record a step."""
+        if self._velocity.due(step):
+            result = step.result
+            cloud = self._velocity_packer.pack(step.record.stamp, result.positions, result.velocities)
+            self._velocity.send_step(step, cloud)
+        if step.imus is None:
+            return
+        for name, channel in self._imus.items():
+            if channel.due(step):
+                channel.send_step(step, self._imu_packers[name].pack(step.record.stamp, step.imus()[name]))

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an inertial measurement unit that is cast into a body reads.
+
+It sits at a material point, turned as the cell around it: by R of the mean deformation gradient F = R U. With F' the
+mean gradient of the velocities, R^T F' = W U + U', and U' is symmetric: the axial vector w of W = R^T R' follows from
+
+    (tr(U) 1 - U) w = axial(R^T F' - F'^T R),   axial(A) = (A_32, A_13, A_21).
+
+The unit feels R^T (a - g): nothing in free fall, and at rest what keeps it from falling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.actuators.embedding import Embedding
+from gdfe_ros.actuators.load import Gravity, Load
+from gdfe_ros.errors import CommandError
+from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.state import State
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ImuReading:
+    """What a unit reads.
+
+    Attributes:
+        orientation: from the unit's axes to the world's; at rest they are the same.
+        angular_velocity: (3,) [rad/s] in the unit's axes.
+        linear_acceleration: (3,) [m/s^2] in the unit's axes, without that of gravity: 9.81 upward at rest.
+    """
+
+    orientation: Rotation
+    angular_velocity: Vector
+    linear_acceleration: Vector
+
+
+def later_readings(
+    points: Mapping[str, Embedding],
+    loads: Iterable[Load],
+    stepper: object,
+    state: State,
+    commands: Mapping[str, float],
+) -> Callable[[], dict[str, ImuReading]]:
+    """Return what evaluates, once and in any thread, the readings at points by name.
+
+    Before the first step of a run nothing is accelerated yet: a unit reads what it would at rest.
+
+    Args:
+        points: one material point each.
+        loads: of the scene.
+        stepper: of the simulation.
+        state: in which they are read.
+        commands: factors on the loads, by name.
+
+    Raises:
+        CommandError: the body has no mass.
+    """
+    if not isinstance(stepper, MotionStepper):
+        raise CommandError("an inertial unit needs a body with mass; remedy: give the scene the key `dynamics`")
+    weights = (commands[load.name] * load.acceleration for load in loads if isinstance(load, Gravity))
+    gravity = sum(weights, start=np.zeros(3))
+
+    def read() -> dict[str, ImuReading]:
+        motion = (state.positions, stepper.velocities(state), stepper.accelerations(state))
+        reading = partial(imu_reading, stepper.body.shape, gravity=gravity)
+        return {name: reading(point, *motion) for name, point in points.items()}
+
+    return cache(read)
+
+
+def imu_reading(
+    shape: ShapeOperators,
+    point: Embedding,
+    positions: Vector,
+    velocities: Vector,
+    accelerations: Vector,
+    *,
+    gravity: Vector,
+) -> ImuReading:
+    """Return what a unit at a material point reads.
+
+    Args:
+        shape: operators of the elements at rest.
+        point: where the unit sits.
+        positions: (n, 3) [m].
+        velocities: (n, 3) [m/s].
+        accelerations: (n, 3) [m/s^2].
+        gravity: (3,) [m/s^2].
+    """
+    corners = point.corners[0]
+    slopes = shape.gradient[_cell(shape, corners)]
+    turn, stretch = _polar(positions[corners].T @ slopes)
+    rate = turn.T @ velocities[corners].T @ slopes
+    spin = np.array([rate[2, 1] - rate[1, 2], rate[0, 2] - rate[2, 0], rate[1, 0] - rate[0, 1]])
+    return ImuReading(
+        orientation=Rotation.from_matrix(turn),
+        angular_velocity=np.linalg.solve(np.trace(stretch) * np.eye(3) - stretch, spin),
+        linear_acceleration=turn.T @ (point.at(accelerations)[0] - gravity),
+    )
+
+
+def _cell(shape: ShapeOperators, corners: NDArray[np.int32]) -> int:
+    """Return the cell with these corners (8,)."""
+    near = np.flatnonzero(shape.cells[:, 0] == corners[0])
+    return int(near[(shape.cells[near] == corners).all(axis=1)][0])
+
+
+def _polar(gradient: Vector) -> tuple[Vector, Vector]:
+    """Return R and U (3, 3) of F = R U; R is a rotation also where an element is turned inside out."""
+    left, stretches, right = np.linalg.svd(gradient)
+    if np.linalg.det(left @ right) < 0.0:
+        left[:, 2], stretches[2] = -left[:, 2], -stretches[2]
+    return left @ right, (right.T * stretches) @ right

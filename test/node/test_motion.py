@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node whose body has mass: what it tells of the motion, and how it steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Imu, PointCloud2
+from std_srvs.srv import SetBool, Trigger
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.cli import main
+from gdfe_ros.constraints import Pose
+from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+
+_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_DROP = {"scene": "drop", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"]}
+
+
+@pytest.fixture
+def listen(client: Any) -> Callable[..., list[Any]]:
+    """Give a function that subscribes the client to a topic of the node and returns the list of what arrives."""
+
+    def subscribe(topic: str, kind: type) -> list[Any]:
+        client.node.create_subscription(kind, client.full(topic), client.received[topic].append, _QOS)
+        return client.received[topic]
+
+    return subscribe
+
+
+def _advance(client: Any, steps: int = 1) -> None:
+    """Have a node in lockstep make steps."""
+    for _ in range(steps):
+        response = client.call(Trigger, "step", Trigger.Request())
+        assert response.success, response.message
+
+
+def test_every_vertex_tells_its_velocity(client: Any, start: Callable, listen: Callable) -> None:
+    """Release a bar: at first it stands, then each vertex has the velocity that its positions show."""
+    listen("velocity", PointCloud2)
+    start(**_DROP, clock="lockstep", dt=0.001)
+    first = client.last("velocity")
+    assert [field.name for field in first.fields] == ["x", "y", "z", "vx", "vy", "vz"]
+    assert first.header.frame_id == "base_link"
+    assert not _columns(first)[:, 3:].any()
+    _advance(client, 20)
+    client.wait(lambda: len(client.received["velocity"]) == 21 and len(client.received["mesh"]) == 21)
+    before, now, after = (_columns(message) for message in client.received["velocity"][-3:])
+    np.testing.assert_allclose(now[:, :3], client.meshes()[-2][:, :3])
+    np.testing.assert_allclose(now[:, 3:], (after[:, :3] - before[:, :3]) / 0.002, atol=1e-3)
+    assert now[:, 5].min() < -0.1
+
+
+def test_energies_are_told_by_records_and_diagnostics(client: Any, start: Callable) -> None:
+    """Release a bar without damping: what its weight gives is kinetic and elastic energy, and diagnostics say so."""
+    start(**_DROP, clock="lockstep", dt=0.002)
+    client.wait(client.records)
+    _advance(client, 20)
+    client.wait(lambda: len(client.records()) == 21)
+    energies = client.record().energies
+    assert list(energies) == ["kinetic", "elastic", "potential", "work", "dissipated"]
+    assert energies["kinetic"] > 0.001
+    assert energies["kinetic"] + energies["elastic"] == pytest.approx(-energies["potential"], rel=0.02)
+    told = client.diagnostics()
+    assert [told[f"energy: {name} [J]"] for name in energies] == [f"{value:.6g}" for value in energies.values()]
+
+
+def test_each_probe_has_an_inertial_unit(client: Any, start: Callable, listen: Callable) -> None:
+    """Release a bar: held, its tip feels what holds it up; let go, nothing; then what the simulation says."""
+    listen("probe/tip/imu", Imu)
+    start(**_DROP, clock="lockstep", dt=0.002)
+    _advance(client, 10)
+    units = client.wait(lambda: client.received["probe/tip/imu"][10:] and client.received["probe/tip/imu"])
+    assert units[0].header.frame_id == "tip_imu"
+    np.testing.assert_allclose(_vector(units[0].linear_acceleration), [0.0, 0.0, 9.81], atol=1e-12)
+    np.testing.assert_allclose(_vector(units[2].linear_acceleration), 0.0, atol=0.01)
+    simulation = Simulation(load_scene("drop", overrides={"mesh.bar.cells": [10, 1, 1]}))
+    for _ in range(10):
+        simulation.step(dt=0.002)
+    expected, told = simulation.imus()["tip"], units[10]
+    assert _vector(told.linear_acceleration) == list(expected.linear_acceleration)
+    assert _vector(told.angular_velocity) == list(expected.angular_velocity)
+    assert [*_vector(told.orientation), told.orientation.w] == list(expected.orientation.as_quat())
+
+
+def test_the_frame_of_a_unit_is_on_tf(client: Any, start: Callable, listen: Callable, interfaces: Callable) -> None:
+    """Release a bar: the frame of the tip's unit lies at the probe and is turned as the unit says."""
+    interfaces("tf2_msgs")
+    from tf2_msgs.msg import TFMessage
+
+    listen("probe/tip/imu", Imu)
+    listen("probe/tip", PoseStamped)
+    told: dict[int, dict[str, Any]] = {}
+
+    def hear(message: TFMessage) -> None:
+        for each in message.transforms:
+            told.setdefault(to_nanoseconds(each.header.stamp), {})[each.child_frame_id] = each.transform
+
+    client.node.create_subscription(TFMessage, "/tf", hear, 100)
+    start(**_DROP, clock="lockstep", dt=0.002)
+    _advance(client, 10)
+    client.wait(lambda: len(client.received["probe/tip/imu"]) == 11 and len(client.received["probe/tip"]) == 11)
+    reading, probe = client.last("probe/tip/imu"), client.last("probe/tip")
+    frame = client.wait(lambda: told.get(to_nanoseconds(reading.header.stamp), {}).get("tip_imu"))
+    assert frame.rotation == reading.orientation
+    assert _vector(frame.translation) == _vector(probe.pose.position)
+
+
+def test_a_scene_without_dynamics_has_no_topic_of_motion(client: Any, start: Callable, coarse: dict) -> None:
+    """Look at the topics of a node whose body has no mass."""
+    start(**coarse)
+    client.wait(client.records)
+    names = {name for name, _ in client.node.get_publisher_names_and_types_by_node("gdfe_sim", "/")}
+    assert "/gdfe_sim/mesh" in names
+    assert not [name for name in names if name.endswith(("/velocity", "/imu"))]
+
+
+def to_nanoseconds(stamp: Any) -> int:
+    """Give a stamp as a whole number."""
+    return stamp.sec * 10**9 + stamp.nanosec
+
+
+def _vector(value: Any) -> list[float]:
+    return [value.x, value.y, value.z]
+
+
+def test_a_body_in_motion_is_stepped_until_it_rests(client: Any, start: Callable) -> None:
+    """Release a damped bar on the wall clock: steps without an order until it rests, then heartbeats only."""
+    start(scene="drop", scene_overrides=[*_DROP["scene_overrides"], "dynamics.damping.mass=30"], heartbeat=0.3)
+    client.wait(lambda: client.record().skipped.get("solve") and client.record().step > 1)
+    records = [record for record in client.records() if record.step]
+    moving = [record for record in records if "solve" not in record.skipped]
+    assert len(moving) > 20
+    assert {record.dt for record in moving} == {0.01}
+    client.wait(lambda: client.record().dt >= 0.29)
+    assert client.record().energies["kinetic"] < 1e-8
+    assert client.mesh()[:, 5].min() < -0.05
+
+
+def test_a_handle_is_shaken_by_velocities_and_the_bag_replays(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Shake the whip in lockstep, then leave it alone: it swings on, and the bag holds every bit of it."""
+    process = start(scene="whip", clock="lockstep", record=True, bag_path=str(tmp_path / "bag"), velocity_timeout=0.05)
+    for speed in (0.4, -0.4, 0.4):
+        _shake(client, speed, steps=5)
+    _advance(client, 10)
+    client.wait_steps(26)
+    records = client.records()[1:]
+    assert records[4].handles["base"].translation[2] == pytest.approx(0.02)
+    assert records[4].energies["kinetic"] > 1e-3
+    assert not records[-1].handles
+    assert np.ptp([mesh[:, 5].min() for mesh in client.meshes()[-10:]]) > 1e-3
+    process.stop()
+    _replays(tmp_path / "bag", {"velocity", "probe/tip/imu", "probe/tip", "mesh", "step_record"})
+
+
+def test_a_bag_begun_in_flight_replays(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Record from the middle of a motion, on the wall clock with a deadline that cuts steps: all bits again."""
+    process = start(**_DROP, deadline=0.004, bag_path=str(tmp_path / "bag"))
+    client.wait(lambda: client.record().energies["kinetic"] > 1e-3)
+    assert client.call(SetBool, "record", SetBool.Request(data=True)).success
+    count = client.record().step
+    client.wait(lambda: client.record().step > count + 50)
+    process.stop()
+    _replays(tmp_path / "bag", {"velocity", "probe/tip/imu", "probe/tip", "mesh", "strain", "step_record"})
+
+
+def test_a_saved_motion_goes_on_as_it_was(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Save in flight, go on, load, go on: the same bits; a reset stands still at rest and falls as at first."""
+    start(**_DROP, clock="lockstep", state_path=str(tmp_path / "state"))
+    _advance(client, 5)
+    assert client.call(Trigger, "save_state", Trigger.Request()).success
+    _advance(client, 5)
+    answer = client.call(Trigger, "load_state", Trigger.Request())
+    assert answer.success, answer.message
+    _advance(client, 5)
+    assert client.call(Trigger, "reset", Trigger.Request()).success
+    _advance(client, 5)
+    client.wait_steps(23)
+    records, meshes = client.records(), client.meshes()
+    assert [records[place].begin for place in (11, 17)] == [Begin.LOADED, Begin.REST]
+    for again, first in (*zip(range(11, 17), range(5, 11), strict=True), *zip(range(17, 23), range(6), strict=True)):
+        assert records[again].energies == records[first].energies
+        assert np.array_equal(meshes[again], meshes[first])
+    assert records[17].energies["kinetic"] == 0.0
+
+
+def test_a_command_after_a_rest_acts_in_one_step(client: Any, start: Callable) -> None:
+    """Command a body that has rested for a while: the time without a command passes before, not on the way."""
+    start(scene="whip", scene_overrides=["loads={}", "dynamics.damping.mass=30"], heartbeat=0.0)
+    client.wait(client.records)
+    client.target(0.0, handle="base")
+    client.wait_taken(1)
+    client.spin(0.5)
+    client.target(0.01, handle="base")
+    client.wait(lambda: any(record.handles.get("base", Pose()).translation[2] for record in client.records()))
+    record = next(each for each in client.records() if each.handles.get("base", Pose()).translation[2])
+    assert record.dt == 0.01
+    before = next(each for each in client.records() if each.step == record.step - 1)
+    assert before.dt > 0.3
+    assert not before.handles
+
+
+def test_a_modulus_that_changes_sets_a_resting_body_in_motion(client: Any, start: Callable) -> None:
+    """Make a bar four times stiffer that has sagged: it swings up from where it is, and rests where a stiffer one does.
+
+    A body at rest must not sleep through the change.
+    """
+    damped = [*_DROP["scene_overrides"], "dynamics.damping.mass=30", "dynamics.scheme=bdf2"]
+    start(scene="drop", scene_overrides=damped, clock="fast", heartbeat=0.1)
+    client.wait(lambda: client.record().skipped.get("solve") and client.record().step > 1)
+    sag, time = client.mesh()[:, 5].min(), client.record().time
+    assert client.set(**{"materials.rubber.young": 2.0e6})[0].successful
+    client.wait(lambda: client.record().begin is Begin.LAST and client.record().time > time + 0.5)
+    client.wait(lambda: client.record().energies["kinetic"] < 1e-9)
+    overrides = {"mesh.bar.cells": [10, 1, 1], "materials.rubber.young": 2.0e6, "dynamics": None}
+    equilibrium = Simulation(load_scene("drop", overrides=overrides)).step().positions
+    client.wait(lambda: abs(client.mesh()[:, 2].min() - equilibrium[:, 2].min()) < 1e-4)
+    assert client.mesh()[:, 5].min() > 0.5 * sag
+
+
+def _shake(client: Any, speed: float, *, steps: int) -> None:
+    """Command the base upward [m/s] and wait until the steps in lockstep are made."""
+    message, count = TwistStamped(), len(client.received["step_record"]) if client.received["step_record"] else 1
+    message.twist.linear.z = speed
+    client.publish("handles/base/velocity", message)
+    client.wait_steps(count + 1)
+    _advance(client, steps - 1)
+    client.wait_steps(count + steps)
+
+
+def _replays(bag: Path, topics: set[str]) -> None:
+    """Replay a bag: every bit of these topics is made again, and nothing is left over."""
+    report = Replay(BagRun(bag)).run()
+    assert report.verdict() is Verdict.IDENTICAL, (report.differences.differing, report.unknown, report.strays)
+    assert topics <= {topic for topic, _ in report.differences.fields}
+    assert main(["replay", str(bag)]) == 0
+
+
+def _columns(cloud: PointCloud2) -> np.ndarray:
+    return np.frombuffer(cloud.data, "<f4").reshape(-1, 6)
