@@ -147,8 +147,7 @@ class Simulation:
             interrupted: asked now and then; once it tells so, the solve ends as at a deadline.
 
         Raises:
-            CommandError: an unknown or fixed handle is commanded, an unknown actuator or load, a command is out of
-                range, or a time is negative or not finite; the state is unchanged.
+            CommandError: a name, a value or a time that is not allowed; the state is unchanged.
         """
         started, moves = time.perf_counter(), self.scene.dynamics
         if dt is None:
@@ -182,11 +181,10 @@ class Simulation:
     def set_positions(self, positions: ArrayLike) -> None:
         """Start the next step from given vertices, e.g. those of another simulation; commands stay as they are.
 
-        Handles stay where they are commanded, sliding ones keep the offset of their first vertex along free axes.
-        Pressures, the shapes that ``relative`` captures and the motion so far are forgotten; with dynamics the vertices
-        have the velocities that the scene gives at the start. Where the positions turn
-        elements inside out, the next step compares the equilibrium it finds with that found from rest and keeps the
-        one with the lower energy; `StepResult.restarts` and the message tell.
+        Handles stay where they are commanded, sliding ones keep their first vertex's offset along free axes. Pressures,
+        captured shapes and the motion so far are forgotten; with dynamics vertices have the velocities of the start.
+        Where elements are turned inside out, the next step compares the equilibrium it finds with that found from rest
+        and keeps the one with the lower energy; `StepResult.restarts` and the message tell.
 
         Args:
             positions: (n, 3) finite [m].
@@ -212,8 +210,7 @@ class Simulation:
         """Play the scene's program from the present time on and yield the result of each step.
 
         Args:
-            steps: equal load steps; None takes the settings', and where these name none either, one for each
-                keyframe (``energy``) or twenty (``relative``).
+            steps: equal load steps; None takes the settings', and where these name none `usual_steps`.
             progress: called with the fraction done after each step.
 
         Raises:
@@ -272,20 +269,24 @@ class Simulation:
         return later_readings(self.scene.probes, self.scene.loads, self._stepper, self._state, self.commands)
 
     def jacobian(
-        self, probes: Sequence[str] | None = None, actuators: Sequence[str] | None = None
+        self,
+        probes: Sequence[str] | None = None,
+        actuators: Sequence[str] | None = None,
+        *,
+        interrupted: Callable[[], bool] | None = None,
     ) -> NDArray[np.float64]:
         """Return d(probe position)/d(command) at the present equilibrium, (probes, 3, actuators).
 
-        Central differences of two equilibria on either side, each solved from the present one to a far smaller
-        tolerance than a step; the state of the simulation does not change. A one-sided difference is taken at the end
-        of a range, and at zero tension, where a cable goes slack.
+        Central differences of equilibria that are solved to a far smaller tolerance than a step; the simulation's state
+        does not change. One-sided at the end of a range, and at zero tension, where a cable goes slack.
 
         Args:
-            probes: names of probes; None takes all, in the scene's order.
-            actuators: names of actuators; None takes all, in the scene's order.
+            probes: names; None takes all, in the scene's order.
+            actuators: names; None takes all, in the scene's order.
+            interrupted: asked now and then; once it tells so, nothing is returned.
 
         Raises:
-            CommandError: no such probe or actuator, or the scene has dynamics.
+            GdfeError: no such probe or actuator, dynamics, no equilibrium beside the present one, or interrupted.
         """
         if isinstance(self._stepper, MotionStepper):
             raise CommandError("a Jacobian is one of equilibria; remedy: leave `dynamics` out of the scene")
@@ -293,5 +294,7 @@ class Simulation:
 
         points = self._orders.probes(probes)
         names = self.actuator_names if actuators is None else actuators
-        columns = jacobian(self._stepper, self._state, points, [self._orders.actuator(name) for name in names])
+        columns = jacobian(
+            self._stepper, self._state, points, [self._orders.actuator(name) for name in names], interrupted=interrupted
+        )
         return np.stack(columns, axis=2) if columns else np.zeros((len(points), 3, 0))

@@ -128,7 +128,8 @@ class Services:
             raise GdfeError(f"scene {scene.name!r} has no {missing}; ~/jacobian is d probe / d actuator")
 
         def compute() -> str:
-            session.outputs.publish_jacobian(session.simulation.jacobian(), session.run.log_time)
+            found = session.simulation.jacobian(interrupted=session.stepper.must_end)
+            session.outputs.publish_jacobian(found, session.run.log_time)
             return f"{len(scene.probes)} probes, {len(scene.actuators)} actuators"
 
         return session.stepper.post(compute, "computing the Jacobian")

@@ -8,7 +8,8 @@ import pytest
 from scipy.integrate import solve_bvp
 
 from gdfe_ros import Simulation
-from gdfe_ros.scene import scene_from_text
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Command
 
 LENGTH, SIDE, YOUNG = 0.5, 0.02, 1e6
@@ -138,3 +139,19 @@ def test_jacobian_matches_differences_and_leaves_the_state() -> None:
     for simulation in (asked, plain):
         simulation.step(Command(actuators={"cable": 1.1}))
     np.testing.assert_array_equal(asked.positions, plain.positions)
+
+
+def test_a_jacobian_can_be_interrupted() -> None:
+    """Say so after a while: it ends at once with the reason, and the simulation is as it was."""
+    simulation, asked = Simulation(load_scene("tendon_finger")), []
+    simulation.step()
+    before = simulation.positions.copy()
+
+    def interrupted() -> bool:
+        asked.append(True)
+        return len(asked) > 20
+
+    with pytest.raises(GdfeError, match="the Jacobian was ended before it was found"):
+        simulation.jacobian(interrupted=interrupted)
+    assert len(asked) < 30
+    np.testing.assert_array_equal(simulation.positions, before)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Actuator, Cable, Embedding, Mode
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.materials.table import YOUNG
+from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import Stepper
 
 TOLERANCE = 1e-8
@@ -34,27 +36,46 @@ NEARER, REFINEMENTS = 0.1, 2
 
 
 def jacobian(
-    stepper: Stepper, state: State, points: Sequence[Embedding], actuators: Sequence[Actuator]
+    stepper: Stepper,
+    state: State,
+    points: Sequence[Embedding],
+    actuators: Sequence[Actuator],
+    *,
+    interrupted: Callable[[], bool] | None = None,
 ) -> list[NDArray[np.float64]]:
     """Return d(point)/d(command) of each actuator, (points, 3) each, at the equilibrium ``state``.
 
     Central differences of second order; one-sided ones of second order at the end of a range, where no equilibrium
-    lies on the other side, and at a kink, on the side on which the actuator acts.
+    lies on the other side, and at a kink, on the side on which the actuator acts. ``interrupted`` may end it.
 
     Raises:
-        GdfeError: no equilibrium was found on either side of an actuator's command.
+        GdfeError: no equilibrium was found on either side of an actuator's command, or it was interrupted.
     """
+    deadline = Deadline(interrupted=interrupted) if interrupted else None
+
+    def solve(start: State, commands: Mapping[str, float]) -> March:
+        march = stepper.step(start, start.poses, commands, tolerance=TOLERANCE, deadline=deadline)
+        if deadline is not None and deadline.passed():
+            raise GdfeError("the Jacobian was ended before it was found")
+        return march
+
     present = state
     if state.shapes is None:  # captured shapes have a history: solving again would be one step more
-        present = stepper.step(state, state.poses, state.commands, tolerance=TOLERANCE).state
-    return [_Differences(stepper, present, actuator).slope(points) for actuator in actuators]
+        present = solve(state, state.commands).state
+    return [_Differences(stepper, solve, present, actuator).slope(points) for actuator in actuators]
 
 
 class _Differences:
     """Equilibria beside the present one along one command."""
 
-    def __init__(self, stepper: Stepper, present: State, actuator: Actuator) -> None:
-        self._stepper, self._present, self._actuator = stepper, present, actuator
+    def __init__(
+        self,
+        stepper: Stepper,
+        solve: Callable[[State, Mapping[str, float]], March],
+        present: State,
+        actuator: Actuator,
+    ) -> None:
+        self._stepper, self._solve, self._present, self._actuator = stepper, solve, present, actuator
         self._command, self._size = present.commands[actuator.name], stepper.body.size
         self._acting = -1.0 if actuator.mode is Mode.LENGTH else 1.0
         self._here = present.positions if present.shapes is None else self._found(0.0)
@@ -103,7 +124,7 @@ class _Differences:
         if not actuator.low <= command <= actuator.high:
             return None
         commands = {**self._present.commands, actuator.name: command}
-        march = self._stepper.step(self._present, self._present.poses, commands, tolerance=TOLERANCE)
+        march = self._solve(self._present, commands)
         return march.state.positions if march.reached and not march.inverted else None
 
     def _sized(self, side: float) -> float:
