@@ -56,7 +56,7 @@ class Drive:
                     self._twists.pop(order.handle, None)
                     poses[order.handle] = order.after(self._run.simulation.targets[order.handle])
                 case TwistOrder():
-                    self._twists[order.handle] = (order, time - dt + self._run.parameters["velocity_timeout"])
+                    self._twists[order.handle] = (order, self._run.parameters["velocity_timeout"])
                 case ActuatorOrder():
                     actuators.update(order.values)
                     for name in order.values:
@@ -66,7 +66,7 @@ class Drive:
                     for name, column in zip(order.names, order.values.T, strict=True):
                         before = actuators.get(name, self._run.simulation.commands[name])
                         self._courses[name] = _Course(start, before, order.times, column)
-        poses |= self._moved(time, dt)
+        poses |= self._moved(dt)
         values, loads = actuators | self._followed(time), {load.name for load in self._run.simulation.scene.loads}
         return Command(
             handles=poses,
@@ -74,12 +74,14 @@ class Drive:
             loads={name: value for name, value in values.items() if name in loads},
         )
 
-    def _moved(self, time: float, dt: float) -> dict[str, Pose]:
+    def _moved(self, dt: float) -> dict[str, Pose]:
+        """Give where velocities lead; each acts for its timeout, also where a body in motion does not keep up."""
         poses = {}
-        for name, (twist, until) in list(self._twists.items()):
-            if twist.still or time > until + 1e-9:
+        for name, (twist, left) in list(self._twists.items()):
+            if twist.still or left - dt < -1e-9:
                 del self._twists[name]
                 continue
+            self._twists[name] = (twist, left - dt)
             pose = twist.after(self._run.simulation.targets[name], dt)
             try:
                 require_near(pose.translation, self._run.simulation.mesh.size)

@@ -74,6 +74,8 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
 def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
     document = parse_document(text, heading=heading)
     report = Report(heading, document)
+    if document.data.get("dynamics", {}) is None:
+        report.add(("dynamics",), "it is empty; write {} for the defaults, or leave it out for equilibria")
     for key, value in (overrides or {}).items():
         apply_override(document, key, value, report)
     draft = _validate(document, report, path.parent if path else None)

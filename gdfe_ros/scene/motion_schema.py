@@ -10,12 +10,12 @@ from pydantic import Field, model_validator
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
-from gdfe_ros.solver.motion.dynamics import LONGEST_STEP, Branch, Dynamics, Scheme
+from gdfe_ros.solver.motion.dynamics import LONGEST_STEP, SHORTEST_STEP, THICKEST, Branch, Dynamics, Scheme
 
-_STEP = Quantity("longest internal step in time", "s", above=0.0, most=LONGEST_STEP)
+_STEP = Quantity("longest internal step in time", "s", least=SHORTEST_STEP, most=LONGEST_STEP)
 _RHO = Quantity("what generalised_alpha leaves of infinitely fast motion in a step", least=0.0, most=1.0)
 _MASS_DAMPING = Quantity("force over mass and velocity, against the world", "1/s", least=0.0, most=1e6)
-_VISCOSITY = Quantity("stress over rate of strain, beside the material's", "Pa s", least=0.0, most=1e12)
+_VISCOSITY = Quantity("stress over rate of strain, beside the material's", "Pa s", least=0.0, most=THICKEST)
 _SHARE = Quantity("share of the modulus at once that this branch carries", above=0.0, below=1.0)
 _TIME = Quantity("time in which its stress falls to 1/e", "s", above=0.0, most=1e9)
 _VELOCITY = Quantity("velocity of every vertex at the start [x, y, z]", "m/s", least=-1e4, most=1e4, count=3)

@@ -183,10 +183,12 @@ class Ledger:
     Attributes:
         work: done on it by handles and by changing commands [J].
         lost: to damping [J].
+        owed: time [s] that has passed without a step, too short for one.
     """
 
     work: float
     lost: float
+    owed: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,6 +9,7 @@ import pytest
 
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.errors import SceneError
+from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.motion.dynamics import Branch, Scheme
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
@@ -75,3 +76,10 @@ def test_the_policy_relative_does_not_move() -> None:
     scene = load_scene("drop", overrides={"loads": {}, "program": None})
     with pytest.raises(SceneError, match="finds equilibria only"):
         Simulation(scene, settings=SolverSettings(policy=Policy.RELATIVE))
+
+
+def test_an_empty_entry_is_no_silent_equilibrium() -> None:
+    """Write the key without anything: refused, with both remedies."""
+    text = load_scene("drop").source.replace("dynamics: {scheme: generalised_alpha, step: 0.01}", "dynamics:")
+    with pytest.raises(SceneError, match="for the defaults, or leave it out"):
+        scene_from_text(text)

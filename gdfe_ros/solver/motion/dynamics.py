@@ -6,8 +6,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-LONGEST_STEP = 10.0
-"""Internal step [s] that is allowed at most."""
+SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
+"""Internal steps [s] that are allowed."""
+THICKEST = 1e8
+"""Viscosity [Pa s] that is allowed at most: beyond, rounding of strains is larger than forces of soft bodies."""
 
 
 class Scheme(str, Enum):
@@ -61,8 +63,8 @@ class Dynamics:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scheme", Scheme(self.scheme))
-        if not 0.0 < self.step <= LONGEST_STEP:
-            raise ValueError(f"step must lie above 0 and at most at {LONGEST_STEP:g} s, got {self.step!r}")
+        if not SHORTEST_STEP <= self.step <= LONGEST_STEP:
+            raise ValueError(f"step must lie in {SHORTEST_STEP:g} .. {LONGEST_STEP:g} s, got {self.step!r}")
         if not 0.0 <= self.rho_inf <= 1.0:
             raise ValueError(f"rho_inf must lie in 0 .. 1, got {self.rho_inf!r}")
         for name in ("mass_damping", "viscosity"):

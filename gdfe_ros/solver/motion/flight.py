@@ -123,6 +123,7 @@ class Flight:
             reason = f"elements would fold or turn inside out (least volume ratio {solution.min_det:.3g}); {reason}"
         text = f"an internal step of {self.length:.3g} s failed: {reason}".rstrip("; ")
         text = f"{text}; positions and velocities are those before it"
+        text = f"{text}; remedy: slower commands, a smaller dynamics.step, or a reset"
         return changed(self, flaw=text).march(skipped)
 
     @property

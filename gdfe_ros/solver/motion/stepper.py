@@ -27,9 +27,10 @@ from gdfe_ros.solver.settings import Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
-from gdfe_ros.solver.stepping.placing import placed
+from gdfe_ros.solver.stepping.placing import placed, require_own
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.solver.value import changed
 
 ACCURACY = 3.0
 """Distance to the end of an internal step that is left, over h^2 |a| and the tolerance."""
@@ -39,6 +40,8 @@ CALM = 0.5
 """For how long [s] no vertex of a body at rest would leave the tolerance, at its velocity or acceleration."""
 RELAXED = 3.0
 """The same over the longest time in which a body relaxes."""
+SHORTEST = 1e-2
+"""Share of the longest internal step below which time is only noted: an acceleration over so short a time is noise."""
 KEPT = 4
 """Step lengths whose factors are kept."""
 
@@ -95,9 +98,15 @@ class MotionStepper:
         duration: float,
         deadline: Deadline | None = None,
     ) -> March:
-        """Follow the commands, which change evenly, for ``duration`` [s] from ``state``, which stays as it is."""
+        """Follow the commands, which change evenly, for ``duration`` [s] from ``state``, which stays as it is.
+
+        What is too short for a step is made up for by the next one.
+        """
+        due = state.ledger.owed + duration
+        if due < SHORTEST * self._dynamics.step:
+            return _noted(state.with_(ledger=changed(state.ledger, owed=due)), duration)
         began = state if self._began(state) else self._started(state, commands)
-        flight = Flight.over(duration, self._dynamics.step, began, targets, commands)
+        flight = Flight.over(due, self._dynamics.step, began, targets, commands)
         while not flight.arrived:
             h = flight.length
             solution = self._solve(flight, h, deadline)
@@ -106,11 +115,11 @@ class MotionStepper:
                 flight = flight.halved()
                 continue
             if solution.diverged or not solution.min_det > 0.0:
-                return flight.withdrawn(solution, self.equilibrium.skipped(solution))
+                return _told(flight.withdrawn(solution, self.equilibrium.skipped(solution)), state.ledger.owed)
             flight = flight.went(self._accepted(flight.state, solution, h))
             if solution.cut and past(deadline):
                 break
-        return flight.march(self.equilibrium.skipped(solution))
+        return _told(flight.march(self.equilibrium.skipped(solution)), state.ledger.owed)
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the velocities of the start; handles stay where they are."""
@@ -118,6 +127,7 @@ class MotionStepper:
 
     def completed(self, state: State) -> State:
         """Return a state that was read from an archive with the operators that follow from its commands."""
+        require_own(state, self.at_rest())
         growths = self.actuation.growths
         return state.with_(operators=growths.at(state.commands, growths.ungrown))
 
@@ -200,6 +210,19 @@ class MotionStepper:
 def _largest(vectors: NDArray[np.float64]) -> float:
     """Return the largest length of vectors (n, 3)."""
     return float(np.sqrt(np.einsum("ni,ni->n", vectors, vectors).max(initial=0.0)))
+
+
+def _noted(state: State, duration: float) -> March:
+    """Return a march in which nothing but time passed."""
+    summary, counts = state.summary, {"iterations": 0, "increments": 0, "skipped": {Skip.SOLVE.value: 1}}
+    said = {"converged": summary.converged, "message": summary.message}
+    return March(state=state, reached=True, simulated=duration, **said, **counts)
+
+
+def _told(march: March, owed: float) -> March:
+    """Return a march that tells of the time that was ``owed`` [s] before it as past already."""
+    ledger = changed(march.state.ledger, owed=max(0.0, owed - march.simulated))
+    return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
 
 
 def _failed(solution: Solution) -> bool:

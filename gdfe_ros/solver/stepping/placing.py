@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.handle_motions import HandleMotions
@@ -41,3 +42,23 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
         summary=changed(state.summary, converged=False, min_det=least),
         sound=least > 0.0,
     )
+
+
+def require_own(state: State, own: State) -> None:
+    """Refuse a state of another body.
+
+    Args:
+        state: that is to be gone on from.
+        own: the body's state at rest.
+
+    Raises:
+        CommandError: vertices, handles, commands or terms are others.
+    """
+    for what, one, two in (
+        ("vertices", len(state.positions), len(own.positions)),
+        ("handles", sorted(state.poses), sorted(own.poses)),
+        ("actuators and loads", sorted(state.commands), sorted(own.commands)),
+        ("terms", sorted(state.terms), sorted(own.terms)),
+    ):
+        if one != two:
+            raise CommandError(f"the state is one of another scene: its {what} are {one}, here {two}")

@@ -20,7 +20,7 @@ from gdfe_ros.solver.stepping.attempt import Attempt
 from gdfe_ros.solver.stepping.balance import jumped
 from gdfe_ros.solver.stepping.increments import planned_increments
 from gdfe_ros.solver.stepping.march import NEAR, March
-from gdfe_ros.solver.stepping.placing import placed
+from gdfe_ros.solver.stepping.placing import placed, require_own
 from gdfe_ros.solver.stepping.way import Goal, Verdict, Way
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
@@ -116,6 +116,7 @@ class Stepper:
 
     def completed(self, state: State) -> State:
         """Return a state that was read from an archive with the operators that follow from its commands."""
+        require_own(state, self.at_rest())
         growths = self.actuation.growths
         anchor = None if state.anchor is None else self.completed(state.anchor)
         return state.with_(operators=growths.at(state.commands, growths.ungrown), anchor=anchor)

@@ -92,7 +92,7 @@ def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
     before = bar.positions.copy()
     result = bar.step(Command(handles={"tip": Pose((-1.0, 0.0, 0.0))}))
     assert not result.converged
-    assert "positions and velocities are those before it" in result.message
+    assert "those before it; remedy: slower commands" in result.message
     assert result.min_det > 0.0
     assert result.time < 0.004
     bar.step(Command(handles={"tip": Pose((0.0, 0.0, 0.0))}))
@@ -118,3 +118,27 @@ def test_a_jacobian_of_a_body_in_motion_is_refused(moving: Callable) -> None:
     """Ask for it: the remedy is named."""
     with pytest.raises(CommandError, match="leave `dynamics` out"):
         moving().jacobian()
+
+
+@pytest.mark.parametrize("short", [1e-17, 1e-9, 1e-6])
+def test_a_step_too_short_is_made_up_for_by_the_next(moving: Callable, short: float) -> None:
+    """Put tiny steps between those of a swing: time passes, and the body swings on as if they had not been."""
+    plain, nudged = moving(handles=HELD, loads=WEIGHT), moving(handles=HELD, loads=WEIGHT)
+    for _ in range(20):
+        for _ in range(5):
+            nudged.step(dt=short)
+        one, two = plain.step(dt=0.002), nudged.step(dt=0.002)
+    assert two.time == pytest.approx(one.time + 100 * short, rel=1e-12)
+    assert two.converged
+    assert np.abs(one.positions - two.positions).max() < 1e-3 * plain.mesh.size
+    balance = two.energies["kinetic"] + two.energies["elastic"] + two.energies["potential"]
+    assert abs(balance) < 0.01 * two.energies["kinetic"]
+
+
+def test_a_snapshot_of_another_scene_is_refused(moving: Callable) -> None:
+    """Restore one of another body, and one of the same body without dynamics: what differs is named."""
+    bar = moving(handles=HELD)
+    with pytest.raises(CommandError, match="one of another scene: its vertices are"):
+        bar.restore(moving(handles=HELD, mesh__bar__cells=[4, 1, 1]).snapshot())
+    with pytest.raises(CommandError, match="its terms are"):
+        bar.restore(moving(handles=HELD, dynamics=None).snapshot())
