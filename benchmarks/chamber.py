@@ -41,14 +41,14 @@ class Followed:
     seconds: float
 
 
-def follow(scene: Scene, pressures: Sequence[float], *, tolerance: float | None = None) -> Followed:
+def follow(scene: Scene, pressures: Sequence[float], *, tolerance: float | None = None, pace: int = PACE) -> Followed:
     """Stream ascending pressures [Pa] from rest in our solver, at the scene's tolerance or another one."""
     tolerance = scene.solver.tolerance if tolerance is None else tolerance
     simulation = Simulation(scene, settings=dataclasses.replace(scene.solver, tolerance=tolerance))
     simulation.warm_up()
     started, tips, angles, last = time.process_time(), [], [], 0.0
     for pressure in pressures:
-        for value in np.linspace(last, pressure, PACE + 1)[1:]:
+        for value in np.linspace(last, pressure, pace + 1)[1:]:
             result = simulation.step(Command(actuators={ACTUATOR: float(value)}), dt=1.0)
             if not result.converged:
                 raise RuntimeError(f"{scene.name} at {value:g} Pa: {result.message}")

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import find_peaks
 
 from benchmarks.markdown import markdown_table
 from gdfe_ros.scene import load_scene
@@ -86,6 +85,8 @@ def measure_drop(cells: list[int], scheme: str, step: float) -> dict[str, Any]:
 
 def swings(times: NDArray[np.float64], height: NDArray[np.float64]) -> tuple[float, float, float]:
     """Return sag, frequency [Hz] and damping ratio of the first swings; the sag is the mean of the last half second."""
+    from scipy.signal import find_peaks  # as heavy as all else that this module imports
+
     sag = -float(height[times > times[-1] - 0.5].mean())
     away = height + sag
     extremes = np.sort(np.concatenate([find_peaks(sign * away, prominence=0.2)[0] for sign in (1, -1)]))[:9]

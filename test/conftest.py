@@ -27,8 +27,20 @@ _LOCKS: list[socket.socket] = []
 TESTS = Path(__file__).parent
 WAITING = ("packaging", "examples", "node", "testing", "launch", "analysis", "recording", "benchmarks", "commands")
 """Rooms whose tests wait for other processes: begun first, those that compute fill the gaps and the end."""
+LONG = ("test_same_bits", "test_same_equilibrium", "test_sample", "test_robots", "test_folds", "test_threads")
+"""Files that compute longest: begun before the others, lest one is left over when all workers but one are done."""
 APART = ("materials", "mesh", "packaging")
 """Rooms whose tests neither solve nor start nodes."""
+KERNELS = (
+    ("bend5", {}),
+    ("bend5", {"solver.policy": "relative"}),
+    ("tendon_finger", {}),
+    ("pneunet", {}),
+    ("drop", {}),
+    ("whip", {}),
+)
+"""Scenes and overrides that between them use nearly every kernel of one thread."""
+_READY: list[bool] = []
 
 
 def _domain() -> str:
@@ -65,6 +77,8 @@ os.environ.update(
     ROS_LOG_DIR=os.path.join(tempfile.gettempdir(), "gdfe_ros_test_logs"),
     NUMBA_NUM_THREADS="1",
     OMP_NUM_THREADS="1",
+    # Threads that share a solve sleep until all are done: beside other workers, spinning takes four times the time.
+    OMP_WAIT_POLICY="PASSIVE",
     OPENBLAS_NUM_THREADS="1",
     MPLBACKEND="Agg",
 )
@@ -75,34 +89,35 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests that wait before those that compute."""
-    items.sort(key=lambda item: WAITING.index(_room(item.path)) if _room(item.path) in WAITING else len(WAITING))
+    """Put the tests that wait before those that compute, and of these the long ones first."""
+
+    def place(item: pytest.Item) -> tuple[int, int]:
+        room, name = _room(item.path), item.path.stem
+        waiting = WAITING.index(room) if room in WAITING else len(WAITING)
+        return waiting, LONG.index(name) if name in LONG else len(LONG)
+
+    items.sort(key=place)
 
 
-@pytest.fixture(autouse=True)
-def _prepare(request: pytest.FixtureRequest) -> None:
-    """Begin a test that solves or starts nodes when all is ready for it."""
-    if _room(request.path) not in APART:
-        request.getfixturevalue("kernels")
-        request.getfixturevalue("forks")
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Before a worker's first test that solves or starts nodes, and before the fixtures of its module: get ready."""
+    if not _READY and _room(item.path) not in APART:
+        from gdfe_ros.testing import forking
+
+        _compile()
+        forking.prepare()
+        _READY.append(True)
 
 
-@pytest.fixture(scope="session")
-def kernels() -> None:
-    """Compile what most solves need, once for all workers: who comes second waits, and loads it."""
+def _compile() -> None:
+    """Compile what most tests need, once for all workers: who comes second waits, and loads it."""
     from gdfe_ros import Simulation, load_scene
 
     with Path(tempfile.gettempdir(), f"gdfe_ros_kernels_{zlib.crc32(str(TESTS).encode())}").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        Simulation(load_scene("bend5")).warm_up()
-
-
-@pytest.fixture(scope="session")
-def forks() -> None:
-    """Have nodes forked off a process that has made their imports."""
-    from gdfe_ros.testing import forking
-
-    forking.prepare()
+        for name, overrides in KERNELS:
+            Simulation(load_scene(name, overrides=overrides)).warm_up()
 
 
 def _room(path: Path) -> str:

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
+import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,6 +21,7 @@ from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.recording.recovery import recover
 from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.testing import forking
 
 REMAPS = {
     "mesh": "/cloud",
@@ -35,14 +35,14 @@ PARAMETERS = ["scene:=bend5", "scene_overrides:=['mesh.bar.cells=[10, 1, 1]']", 
 
 
 @pytest.fixture
-def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen]]:
+def start(tmp_path: Path) -> Iterator[Callable[[], forking.Forked]]:
     """Give a function that starts a recording node with remaps; it is ended after the test."""
     processes = []
 
-    def make() -> subprocess.Popen:
+    def make() -> forking.Forked:
         given = [word for text in [*PARAMETERS, f"bag_path:={tmp_path / 'bag'}"] for word in ("-p", text)]
         given += [word for role, name in REMAPS.items() for word in ("-r", f"~/{role}:={name}")]
-        processes.append(subprocess.Popen([sys.executable, "-m", "gdfe_ros.node", "--ros-args", *given]))
+        processes.append(forking.start(["--ros-args", *given], tmp_path / "log.txt", os.environ))
         return processes[-1]
 
     yield make
@@ -52,7 +52,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen]]:
 
 
 @pytest.fixture
-def bag(ros: Any, start: Callable[..., subprocess.Popen], tmp_path: Path) -> Path:
+def bag(ros: Any, start: Callable[[], forking.Forked], tmp_path: Path) -> Path:
     """Give the bag of three steps that were commanded over a remapped topic."""
     node, records = ros.node("commander"), []
     latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -8,20 +8,27 @@ import signal
 import threading
 from contextlib import suppress
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pyarrow.parquet
 import pytest
 
-from gdfe_ros.analysis.sweep import runner
 from gdfe_ros.analysis.sweep.cases import Case, grid_cases, read_axes, read_list
-from gdfe_ros.analysis.sweep.runner import connect, run_cases
 from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 
 NOBODY = 2**31 - 1
 """No process has this number."""
+
+
+@pytest.fixture
+def runner() -> ModuleType:
+    """Give what spreads cases over workers; whoever collects the tests only need not import dask for it."""
+    from gdfe_ros.analysis.sweep import runner
+
+    return runner
 
 
 def test_a_grid_is_every_combination() -> None:
@@ -74,13 +81,13 @@ def test_results_of_another_scene_are_not_mixed(tmp_path: Path, capsys: Any) -> 
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_killed_worker_costs_no_case(workers: int) -> None:
+def test_a_killed_worker_costs_no_case(runner: ModuleType, workers: int) -> None:
     """Kill a worker while it works on several short cases: every case is done all the same, and once."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [20, 2, 2]}).source
     cases = grid_cases({"materials.e20.young": [1e4 + 100.0 * k for k in range(40)]})
-    with connect(None, workers) as client:
+    with runner.connect(None, workers) as client:
         victim = min(client.run(os.getpid).values())
-        results = run_cases(client, scene, cases)
+        results = runner.run_cases(client, scene, cases)
         done = [next(results) for _ in range(8)]  # by now short cases are put together
         os.kill(victim, signal.SIGKILL)
         done += results
@@ -88,16 +95,16 @@ def test_a_killed_worker_costs_no_case(workers: int) -> None:
     assert {result["status"] for _, result in done} == {"converged"}
 
 
-def test_a_sweep_without_workers_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sweep_without_workers_ends(runner: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """Have no worker at all, as when none can be started again: an error instead of a wait without end."""
     monkeypatch.setattr(runner, "PATIENCE", 2.0)
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
-    with connect(None, 0) as client, pytest.raises(GdfeError, match="no worker has lived for 2 s"):
-        list(run_cases(client, scene, grid_cases({"solver.steps": [1, 2]})))
+    with runner.connect(None, 0) as client, pytest.raises(GdfeError, match="no worker has lived for 2 s"):
+        list(runner.run_cases(client, scene, grid_cases({"solver.steps": [1, 2]})))
 
 
 @pytest.mark.slow
-def test_workers_that_take_long_to_come_back_are_waited_for() -> None:
+def test_workers_that_take_long_to_come_back_are_waited_for(runner: ModuleType) -> None:
     """Kill every worker as it starts for 20 s, longer than dask waits for a lost one: then every case is done."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [20, 2, 2]}).source
     cases, over = grid_cases({"materials.e20.young": [1e4 + 100.0 * k for k in range(20)]}), threading.Event()
@@ -108,11 +115,11 @@ def test_workers_that_take_long_to_come_back_are_waited_for() -> None:
                 with suppress(ProcessLookupError):
                     os.kill(nanny.pid or NOBODY, signal.SIGKILL)
 
-    with connect(None, 2) as client:
+    with runner.connect(None, 2) as client:
         thread = threading.Thread(target=kill)
         thread.start()
         threading.Timer(20.0, over.set).start()
-        done = list(run_cases(client, scene, cases))
+        done = list(runner.run_cases(client, scene, cases))
         thread.join()
     assert {result["status"] for _, result in done} == {"converged"}
     assert len(done) == len(cases)

@@ -25,7 +25,7 @@ def test_a_run_under_the_wall_clock_replays(tmp_path: Path, deadline: float) -> 
         for z in np.linspace(0.005, 0.1, 20):
             simulator.step(Command(handles={"tip": Pose(translation=(0.0, 0.0, float(z)))}))
     run = BagRun(tmp_path / "bag")
-    cut = sum(record.cut for record in run.records)
+    cut = sum(record.cut for record in run.records[:-1])  # the end of the run may cut the last one
     assert cut > 5 if deadline else cut == 0
     report = Replay(run).run()
     assert report.differences.verdict() is Verdict.IDENTICAL

@@ -21,7 +21,7 @@ def test_tube_agrees_with_quadratic_elements_over_its_whole_program() -> None:
     reference, scene = np.load(DATA / "reference" / f"{SCENE}_felupe.npz"), load_scene(SCENE)
     np.testing.assert_array_equal(reference["pressure"], PRESSURES)
     assert max(point.value for point in scene.program.actuators["air"]) == PRESSURES[-1]
-    found = follow(scene, PRESSURES)
+    found = follow(scene, PRESSURES, pace=4)
     assert deviation(scene, found.tip, reference["tip"]).max() < 0.02
     assert found.angle[-1] > 90.0
     assert np.diff(found.angle).min() > 0.0

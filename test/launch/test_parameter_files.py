@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ import yaml
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
 
+from gdfe_ros.testing import forking
 from gdfe_ros.testing.discovery import await_discovery
 
 ROOT = Path(__file__).parents[2]
@@ -24,10 +24,10 @@ COARSE = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[10, 1, 1]"], "c
 class Node:
     """A ``sim_node`` of another name in a namespace, and calls of its parameter services."""
 
-    def __init__(self, ros: Any, place: str, words: list[str]) -> None:
+    def __init__(self, ros: Any, place: str, log: Path, words: list[str]) -> None:
         self._ros, self._client, self._name = ros, ros.node(f"asker_{place}"), f"/{place}/arm"
         names = ["-r", f"__ns:=/{place}", "-r", "__node:=arm"]
-        self.process = subprocess.Popen([sys.executable, "-m", "gdfe_ros.node", "--ros-args", *names, *words])
+        self.process = forking.start(["--ros-args", *names, *words], log, os.environ)
 
     def call(self, kind: type, service: str, request: Any) -> Any:
         """Call a service of the node."""
@@ -68,12 +68,13 @@ class Node:
 
 
 @pytest.fixture
-def start(ros: Any) -> Iterator[Callable[..., Node]]:
+def start(ros: Any, tmp_path: Path) -> Iterator[Callable[..., Node]]:
     """Give a function that starts the node with words of the command line; it is ended after the test."""
     started: list[Node] = []
 
     def make(*words: str) -> Node:
-        started.append(Node(ros, f"left_{len(started)}", list(words)))
+        place = f"left_{len(started)}"
+        started.append(Node(ros, place, tmp_path / f"{place}.log", list(words)))
         return started[-1]
 
     yield make

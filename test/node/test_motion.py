@@ -39,7 +39,8 @@ def listen(client: Any) -> Callable[..., list[Any]]:
 
 
 def _advance(client: Any, steps: int = 1) -> None:
-    """Have a node in lockstep make steps."""
+    """Have a node in lockstep make steps, once it is active."""
+    client.wait(client.records)
     for _ in range(steps):
         response = client.call(Trigger, "step", Trigger.Request())
         assert response.success, response.message

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import SetBool, Trigger
 
+from gdfe_ros.testing import forking
 from gdfe_ros.testing.discovery import await_discovery
 
 WAITING = """
@@ -167,9 +166,10 @@ def test_bad_arguments_end_with_a_line_not_a_traceback(
     broken = tmp_path / "broken.yaml"
     broken.write_text("a: [b\n c: d", encoding="utf-8")
     given = [str(broken) if argument == "BROKEN" else argument for argument in arguments]
-    command = [sys.executable, "-m", "gdfe_ros.node", *given]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == status, done.stderr
-    assert all(words in done.stdout + done.stderr for words in said)
-    assert "Traceback" not in done.stderr
-    assert "/project/src" not in done.stderr.replace("[ERROR]", "")
+    log = tmp_path / "log.txt"
+    found = forking.start(given, log, os.environ).wait(300)
+    text = log.read_text(encoding="utf-8")
+    assert found == status, text
+    assert all(words in text for words in said)
+    assert "Traceback" not in text
+    assert "/project/src" not in text.replace("[ERROR]", "")

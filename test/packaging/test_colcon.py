@@ -22,8 +22,9 @@ def colcon(pytestconfig: pytest.Config, run: Callable[..., str]) -> Path:
     place = pytestconfig.cache.mkdir(f"colcon-{sys.version_info.major}.{sys.version_info.minor}")
     done = place / "installed"
     if not done.exists():
-        run(sys.executable, "-m", "venv", "--clear", place)
-        run(place / "bin" / "pip", "install", "--quiet", "setuptools<80", "colcon-common-extensions")
+        run(sys.executable, "-m", "venv", "--clear", "--without-pip", place)
+        pip = sys.executable, "-m", "pip", "--python", place / "bin" / "python"
+        run(*pip, "install", "--quiet", "--no-compile", "setuptools<80", "colcon-common-extensions")
         done.touch()
     return place / "bin" / "colcon"
 

@@ -204,7 +204,7 @@ def test_a_bit_in_the_first_records_costs_a_chunk_at_most(tmp_path: Path, mesh_t
     writer = BagWriter(tmp_path / "bag", [scene_topic, mesh_topic], run=RunInfo(scene=SCENE), options=quick)
     text = SCENE.encode() + b"\0"
     writer.write(scene_topic.name, b"\0\1\0\0" + struct.pack("<I", len(text)) + text, 0)
-    for number in range(43):
+    for number in range(9):
         writer.write(mesh_topic.name, np.random.default_rng(number).bytes(1100), number)
     writer.close()
     content = (tmp_path / "bag" / "bag_0.mcap").read_bytes()
@@ -215,7 +215,7 @@ def test_a_bit_in_the_first_records_costs_a_chunk_at_most(tmp_path: Path, mesh_t
         damaged[place] ^= 1 << (number % 8)
         (tmp_path / "damaged.mcap").write_bytes(damaged)
         report = recover(tmp_path / "damaged.mcap", tmp_path / f"out{place}", options=quick)
-        assert report.total >= 42, place
+        assert report.total >= 8, place
         assert BagReader(report.path).run.scene == SCENE, place
 
 

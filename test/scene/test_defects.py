@@ -225,7 +225,7 @@ JUNK = st.one_of(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(paths(parse_document(SOUND, heading="").data)), JUNK), max_size=3))
 def test_any_junk_gives_a_scene_or_a_scene_error(changes: list[tuple]) -> None:
     """Replace entries by junk: nothing but SceneError ever comes out, and every defect says where."""

@@ -13,21 +13,28 @@ from gdfe_ros import Simulation, load_scene
 from gdfe_ros.solver.result import StepResult
 
 RATE = 100.0
+PACE = 10
+"""Steps a second of simulation time: few, yet a jump of a degree shows in them."""
 Played = tuple[Simulation, list[StepResult]]
 
 
 @pytest.fixture(scope="module")
 def played() -> Callable[[str], Played]:
-    """Play each robot's program once, at 25 steps a second."""
+    """Play each robot's program once."""
     done: dict[str, Played] = {}
 
     def play(name: str) -> Played:
         if name not in done:
             simulation = Simulation(load_scene(name))
-            done[name] = simulation, list(simulation.play(round(25 * simulation.scene.program.duration)))
+            done[name] = simulation, list(simulation.play(round(PACE * simulation.scene.program.duration)))
         return done[name]
 
     return play
+
+
+def at(results: list[StepResult], moment: float) -> StepResult:
+    """Return the step that ends at this time [s]."""
+    return results[round(PACE * moment) - 1]
 
 
 def angle(simulation: Simulation, result: StepResult, low: str, high: str) -> float:
@@ -64,7 +71,7 @@ def test_air_bends_smoothly_beyond_90_degrees(name: str, played: Callable[[str],
     angles = np.array([angle(simulation, result, "tip", "tip_top") for result in rising])
     assert angles[-1] > 90.0
     assert np.diff(angles).min() > 0.0
-    assert np.diff(angles).max() < 2.5
+    assert np.diff(angles).max() < 5.0
     pressures = [result.actuators["air"].effort for result in rising]
     volumes = [result.actuators["air"].extent for result in rising]
     assert np.diff(pressures).min() > 0.0
@@ -76,15 +83,15 @@ def test_finger_curls_both_ways(played: Callable[[str], Played]) -> None:
     simulation, results = played("tendon_finger")
     heights = [simulation.scene.probes["tip"].at(result.positions)[0][2] for result in results]
     assert min(heights) < -0.05
-    straight = heights[round(25 * 2.5) - 1]
+    straight = simulation.scene.probes["tip"].at(at(results, 2.5).positions)[0][2]
     assert max(heights) > straight + 0.002
 
 
 def test_arm_leans_where_the_pressure_says(played: Callable[[str], Played]) -> None:
     """Lean to +y when the chamber at -y is under pressure and the other way round, and down with the upper one."""
     simulation, results = played("three_chamber_arm")
-    tips = np.array([simulation.scene.probes["tip"].at(result.positions)[0] for result in results])
-    left, right, upper = tips[49], tips[99], tips[149]
+    probe = simulation.scene.probes["tip"]
+    left, right, upper = (probe.at(at(results, moment).positions)[0] for moment in (2.0, 4.0, 6.0))
     assert left[1] > 0.01
     assert right[1] < -0.01
     assert left[1] == pytest.approx(-right[1], rel=0.02)
@@ -94,7 +101,7 @@ def test_arm_leans_where_the_pressure_says(played: Callable[[str], Played]) -> N
 def test_gripper_closes(played: Callable[[str], Played]) -> None:
     """Bring the three fingertips together while the wrist stays."""
     simulation, results = played("gripper")
-    closed = results[49]
+    closed = at(results, 2.0)
     names = ("left_tip", "right_tip", "upper_tip")
     rest, now = (
         np.array([simulation.scene.probes[name].at(x)[0] for name in names])
@@ -113,8 +120,7 @@ def test_gripper_closes(played: Callable[[str], Played]) -> None:
 def test_strip_coils_by_growth_alone(played: Callable[[str], Played]) -> None:
     """Turn the end by more than a right angle and come half way back."""
     simulation, results = played("shape_memory_strip")
-    tips = [simulation.scene.probes["tip"].at(result.positions)[0] for result in results]
-    hot = tips[74]
+    hot = simulation.scene.probes["tip"].at(at(results, 3.0).positions)[0]
     assert hot[0] < 0.03
     assert hot[2] > 0.03
     assert results[-1].actuators["heat"].extent == pytest.approx(0.96)
@@ -135,7 +141,7 @@ def test_joint_of_two_materials_tells_hyperelasticity(played: Callable[[str], Pl
         assert result.converged
     probes = plain.probe_positions()
     assert probes["joint"][0] / probes["tip"][0] > share + 0.03
-    assert len(results) == 50
+    assert len(results) == 2 * PACE
 
 
 @pytest.mark.bench

@@ -57,14 +57,14 @@ def test_what_is_not_reached_is_left_alone(exact: Simulation) -> None:
 
 
 def test_the_error_is_bounded_while_a_part_sleeps() -> None:
-    """Compare every step with an equilibrium found from there: it lies as near as for a body that never sleeps."""
+    """Compare every third step with an equilibrium found from there: as near as for a body that never sleeps."""
     worst = []
     for settings in (SolverSettings(), AWAKE):
         simulation, errors = Simulation(BRUSH.scene(8, settings=settings)), []
-        for step in range(24):
-            bend(simulation, [0], step, step + 1)
+        for step in range(3, 25, 3):
+            bend(simulation, [0], step - 3, step)
             near = Simulation(simulation.scene, settings=dataclasses.replace(AWAKE, tolerance=1e-6))
-            near.step(BRUSH.bent([0], (step + 1) / STEPS))
+            near.step(BRUSH.bent([0], step / STEPS))
             errors.append(distance(simulation, near))
         worst.append(max(errors))
     assert worst[0] < worst[1] + 2.0 * SolverSettings().tolerance

@@ -29,7 +29,7 @@ def _digests(threads: int) -> dict[str, list[str]]:
     """Solve the scenes in a fresh process that may use as many threads, and give digests of all positions."""
     environment = {**os.environ, "NUMBA_NUM_THREADS": str(threads)}
     command = [sys.executable, "-c", _CODE, str(threads), *SCENES]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=True)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=3000, check=True)
     return {name: digests for name, *digests in map(str.split, done.stdout.splitlines())}
 
 

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 from gdfe_ros import Simulation
 from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.result import StepResult
 
 FOLDED = r"fold|inside out"
 REMEDY = r"reset|rest|smaller|slower|set_positions|finer"
@@ -36,35 +39,42 @@ def folding(mesh: str, law: str = "neo_hookean") -> Simulation:
     return Simulation(scene_from_text(TEXT.format(mesh=MESHES[mesh], law=law)))
 
 
+@pytest.fixture(scope="module")
+def pulled(lab: Any) -> Callable[..., tuple[Simulation, list[StepResult]]]:
+    """Give a function that pulls a bar once, and lets it go thrice; all tests share what came of it."""
+
+    @cache
+    def pull(mesh: str, tension: float, law: str) -> tuple[Simulation, list[StepResult]]:
+        simulation = folding(mesh, law)
+        return simulation, [lab.go(simulation, pull=value) for value in (tension, 0.0, 0.0, 0.0)]
+
+    return pull
+
+
 @pytest.mark.parametrize("law", ["neo_hookean", "linear"])
 @pytest.mark.parametrize(("mesh", "tension"), PULLS)
-def test_no_fold_is_an_equilibrium(lab: Any, mesh: str, tension: float, law: str) -> None:
+def test_no_fold_is_an_equilibrium(lab: Any, pulled: Callable, mesh: str, tension: float, law: str) -> None:
     """Pull a bar until it folds, and let go: an end with a folded corner is not converged and says so."""
-    simulation = folding(mesh, law)
-    for pull in (tension, 0.0):
-        result = lab.go(simulation, pull=pull)
+    simulation, results = pulled(mesh, tension, law)
+    for result in results:
         if lab.least_corner(simulation.mesh, result.positions) <= 0.0:
             assert not result.converged
             assert re.search(FOLDED, result.message)
 
 
 @pytest.mark.parametrize(("mesh", "tension"), PULLS)
-def test_the_least_determinant_is_that_of_a_corner(lab: Any, mesh: str, tension: float) -> None:
+def test_the_least_determinant_is_that_of_a_corner(lab: Any, pulled: Callable, mesh: str, tension: float) -> None:
     """Pull and let go: the step's least determinant is that of the trilinear map's gradient at the corners."""
-    simulation = folding(mesh)
-    for pull in (tension, 0.0):
-        result = lab.go(simulation, pull=pull)
+    simulation, results = pulled(mesh, tension, "neo_hookean")
+    for result in results:
         expected = lab.least_corner(simulation.mesh, result.positions)
         assert result.min_det == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
 @pytest.mark.parametrize(("mesh", "tension"), PULLS)
-def test_a_folded_body_unfolds_or_says_what_to_do(lab: Any, mesh: str, tension: float) -> None:
+def test_a_folded_body_unfolds_or_says_what_to_do(lab: Any, pulled: Callable, mesh: str, tension: float) -> None:
     """Let go of the cable: rest, or not converged, with a message that names the fold and a remedy."""
-    simulation = folding(mesh)
-    lab.go(simulation, pull=tension)
-    for _ in range(3):
-        result = lab.go(simulation, pull=0.0)
+    simulation, (*_, result) = pulled(mesh, tension, "neo_hookean")
     if result.converged:
         assert lab.distance(result.positions, simulation.mesh.vertices, simulation.mesh) < 0.01
     else:

@@ -22,7 +22,7 @@ from gdfe_ros.solver.settings import Policy
 
 CASES = all_cases(walk_steps=100)
 SAMPLE = [case for case in CASES if case.group is not Group.WALKS and case.law != "its own"][::6]
-STEPS = 500
+STEPS = 250
 
 
 @pytest.mark.parametrize("case", SAMPLE, ids=[case.id for case in SAMPLE])
@@ -34,7 +34,7 @@ def test_sample(case: Case) -> None:
 
 @pytest.mark.parametrize("name", walks.TRACKS)
 def test_short_walk(name: str) -> None:
-    """Walk 500 steps and home: at rest within 1e-6 of the size, every step converged, memory as before."""
+    """Walk 250 steps and home: at rest within 1e-6 of the size, every step converged, memory as before."""
     found = walks.walk(walks.TRACKS[name], STEPS)
     assert found.unconverged == 0
     assert found.drift <= walks.BOUND

@@ -109,9 +109,11 @@ def test_given_positions_start_without_velocity(moving: Callable) -> None:
     bent = bar.mesh.vertices.copy()
     bent[:, 2] += 0.02 * (bent[:, 0] / 0.1) ** 2
     bar.set_positions(bent)
-    heights = [bar.step().positions[-1, 2] for _ in range(60)]
+    heights = [bar.step().positions[-1, 2]]
     assert heights[0] > 0.0099 + CORNERS[-1, 2] * 0.01
-    assert min(heights) < 0.01
+    while len(heights) < 60 and heights[-1] >= 0.01:
+        heights.append(bar.step().positions[-1, 2])
+    assert heights[-1] < 0.01
 
 
 def test_a_jacobian_of_a_body_in_motion_is_refused(moving: Callable) -> None:

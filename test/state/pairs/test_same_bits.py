@@ -22,12 +22,11 @@ WRONG = Command(actuators={"nobody": 1.0}), Command(loads={"nobody": 1.0})
 
 
 def test_the_feature_is_at_work(feature: Any) -> None:
-    """Make the way: the body moves, ends in equilibrium, and what the feature names has happened."""
-    simulation = feature.simulation()
-    results = feature.run(simulation, feature.way)
-    assert results[-1].converged, results[-1].message
-    assert np.abs(simulation.positions - simulation.mesh.vertices).max() > 1e-4 * simulation.mesh.size
-    assert feature.seen(results), "the way does not reach what it is for"
+    """Look at the way: the body moves, ends in equilibrium, and what the feature names has happened."""
+    last, mesh = feature.results[-1], feature.scene.mesh
+    assert last.converged, last.message
+    assert np.abs(last.positions - mesh.vertices).max() > 1e-4 * mesh.size
+    assert feature.seen(feature.results), "the way does not reach what it is for"
 
 
 # --- once more ---
@@ -156,9 +155,10 @@ def test_asking_changes_nothing(feature: Any, differences: Any) -> None:
 
 @pytest.mark.skipif("PAIRS_IN_THREADS" in os.environ, reason="this is the process that it starts")
 def test_with_threads() -> None:
-    """Make all pairs for a body whose elements two threads share, in a process that may use two."""
-    here = Path(__file__).parent
+    """Make these pairs for a body whose elements two threads share, in a process that may use two."""
+    here = Path(__file__)
     environment = {**os.environ, "NUMBA_NUM_THREADS": "2", "PAIRS_IN_THREADS": "1"}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--confcutdir={here.parent}", str(here)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600, check=False)
+    options = "-q", "-p", "no:cacheprovider", f"--confcutdir={here.parents[1]}"
+    command = [sys.executable, "-m", "pytest", *options, str(here)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=3000, check=False)
     assert done.returncode == 0, done.stdout[-3000:]
