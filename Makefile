@@ -31,7 +31,7 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion bench-skip bench-sweep \
+.PHONY: install run test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion bench-contact bench-skip bench-sweep \
         bags docs clean
 
 install: $(STAMP)
@@ -110,6 +110,10 @@ bench-node-since: install
 # Error against wall time on a bar that falls, a measured beam, robots beside real time
 bench-motion: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.motion
+
+# A cube on a ball, a ball between plates, a slab on a slope, beside others and theory
+bench-contact: install
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.contact
 
 bench-skip: install
 	@$(BIN)/python -m benchmarks.savings

@@ -70,7 +70,7 @@ class Simulation:
             scene.mesh.cells,
             tuple(scene.materials.values()),
             scene.cell_material,
-            scene.handles,
+            [handle.seen_from(self._origin) for handle in scene.handles],
         )
         self._stepper = make_stepper(scene, self.settings, body, terms)
         self.reset()
@@ -246,8 +246,8 @@ class Simulation:
             CommandError: no such handle.
         """
         handle = self._orders.handle(name)
-        if handle.fixed:
-            return Pose()
+        if handle.fixed or not len(handle.vertices):
+            return self._state.poses[name]
         moved = handle.centre(self.positions) - handle.centre(self.mesh.vertices)
         pose = self._stepper.equilibrium.handles.pose(name, self._state.poses, self._state.turns)
         return Pose(tuple(moved), pose.rotation)

@@ -41,6 +41,10 @@ class Handle:
         if self.fixed and (self.free or self.turning):
             raise ValueError(f"handle {self.name!r} is fixed and has free axes; drop one of the two")
 
+    def seen_from(self, origin: NDArray[np.float64]) -> Handle:
+        """Return the handle as it is for who counts positions from ``origin`` (3,) [m]: the same."""
+        return self
+
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mean (3,) [m] of the handle's vertices out of all ``vertices`` (n, 3)."""
         return vertices[self.vertices].mean(axis=0)

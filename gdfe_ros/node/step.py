@@ -104,6 +104,8 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
 
 def handle_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
     """Give how far a handle is from its target along the axes that it has not free [m]; vertices are all (n, 3) [m]."""
+    if not len(handle.vertices):
+        return 0.0
     before, now = rest[handle.vertices], positions[handle.vertices]
     centre = before.mean(axis=0)
     wanted = Rotation.from_rotvec(target.rotation).apply(before - centre) + centre + target.translation

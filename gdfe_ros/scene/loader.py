@@ -71,6 +71,9 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
     return _scene(text, f"scene {origin}", None, overrides)
 
 
+_SECTIONS = ("materials", "regions", "handles", "obstacles", "actuators", "loads", "masses", "probes")
+
+
 def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
     document = parse_document(text, heading=heading)
     report = Report(heading, document)
@@ -85,6 +88,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     handles = builder.build_handles(draft, mesh, report)
     if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
         builder.require_held(mesh, part, handles, report)
+    handles = (*handles, *builder.build_obstacles(draft, report))
     actuators = actuation.build_actuators(draft, mesh, report)
     masses = motion.build_masses(draft, mesh, report)
     loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
@@ -93,7 +97,8 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     if draft.program is not None:
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
         driven = {"actuators": actuators, "loads": loads, "start": start}
-        program = builder.build_program(draft.program, draft, _names(document, "handles"), report, **driven)
+        movers = {section: _names(document, section) for section in ("handles", "obstacles")}
+        program = builder.build_program(draft.program, draft, movers, report, **driven)
     solver = draft.solver.build()
     if not (cell_material < 0).any() and len(materials) == len(_names(document, "materials")):
         parts = {"handles": handles, "actuators": actuators, "loads": loads, "policy": solver.policy}
@@ -140,9 +145,9 @@ def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
 
 
 def _depth(path: KeyPath) -> int:
-    if path[0] == "program" and path[1:2] in (("handles",), ("actuators",), ("loads",)):
+    if path[0] == "program" and path[1:2] in (("handles",), ("obstacles",), ("actuators",), ("loads",)):
         return 3
-    return 2 if path[0] in ("materials", "regions", "handles", "actuators", "loads", "masses", "probes") else 1
+    return 2 if path[0] in _SECTIONS else 1
 
 
 def _drop(container: Any, path: KeyPath) -> None:

@@ -15,6 +15,7 @@ from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.material_schema import MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
+from gdfe_ros.scene.obstacle_schema import ObstacleModel
 from gdfe_ros.scene.program import Keyframe
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
@@ -74,7 +75,7 @@ class HandleModel(Entry):
 
 
 class KeyframeModel(Entry):
-    """The complete pose of a handle relative to rest at a time; what is left out is zero."""
+    """The complete pose of a handle or obstacle relative to rest at a time; what is left out is zero."""
 
     time: Annotated[float, _TIME]
     translation: Annotated[tuple[float, float, float], _TRANSLATION] = (0.0, 0.0, 0.0)
@@ -98,6 +99,7 @@ class ProgramModel(Entry):
 
     duration: Annotated[float, _DURATION]
     handles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving handle")
+    obstacles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving obstacle")
     actuators: dict[str, tuple[PointModel, ...]] = Field({}, description="commands {time, value} of each actuator")
     loads: dict[str, tuple[PointModel, ...]] = Field({}, description="factors {time, value} of each load")
 
@@ -132,6 +134,9 @@ class SceneModel(Entry):
     handles: dict[Name, HandleModel] = Field(
         description="what holds and moves the body, by name, as base: {where: {face: x-}, fixed: true}"
     )
+    obstacles: dict[Name, ObstacleModel] = Field(
+        {}, description="what the body cannot enter, by name, as floor: {plane: [0, 0, 1], friction: 0.5}"
+    )
     actuators: dict[Name, ActuatorModel] = Field(
         {}, description="by name, as tendon: {cable: {points: [...], command: tension}}"
     )
@@ -152,6 +157,7 @@ class Draft(BaseModel):
     materials: dict[str, MaterialModel] = {}
     regions: tuple[RegionModel | None, ...] = ()
     handles: dict[str, HandleModel] = {}
+    obstacles: dict[str, ObstacleModel] = {}
     actuators: dict[str, ActuatorModel] = {}
     loads: dict[str, LoadModel] = {}
     masses: dict[str, MassModel] = {}

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load, Mode
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material
 from gdfe_ros.scene.motion import lacks_inertia
@@ -90,7 +91,7 @@ def _forces(handles: Sequence[Handle], actuators: Sequence[Actuator], loads: Seq
         return ""
     names = [item.name for item in actuators if not isinstance(item, Growth)]
     names += [load.name for load in loads]
-    names += [handle.name for handle in handles if handle.turning]
+    names += [handle.name for handle in handles if handle.turning or isinstance(handle, Obstacle)]
     if not names:
         return ""
     text = f"the policy 'relative' has no forces and cannot take {', '.join(names)}"

@@ -248,6 +248,11 @@ class State:
         """Return by how much each command changes to ``commands``, (c,), each in its own unit."""
         return np.array([commands[name] - value for name, value in self.commands.items()])
 
+    @property
+    def dissipated(self) -> float:
+        """What terms have turned to heat so far [J]: each keeps it as `lost`."""
+        return sum(float(saved["lost"][0]) for saved in self.terms.values() if "lost" in saved)
+
     def with_(self, **changes: object) -> State:
         """Return a state that differs in the named attributes.
 

@@ -35,6 +35,8 @@ WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
 """Least iterations of a step that continues a motion, and of one that does not: with a stream of small commands the
 work is even from step to step and the error stays far below the tolerance, which alone would let it build up. The third
 is for a driven body while the history is not full: it does not know the softest modes yet, which forces move most."""
+FINEST = 1e-9
+"""Least distance over the body's size that contact forces ask for."""
 MOST_UPDATES = 60
 """Of pressures, multipliers and scales in one solve; what has not settled by then swings."""
 
@@ -108,7 +110,8 @@ class Solve:
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
         self._scale = start.elements.hourglass_scale.copy()
-        self._actuation.begin(self.problem.commands, start.terms, here.positions, ratio=here.ratio)
+        given = {"poses": self.problem.poses, "ratio": here.ratio}
+        self._actuation.begin(self.problem.commands, start.terms, here.positions, **given)
 
     def go_on_from(self, state: State) -> None:
         """Begin at what was found, with the multipliers as they are."""
@@ -152,11 +155,17 @@ class Solve:
         self._settled, self.iterations = not updates, 0
         for _ in range(MOST_UPDATES):
             left = limit - self.iterations
-            went = self._minimiser.descend(task, tolerance=inner, final=tolerance, least=least, limit=left)
+            fine = max(FINEST, self._actuation.resolution / self._body.size)
+            asked = {"tolerance": min(inner, fine), "final": min(tolerance, fine)}
+            went = self._minimiser.descend(task, **asked, least=least, limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
             least = max(0, least - went.iterations)
             runaway = status["ended"] == End.RUNAWAY or (status["ended"] != End.NONE and status["blocked"] > 0)
-            if went.cut or runaway or self._minimiser.lost or not updates:
+            if went.cut or runaway or self._minimiser.lost:
+                break
+            if self._actuation.reached(active.workspace.x):
+                updates, self._settled = True, False
+            if not updates:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
             last = inner == tolerance or status["ended"] != End.NONE
@@ -203,7 +212,7 @@ class Solve:
             residual=residual,
             energy=float(stored.sum()),
             min_det=float(least.min()),
-            reactions=handle_reactions(self._body, positions, work.force, outside),
+            reactions=handle_reactions(self._body, positions, work.force, outside, self._actuation.contacts),
             actuators=self._actuation.states(positions, problem.commands, self._operators),
             terms=self._actuation.reports(positions),
             message=message,

@@ -56,10 +56,8 @@ class Accounts:
         commanded = sum(slope * change for slope, change in zip(slopes, changes, strict=True))
         mean = 0.5 * (self._velocity(before) + self._velocity(now))
         drag = self._dynamics.mass_damping * h * np.vdot(mean, self._mass @ mean)
-        viscous = 0.0
-        if self._branches is not None:
-            viscous = now.terms[viscosity.NAME]["lost"][0] - before.terms[viscosity.NAME]["lost"][0]
-        return Ledger(work=ledger.work + float(moved + commanded), lost=ledger.lost + float(drag + viscous))
+        lost = ledger.lost + float(drag) + now.dissipated - before.dissipated
+        return Ledger(work=ledger.work + float(moved + commanded), lost=lost)
 
     def energies(self, state: State, velocity: NDArray[np.float64]) -> dict[str, float]:
         """Return the energies [J] at a state with a velocity (n, 3) [m/s], by name."""

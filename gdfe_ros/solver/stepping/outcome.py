@@ -50,6 +50,7 @@ def step_result(
         energy=summary.energy,
         min_det=summary.min_det,
         reactions={name: wrench.copy() for name, wrench in summary.reactions.items()},
+        contacts={contact.name: contact.touch(state, origin) for contact in stepper.actuation.contacts},
         actuators=dict(summary.actuators),
         terms={name: dict(report) for name, report in summary.terms.items()},
         skipped=march.skipped if march else {Skip.SOLVE.value: 1},

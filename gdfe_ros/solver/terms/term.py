@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 
 Saved = Mapping[str, NDArray[np.float64]]
@@ -114,6 +115,9 @@ class Term:
         """Return what is saved at rest."""
         return {}
 
+    def aim(self, poses: Mapping[str, Pose]) -> None:
+        """Take where handles and obstacles are commanded to be, before a solve begins."""
+
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a solve.
 
@@ -127,6 +131,10 @@ class Term:
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers between descents; return the largest miss [m] of what they keep."""
         return 0.0
+
+    def reached(self, positions: NDArray[np.float64]) -> bool:
+        """Tell after a descent whether it came upon what the term had left out, and take that in."""
+        return False
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return what is to be saved of a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
