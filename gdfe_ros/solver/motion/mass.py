@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators.load import GAUSS, AttachedMass
-from gdfe_ros.mesh.operators import CORNERS
+from gdfe_ros.actuators.load import AttachedMass, gauss_points
 
 
 def mass_matrix(
@@ -29,12 +28,8 @@ def mass_matrix(
         density: (m,) [kg/m^3].
         attached: masses on vertices.
     """
-    corners, blocks = rest[cells], np.zeros((len(cells), 8, 8))
-    for point in GAUSS * CORNERS:
-        factors = 1.0 + CORNERS * point
-        local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
-        volume = np.linalg.det(np.einsum("eai,aj->eij", corners, local))
-        shape = 0.125 * factors.prod(axis=1)
+    blocks = np.zeros((len(cells), 8, 8))
+    for volume, shape in gauss_points(rest, cells):
         blocks += (density * volume)[:, None, None] * np.outer(shape, shape)
     rows, columns = np.repeat(cells, 8, axis=1).ravel(), np.tile(cells, (1, 8)).ravel()
     matrix = sparse.coo_matrix((blocks.ravel(), (rows, columns)), shape=(len(rest), len(rest)))
