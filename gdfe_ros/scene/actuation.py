@@ -26,7 +26,7 @@ from gdfe_ros.actuators import (
 )
 from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.errors import MeshError
-from gdfe_ros.materials import Material
+from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces
 from gdfe_ros.mesh.cavities import find_cavities, open_edges
 from gdfe_ros.mesh.faces import enclosed_volume
@@ -191,14 +191,12 @@ def _gravity(
     path: KeyPath,
     report: Report,
 ) -> Gravity | None:
-    light = [key for key, material in materials.items() if material.density is None]
-    if light:
-        report.add(path, f"gravity needs a density: give `density` [kg/m^3] to {', '.join(light)}")
+    if text := lacks_density(materials, "gravity needs"):
+        report.add(path, text)
         return None
     if (cell_material < 0).any() or cell_material.max() >= len(materials):
         return None  # a material has defects, which are in the report
-    density = np.array([material.density for material in materials.values()])[cell_material]
-    return Gravity(name=name, acceleration=np.array(acceleration), density=density)
+    return Gravity(name=name, acceleration=np.array(acceleration), density=cell_densities(materials, cell_material))
 
 
 def _embedded(mesh: HexMesh, points: object, path: KeyPath, report: Report) -> Embedding | None:

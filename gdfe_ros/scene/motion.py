@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from gdfe_ros.actuators import AttachedMass
-from gdfe_ros.materials import Material
+from gdfe_ros.materials import Material, lacks_density
 from gdfe_ros.mesh import HexMesh, select_vertices
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.report import NO_VALUE, Report
@@ -38,7 +38,4 @@ def lacks_inertia(materials: Mapping[str, Material], policy: Policy) -> str:
     """Say why a body cannot move in time; empty where it can."""
     if policy is not Policy.ENERGY:
         return "the policy 'relative' has no forces and finds equilibria only; remedy: policy: energy"
-    light = [key for key, material in materials.items() if material.density is None]
-    if light:
-        return f"dynamics need a density: give `density` [kg/m^3] to {', '.join(light)}"
-    return ""
+    return lacks_density(materials, "dynamics need")
