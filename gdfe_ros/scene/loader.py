@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.scene import actuation, builder, motion
+from gdfe_ros.scene import actuation, builder
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
 from gdfe_ros.scene.override import apply_override
 from gdfe_ros.scene.report import NO_VALUE, Report
@@ -86,7 +86,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
         builder.require_held(mesh, part, handles, report)
     actuators = actuation.build_actuators(draft, mesh, report)
-    masses = motion.build_masses(draft, mesh, report)
+    masses = actuation.build_masses(draft, mesh, report)
     loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     probes = actuation.build_probes(draft, mesh, report)
     program = None
@@ -94,12 +94,11 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
         driven = {"actuators": actuators, "loads": loads, "start": start}
         program = builder.build_program(draft.program, draft, _names(document, "handles"), report, **driven)
-    solver = draft.solver.build()
-    if not (cell_material < 0).any() and len(materials) == len(_names(document, "materials")):
-        parts = {"handles": handles, "actuators": actuators, "loads": loads, "policy": solver.policy}
-        for key, text in unsolvable(materials=materials, cell_material=cell_material, **parts):
-            report.add(key, text, value=NO_VALUE)
-    dynamics = motion.build_dynamics(draft, materials, solver.policy, report)
+    solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
+    sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
+    parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
+    for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
+        report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
     data = document.data
     return Scene(
