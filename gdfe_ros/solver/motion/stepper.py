@@ -132,8 +132,8 @@ class MotionStepper:
         return state.with_(operators=growths.at(state.commands, growths.ungrown))
 
     def velocities(self, state: State) -> NDArray[np.float64]:
-        """Return the velocity (n, 3) [m/s] of every vertex."""
-        return self._kinematics(state).velocity
+        """Return the velocity (n, 3) [m/s] of every vertex, a copy."""
+        return self._kinematics(state).velocity.copy()
 
     def accelerations(self, state: State) -> NDArray[np.float64]:
         """Return the acceleration (n, 3) [m/s^2] of every vertex."""
