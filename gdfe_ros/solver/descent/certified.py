@@ -110,10 +110,10 @@ class CertifiedMinimiser(Minimiser):
         if self._trusting:
             descended = self._run(task, target / SLACK, limit)
             self._distance = np.inf if descended.cut else SLACK * float(task.active.status["distance"])
-            return descended
-        descended = (
-            self._certify(task, target, limit, known=known) if tolerance <= final else self._run(task, target, limit)
-        )
+        elif tolerance <= final:
+            descended = self._certify(task, target, limit, known=known)
+        else:
+            descended = self._run(task, target, limit)
         if task.active.status["pending"]:
             quasi_newton.take_products(task.active.workspace)
         return descended

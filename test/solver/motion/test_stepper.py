@@ -85,6 +85,16 @@ def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
     assert cut.step(dt=0.002).converged
 
 
+def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) -> None:
+    """End a solve in the middle, save, and go on here and elsewhere: what its descent had learned is the same."""
+    first, second = (moving(handles=HELD, loads=WEIGHT, dynamics__step=0.02) for _ in range(2))
+    first.step()
+    assert not first.step(cut_after=2).converged
+    load_state(second, save_state(first))
+    for _ in range(3):
+        np.testing.assert_array_equal(first.step().positions, second.step().positions)
+
+
 def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
     """Jerk the base by ten body lengths in a step: it fails, says so, and what was before goes on."""
     bar = moving(handles={"base": {"where": {"face": "x-"}}, "tip": {"where": {"face": "x+"}}})
