@@ -269,11 +269,8 @@ class Solve:
         if residual <= tolerance and self._settled and (self._warm or not self._cut):
             return True, residual, ""
         if self._cut:
-            reason = (
-                "the deadline passed"
-                if past(self.problem.deadline)
-                else f"stopped after {self.problem.limit} iterations"
-            )
+            late = past(self.problem.deadline)
+            reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
             far = float(active.status["distance"]) / self._body.size
             text = (
                 f"{reason}: how far from equilibrium is not known yet, the last step was {far:.3g} of the body's size"

@@ -83,6 +83,7 @@ def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
     assert result.message.startswith(f"simulated {result.time:.6g} of 0.2 s")
     np.testing.assert_array_equal(again.step(dt=0.2, cut_after=7).positions, result.positions)
     assert cut.step(dt=0.002).converged
+    assert "0.2 s: interrupted: " in cut.step(dt=0.2, interrupted=lambda: True).message
 
 
 def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) -> None:
