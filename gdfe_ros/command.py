@@ -147,9 +147,9 @@ def require_times(*, dt: object, deadline: object, cut_after: object) -> None:
         CommandError: it is no finite number, or below zero.
     """
     for name, value in (("dt", dt), ("deadline", 0.0 if deadline is None else deadline)):
-        if not (isinstance(value, numbers.Real) and math.isfinite(value) and value >= 0.0):
+        if not (_is_number(value) and math.isfinite(value) and value >= 0.0):
             raise CommandError(f"{name} is {value!r}; allowed: finite, 0 or more [s]")
-    if cut_after is not None and not (isinstance(cut_after, numbers.Integral) and cut_after >= 0):
+    if cut_after is not None and not (_is_number(cut_after, numbers.Integral) and cut_after >= 0):
         raise CommandError(f"cut_after is {cut_after!r}; allowed: whole numbers, 0 or more")
 
 
@@ -172,8 +172,13 @@ def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[n
 
 
 def _require_number(what: str, value: object) -> None:
-    if not isinstance(value, numbers.Real):
+    if not _is_number(value):
         raise CommandError(f"{what}: the command is {value!r}; allowed: a number")
+
+
+def _is_number(value: object, kind: type = numbers.Real) -> bool:
+    """Tell whether it is a number of a kind; True and False are none, though Python counts with them."""
+    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 def _list(names: Iterable[str]) -> str:

@@ -144,7 +144,7 @@ class Simulation:
             dt: simulation time of the step [s]; None: none or, with dynamics, one internal step.
             deadline: wall time [s] after which the best state found so far is returned; later steps go on from it.
             cut_after: instead of a deadline, end the solve where a recorded one was ended (``StepResult.cut_after``).
-            interrupted: asked now and then; once it tells so, the solve ends as at a deadline.
+            interrupted: asked now and then; once it tells so, the solve ends as at a deadline, and says which it was.
 
         Raises:
             CommandError: a name, a value or a time that is not allowed; the state is unchanged.

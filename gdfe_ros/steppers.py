@@ -6,8 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
+from gdfe_ros.materials import cell_densities
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.mass import mass_matrix
@@ -38,8 +37,7 @@ def make_stepper(
 
     if scene.dynamics is None:
         return Stepper(body, settings, acting())
-    density = np.array([material.density for material in scene.materials.values()])[scene.cell_material]
-    mass = mass_matrix(body.rest, body.cells, density, scene.masses)
+    mass = mass_matrix(body.rest, body.cells, cell_densities(scene.materials, scene.cell_material), scene.masses)
     return MotionStepper(body, settings, scene.dynamics, mass, acting)
 
 

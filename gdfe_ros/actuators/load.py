@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,14 +104,19 @@ Load = Gravity | PointLoad | SurfaceLoad
 
 def corner_volumes(rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the share of each corner in the volume of each trilinear cell, (m, 8) [m^3], by 2 x 2 x 2 Gauss points."""
+    return sum(volume[:, None] * shape for volume, shape in gauss_points(rest, cells))
+
+
+def gauss_points(
+    rest: NDArray[np.float64], cells: NDArray[np.int32]
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Yield, for each of 2 x 2 x 2 points, the volume (m,) [m^3] it stands for in each cell and its shape (8,)."""
     corners = rest[cells]
-    share = np.zeros((len(cells), 8))
     for point in GAUSS * CORNERS:
         factors = 1.0 + CORNERS * point
         local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
         volume = np.linalg.det(np.einsum("eai,aj->eij", corners, local))
-        share += volume[:, None] * 0.125 * factors.prod(axis=1)
-    return share
+        yield volume, 0.125 * factors.prod(axis=1)
 
 
 def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to actuators, loads and probes."""
+"""From a scene file's sound parts to actuators, attached masses, loads and probes."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from gdfe_ros.actuators import (
 )
 from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.errors import MeshError
-from gdfe_ros.materials import Material
-from gdfe_ros.mesh import HexMesh, select_cells, select_faces
+from gdfe_ros.materials import Material, cell_densities, lacks_density
+from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cavities import find_cavities, open_edges
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.quality import list_ids
@@ -59,6 +59,16 @@ def build_actuators(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple
         make = {"cable": _cable, "chamber": _chamber, "growth": _growth}[kind]
         built.append(make(value, mesh, common, path, report))
     return tuple(actuator for actuator in built if actuator is not None)
+
+
+def build_masses(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[AttachedMass, ...]:
+    """Return the attached masses whose vertices can be found."""
+    found = []
+    for name, model in draft.masses.items() if mesh is not None else ():
+        vertices = select(select_vertices, mesh, model.where, ("masses", name, "where"), "vertex", report)
+        if vertices is not None:
+            found.append(AttachedMass(name=name, vertices=vertices, mass=model.mass))
+    return tuple(found)
 
 
 def build_loads(
@@ -191,14 +201,12 @@ def _gravity(
     path: KeyPath,
     report: Report,
 ) -> Gravity | None:
-    light = [key for key, material in materials.items() if material.density is None]
-    if light:
-        report.add(path, f"gravity needs a density: give `density` [kg/m^3] to {', '.join(light)}")
+    if text := lacks_density(materials, "gravity needs"):
+        report.add(path, text)
         return None
     if (cell_material < 0).any() or cell_material.max() >= len(materials):
         return None  # a material has defects, which are in the report
-    density = np.array([material.density for material in materials.values()])[cell_material]
-    return Gravity(name=name, acceleration=np.array(acceleration), density=density)
+    return Gravity(name=name, acceleration=np.array(acceleration), density=cell_densities(materials, cell_material))
 
 
 def _embedded(mesh: HexMesh, points: object, path: KeyPath, report: Report) -> Embedding | None:

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.scene import actuation, builder, motion
+from gdfe_ros.scene import actuation, builder
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
 from gdfe_ros.scene.override import apply_override
 from gdfe_ros.scene.report import NO_VALUE, Report
@@ -90,7 +90,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         builder.require_held(mesh, part, handles, report)
     handles = (*handles, *builder.build_obstacles(draft, report))
     actuators = actuation.build_actuators(draft, mesh, report)
-    masses = motion.build_masses(draft, mesh, report)
+    masses = actuation.build_masses(draft, mesh, report)
     loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     probes = actuation.build_probes(draft, mesh, report)
     program = None
@@ -99,12 +99,11 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         driven = {"actuators": actuators, "loads": loads, "start": start}
         movers = {section: _names(document, section) for section in ("handles", "obstacles")}
         program = builder.build_program(draft.program, draft, movers, report, **driven)
-    solver = draft.solver.build()
-    if not (cell_material < 0).any() and len(materials) == len(_names(document, "materials")):
-        parts = {"handles": handles, "actuators": actuators, "loads": loads, "policy": solver.policy}
-        for key, text in unsolvable(materials=materials, cell_material=cell_material, **parts):
-            report.add(key, text, value=NO_VALUE)
-    dynamics = motion.build_dynamics(draft, materials, solver.policy, report)
+    solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
+    sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
+    parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
+    for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
+        report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
     data = document.data
     return Scene(

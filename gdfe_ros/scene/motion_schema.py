@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.quantity import Quantity
@@ -53,6 +53,17 @@ class DynamicsModel(Entry):
     prony: tuple[BranchModel, ...] = Field((), description="branches of a Prony series; shares sum to less than 1")
     velocity: Annotated[tuple[float, float, float], _VELOCITY] = (0.0, 0.0, 0.0)
     spin: Annotated[tuple[float, float, float], _SPIN] = (0.0, 0.0, 0.0)
+
+    @field_validator("rho_inf")
+    @classmethod
+    def _has_effect(cls, rho_inf: float, given: ValidationInfo) -> float:
+        scheme = given.data.get("scheme", Scheme.GENERALISED_ALPHA)
+        if scheme is not Scheme.GENERALISED_ALPHA:
+            raise ValueError(
+                f"belongs to the scheme generalised_alpha and would be ignored by {scheme.value}; remedy: leave it "
+                "out, or scheme: generalised_alpha"
+            )
+        return rho_inf
 
     @model_validator(mode="after")
     def _shares(self) -> DynamicsModel:

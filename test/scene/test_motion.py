@@ -18,7 +18,7 @@ def test_all_keys_are_read() -> None:
     """Give every key: the scene has it."""
     given = {
         "dynamics": {
-            "scheme": "bdf2",
+            "scheme": "generalised_alpha",
             "rho_inf": 0.5,
             "step": 0.001,
             "damping": {"mass": 0.1, "viscosity": 20.0},
@@ -30,7 +30,7 @@ def test_all_keys_are_read() -> None:
     }
     scene = load_scene("drop", overrides=given)
     found = scene.dynamics
-    assert (found.scheme, found.rho_inf, found.step) == (Scheme.BDF2, 0.5, 0.001)
+    assert (found.scheme, found.rho_inf, found.step) == (Scheme.GENERALISED_ALPHA, 0.5, 0.001)
     assert (found.mass_damping, found.viscosity, found.prony) == (0.1, 20.0, (Branch(0.2, 0.1),))
     assert (found.velocity, found.spin) == ((0, 0, 1), (1, 0, 0))
     assert [(item.name, item.mass, len(item.vertices)) for item in scene.masses] == [("camera", 0.1, 9)]
@@ -50,6 +50,7 @@ def test_attached_masses_weigh() -> None:
         ("dynamics.step", 0.0, "longest internal step in time"),
         ("dynamics.step", 11.0, "longest internal step in time"),
         ("dynamics.rho_inf", 1.1, "rho_inf"),
+        ("dynamics", {"scheme": "bdf2", "rho_inf": 0.8}, "rho_inf = 0.8 (override): belongs to the scheme generalised"),
         ("dynamics.damping.viscosity", -1.0, "viscosity"),
         ("dynamics.damping.mass", -0.1, "mass"),
         ("dynamics.prony", [{"share": 0.6, "time": 1}, {"share": 0.5, "time": 2}], "sum to 1.1; allowed: less than 1"),

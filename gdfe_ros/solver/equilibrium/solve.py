@@ -35,8 +35,6 @@ WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
 """Least iterations of a step that continues a motion, and of one that does not: with a stream of small commands the
 work is even from step to step and the error stays far below the tolerance, which alone would let it build up. The third
 is for a driven body while the history is not full: it does not know the softest modes yet, which forces move most."""
-FINEST = 1e-9
-"""Least distance over the body's size that contact forces ask for."""
 MOST_UPDATES = 60
 """Of pressures, multipliers and scales in one solve; what has not settled by then swings."""
 
@@ -110,8 +108,8 @@ class Solve:
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
         self._scale = start.elements.hourglass_scale.copy()
-        given = {"poses": self.problem.poses, "ratio": here.ratio}
-        self._actuation.begin(self.problem.commands, start.terms, here.positions, **given)
+        given = here.positions, self.problem.poses
+        self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
     def go_on_from(self, state: State) -> None:
         """Begin at what was found, with the multipliers as they are."""
@@ -154,18 +152,14 @@ class Solve:
             active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
         self._settled, self.iterations = not updates, 0
         for _ in range(MOST_UPDATES):
-            left = limit - self.iterations
-            fine = max(FINEST, self._actuation.resolution / self._body.size)
-            asked = {"tolerance": min(inner, fine), "final": min(tolerance, fine)}
-            went = self._minimiser.descend(task, **asked, least=least, limit=left)
+            fine, left = self._actuation.resolution, limit - self.iterations
+            asked = {"tolerance": min(inner, fine), "final": min(tolerance, fine), "limit": left}
+            went = self._minimiser.descend(task, **asked, least=max(0, least - self.iterations))
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
-            least = max(0, least - went.iterations)
             runaway = status["ended"] == End.RUNAWAY or (status["ended"] != End.NONE and status["blocked"] > 0)
-            if went.cut or runaway or self._minimiser.lost:
-                break
-            if self._actuation.reached(active.workspace.x):
-                updates, self._settled = True, False
-            if not updates:
+            failed = went.cut or runaway or self._minimiser.lost
+            updates |= not failed and self._actuation.reached(active.workspace.x)
+            if failed or not updates:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
             last = inner == tolerance or status["ended"] != End.NONE
@@ -278,11 +272,8 @@ class Solve:
         if residual <= tolerance and self._settled and (self._warm or not self._cut):
             return True, residual, ""
         if self._cut:
-            reason = (
-                "the deadline passed"
-                if past(self.problem.deadline)
-                else f"stopped after {self.problem.limit} iterations"
-            )
+            late = past(self.problem.deadline)
+            reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
             far = float(active.status["distance"]) / self._body.size
             text = (
                 f"{reason}: how far from equilibrium is not known yet, the last step was {far:.3g} of the body's size"

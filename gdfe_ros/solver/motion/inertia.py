@@ -97,8 +97,7 @@ class Inertia(Term):
         if saved["h"][0] != self._h:
             now = Kinematics.started(x, now.velocity, now.acceleration, self._h, first=now.first)
         rule, damping = Rule.of(self._dynamics, self._h, x, now), self._dynamics.mass_damping
-        velocity = (positions - x) / self._h
-        acceleration = (velocity - now.velocity) / self._h
+        velocity, acceleration = self._followed(positions, x, now.velocity)
         factor = rule.kappa + damping * rule.theta
         resisted = rule.kappa * rule.aim + damping * rule.theta * rule.drift
         driven = factor * positions - acceleration - damping * velocity
@@ -113,15 +112,11 @@ class Inertia(Term):
             return saved
         now, rule = kinematics_of(saved), self._rule
         velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
-        balanced = rule.balanced(positions)
-        given = (positions - self._last) / self._h
-        change = (given - now.velocity) / self._h
-        velocity = np.where(self._driven, given, velocity)
-        acceleration = np.where(self._driven, change, acceleration)
+        given, change = self._followed(positions, self._last, now.velocity)
         after = Kinematics(
-            velocity=velocity,
-            acceleration=acceleration,
-            balanced=np.where(self._driven, change, balanced),
+            velocity=np.where(self._driven, given, velocity),
+            acceleration=np.where(self._driven, change, acceleration),
+            balanced=np.where(self._driven, change, rule.balanced(positions)),
             before=self._last,
             velocity_before=now.velocity,
         )
@@ -130,6 +125,13 @@ class Inertia(Term):
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return nothing: what inertia stores is kinetic."""
         return 0.0
+
+    def _followed(
+        self, positions: NDArray[np.float64], last: NDArray[np.float64], velocity: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return velocity and acceleration (n, 3) of what is driven from ``last`` to ``positions`` (n, 3) [m]."""
+        given = (positions - last) / self._h
+        return given, (given - velocity) / self._h
 
 
 def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64] | None = None) -> Saved:

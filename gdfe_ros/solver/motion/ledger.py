@@ -12,7 +12,6 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.inertia import kinematics_of
-from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.state import Ledger, State
 
 
@@ -27,7 +26,6 @@ class Accounts:
 
     def __init__(self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics) -> None:
         self._body, self._mass, self._dynamics = body, mass, dynamics
-        self._branches = Viscosity(body, dynamics, dynamics.step) if dynamics.damps else None
 
     def opened(self) -> Ledger:
         """Return the ledger of the start."""
@@ -54,14 +52,16 @@ class Accounts:
             0.5 * (before.balance.slopes.get(name, 0.0) + now.balance.slopes.get(name, 0.0)) for name in now.commands
         )
         commanded = sum(slope * change for slope, change in zip(slopes, changes, strict=True))
-        mean = 0.5 * (self._velocity(before) + self._velocity(now))
-        drag = self._dynamics.mass_damping * h * np.vdot(mean, self._mass @ mean)
+        drag = 0.0
+        if self._dynamics.mass_damping:
+            mean = 0.5 * (self._velocity(before) + self._velocity(now))
+            drag = self._dynamics.mass_damping * h * np.vdot(mean, self._mass @ mean)
         lost = ledger.lost + float(drag) + now.dissipated - before.dissipated
         return Ledger(work=ledger.work + float(moved + commanded), lost=lost)
 
     def energies(self, state: State, velocity: NDArray[np.float64]) -> dict[str, float]:
         """Return the energies [J] at a state with a velocity (n, 3) [m/s], by name."""
-        stored = self._branches.stored(state.terms[viscosity.NAME]) if self._branches is not None else 0.0
+        stored = float(state.terms[viscosity.NAME]["stored"][0]) if self._dynamics.damps else 0.0
         return {
             "kinetic": 0.5 * float(np.vdot(velocity, self._mass @ velocity)),
             "elastic": state.summary.energy + stored,

@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators.load import GAUSS, AttachedMass
-from gdfe_ros.mesh.operators import CORNERS
+from gdfe_ros.actuators.load import AttachedMass, gauss_points
 
 
 def mass_matrix(
@@ -21,7 +20,7 @@ def mass_matrix(
 ) -> sparse.csr_matrix:
     """Return M_ab = sum_e rho_e int N_a N_b dV (n, n) [kg], and attached masses on its diagonal.
 
-    Lumped at vertices, a bar two cells across would twist 13 % too slowly: its mass would lie too far out.
+    Lumped at vertices, a section two cells across would have 1.5 times its polar moment.
 
     Args:
         rest: (n, 3) rest vertices [m].
@@ -29,12 +28,8 @@ def mass_matrix(
         density: (m,) [kg/m^3].
         attached: masses on vertices.
     """
-    corners, blocks = rest[cells], np.zeros((len(cells), 8, 8))
-    for point in GAUSS * CORNERS:
-        factors = 1.0 + CORNERS * point
-        local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
-        volume = np.linalg.det(np.einsum("eai,aj->eij", corners, local))
-        shape = 0.125 * factors.prod(axis=1)
+    blocks = np.zeros((len(cells), 8, 8))
+    for volume, shape in gauss_points(rest, cells):
         blocks += (density * volume)[:, None, None] * np.outer(shape, shape)
     rows, columns = np.repeat(cells, 8, axis=1).ravel(), np.tile(cells, (1, 8)).ravel()
     matrix = sparse.coo_matrix((blocks.ravel(), (rows, columns)), shape=(len(rest), len(rest)))

@@ -85,7 +85,7 @@ class MotionStepper:
         same = state.poses == targets and state.commands == commands and state.summary.converged
         if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
             return False
-        now, near = kinematics_of(state.terms[inertia.NAME]), self._settings.tolerance * self.body.size
+        now, near = self._kinematics(state), self._settings.tolerance * self.body.size
         slow = self._calm * _largest(now.velocity) <= near
         return slow and self._calm**2 * _largest(now.acceleration) <= near
 
@@ -132,8 +132,8 @@ class MotionStepper:
         return state.with_(operators=growths.at(state.commands, growths.ungrown))
 
     def velocities(self, state: State) -> NDArray[np.float64]:
-        """Return the velocity (n, 3) [m/s] of every vertex."""
-        return self._kinematics(state).velocity
+        """Return the velocity (n, 3) [m/s] of every vertex, a copy."""
+        return self._kinematics(state).velocity.copy()
 
     def accelerations(self, state: State) -> NDArray[np.float64]:
         """Return the acceleration (n, 3) [m/s^2] of every vertex."""
@@ -169,7 +169,7 @@ class MotionStepper:
     def _solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
         """Find the end of an internal step of length ``h`` [s]."""
         state, (poses, commands) = flight.state, flight.aim
-        reach = h * h * _largest(kinematics_of(state.terms[inertia.NAME]).acceleration) / self.body.size
+        reach = h * h * _largest(self.accelerations(state)) / self.body.size
         tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * reach))
         problem = Increment(
             poses=poses,

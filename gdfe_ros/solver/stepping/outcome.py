@@ -40,7 +40,7 @@ def step_result(
         started: ``time.perf_counter`` when it began [s].
         limit: what may have ended it.
     """
-    summary, moving = state.summary, isinstance(stepper, MotionStepper)
+    summary = state.summary
     return StepResult(
         time=time,
         positions=state.positions + origin,
@@ -61,6 +61,6 @@ def step_result(
         factorisation=stepper.equilibrium.matrix.kind.value,
         message=summary.message,
         cut_after=limit.after if limit else None,
-        velocities=stepper.velocities(state).copy() if moving else None,
-        energies=stepper.energies(state) if moving else {},
+        velocities=stepper.velocities(state),
+        energies=stepper.energies(state),
     )

@@ -24,6 +24,8 @@ from gdfe_ros.solver.terms.term import Saved, Term, TermTable
 
 LOAD_FACTOR = 1.0
 """Command of every load that nobody commands."""
+FINEST = 1e-9
+"""Least distance over the body's size that contact forces ask for."""
 ROUNDING = 1e-9
 """Share of a cable's length that is none."""
 
@@ -93,8 +95,8 @@ class Actuation:
         commands: Mapping[str, float],
         saved: Mapping[str, Saved],
         positions: NDArray[np.float64],
-        *,
         poses: Mapping[str, Pose] | None = None,
+        *,
         ratio: float = 0.0,
     ) -> None:
         """Prepare all terms for a solve; arguments as in `Term.begin`, with what each term saved by its name.
@@ -113,8 +115,8 @@ class Actuation:
 
     @property
     def resolution(self) -> float:
-        """To what distance [m] descents must go for the forces of contacts to be known; infinite without any."""
-        return min((contact.resolution for contact in self.contacts), default=np.inf)
+        """To what share of the body's size descents must go for contact forces to be known; infinite without any."""
+        return max(FINEST, min((contact.resolution for contact in self.contacts), default=np.inf) / self._body.size)
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether a descent came upon what a term had left out."""

@@ -83,6 +83,17 @@ def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
     assert result.message.startswith(f"simulated {result.time:.6g} of 0.2 s")
     np.testing.assert_array_equal(again.step(dt=0.2, cut_after=7).positions, result.positions)
     assert cut.step(dt=0.002).converged
+    assert "0.2 s: interrupted: " in cut.step(dt=0.2, interrupted=lambda: True).message
+
+
+def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) -> None:
+    """End a solve in the middle, save, and go on here and elsewhere: what its descent had learned is the same."""
+    first, second = (moving(handles=HELD, loads=WEIGHT, dynamics__step=0.02) for _ in range(2))
+    first.step()
+    assert not first.step(cut_after=2).converged
+    load_state(second, save_state(first))
+    for _ in range(3):
+        np.testing.assert_array_equal(first.step().positions, second.step().positions)
 
 
 def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
