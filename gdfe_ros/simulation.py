@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gdfe_ros.actuators import ActuatorState
 from gdfe_ros.command import Command, Orders, checked_positions, require_times
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
@@ -28,7 +29,7 @@ from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.solver.stepping.outcome import step_result
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.steppers import make_stepper, usual_steps
+from gdfe_ros.steppers import make_stepper, scene_body, usual_steps
 
 WARM_UP = 1e-3
 """Of the body's size: how far handles are moved to have every kernel compiled."""
@@ -65,13 +66,7 @@ class Simulation:
         refuse_unsolvable(scene, self.settings)
         self._orders = Orders(scene)
         self._origin = working_origin(scene.mesh)
-        body = Body.build(
-            scene.mesh.vertices - self._origin,
-            scene.mesh.cells,
-            tuple(scene.materials.values()),
-            scene.cell_material,
-            [handle.seen_from(self._origin) for handle in scene.handles],
-        )
+        body = scene_body(scene, self._origin)
         self._stepper = make_stepper(scene, self.settings, body, terms)
         self.reset()
 
@@ -98,7 +93,8 @@ class Simulation:
     @property
     def positions(self) -> NDArray[np.float64]:
         """Current vertices (n, 3) float64 [m], read-only."""
-        positions = self._state.positions + self._origin if self._origin.any() else self._state.positions.view()
+        own = self._state.positions[: self.mesh.n_vertices]
+        positions = own + self._origin if self._origin.any() else own.view()
         positions.flags.writeable = False
         return positions
 
@@ -194,7 +190,8 @@ class Simulation:
                 that its rotation cannot be told; the state is unchanged.
         """
         given = checked_positions(positions, self.mesh.vertices.shape)
-        self._state = self._stepper.place(self._state, given - self._origin)
+        placed = np.concatenate([given - self._origin, self._state.positions[self.mesh.n_vertices :]])
+        self._state = self._stepper.place(self._state, placed)
 
     def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
         """Have every iteration of the ``energy`` policy seen: energy [J], size of its terms [J], whether it begins.
@@ -246,8 +243,10 @@ class Simulation:
             CommandError: no such handle.
         """
         handle = self._orders.handle(name)
-        if handle.fixed or not len(handle.vertices):
-            return self._state.poses[name]
+        if isinstance(handle, Obstacle):
+            return handle.pose(self._state.poses[name], self._state.positions + self._origin)
+        if handle.fixed:
+            return Pose()
         moved = handle.centre(self.positions) - handle.centre(self.mesh.vertices)
         pose = self._stepper.equilibrium.handles.pose(name, self._state.poses, self._state.turns)
         return Pose(tuple(moved), pose.rotation)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
@@ -13,6 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints.handle import Handle
 from gdfe_ros.constraints.pose import Pose
+
+RIM = 48
+"""Points on each rim of a cylinder that moves freely."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,21 @@ class Box:
         x, y, z = self.size
         return 0.5 * x, 0.5 * y, 0.5 * z
 
+    @property
+    def volume(self) -> float:
+        """Its volume [m^3]."""
+        return float(np.prod(self.size))
+
+    @property
+    def moments(self) -> NDArray[np.float64]:
+        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        return np.square(self.size) / 12.0
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] that touch before any other does: its corners."""
+        return 0.5 * np.array(list(product((-1.0, 1.0), repeat=3))) * self.size
+
 
 @dataclass(frozen=True)
 class Capsule:
@@ -80,6 +99,23 @@ class Cylinder:
     def numbers(self) -> tuple[float, float, float]:
         """What the kernels read."""
         return self.radius, 0.5 * self.length, 0.0
+
+    @property
+    def volume(self) -> float:
+        """Its volume [m^3]."""
+        return float(np.pi * self.radius**2 * self.length)
+
+    @property
+    def moments(self) -> NDArray[np.float64]:
+        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        return np.array([self.radius**2 / 4.0, self.radius**2 / 4.0, self.length**2 / 12.0])
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] of its two rims."""
+        turn = np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
+        rim = np.column_stack([self.radius * np.cos(turn), self.radius * np.sin(turn), np.full(RIM, 0.5 * self.length)])
+        return np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
 
 
 Form = Plane | Sphere | Box | Capsule | Cylinder
@@ -125,6 +161,10 @@ class Obstacle(Handle):
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the origin (3,) [m] of its frame at rest, wherever the body's ``vertices`` are."""
         return np.array(self.origin)
+
+    def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
+        """Return where it is, relative to rest: where it is commanded to be."""
+        return commanded
 
     def frame(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return origin (3,) [m] and rotation (3, 3) of its frame where it is moved by ``pose``."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import HexMesh, check_mesh, select_cells, select_vertices
@@ -103,6 +104,15 @@ def build_obstacles(draft: Draft, report: Report) -> tuple[Obstacle, ...]:
         if name in draft.handles:
             report.add(("obstacles", name), "a handle has this name; remedy: another one", value=NO_VALUE)
     return tuple(model.build(name) for name, model in draft.obstacles.items() if name not in draft.handles)
+
+
+def build_bodies(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[RigidBody, ...]:
+    """Return the rigid bodies; nothing else that moves may have the name of one."""
+    for name in draft.bodies:
+        if name in draft.handles or name in draft.obstacles:
+            report.add(("bodies", name), "a handle or an obstacle has this name; remedy: another one", value=NO_VALUE)
+    first = mesh.n_vertices if mesh is not None else 0
+    return tuple(model.build(name, first + 4 * i) for i, (name, model) in enumerate(draft.bodies.items()))
 
 
 def require_held(mesh: HexMesh, part: NDArray[np.int32], handles: tuple[Handle, ...], report: Report) -> None:

@@ -30,6 +30,8 @@ handles:
   base: {where: {face: x-}, fixed: true}
 obstacles:
   table: {plane: [0, 0, 1], at: [0, 0, -0.10], friction: 0.5}
+bodies:
+  part: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.09], friction: 0.5}
 actuators:
   tendon: {cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: tension, range: [0.0, 20.0]}}
 loads:
@@ -117,6 +119,10 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{box: {size: [0.1, 0.2, 0.02]}, at: [0.1, 0, -0.09], rotation_deg: [0, 30, 0]}",
         "{capsule: {radius: 0.01, length: 0.1}}",
         "{cylinder: {radius: 0.01, length: 0.1}}",
+    ),
+    obstacle_schema.BodyModel: (
+        "{box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.08], rotation_deg: [0, 0, 30], friction: 0.5}",
+        "{cylinder: {radius: 0.01, length: 0.1}, density: 800, gaps: vertices}",
     ),
     obstacle_schema.SphereObstacleModel: ("{radius: 0.04}",),
     obstacle_schema.BoxObstacleModel: ("{size: [0.1, 0.2, 0.02]}",),

@@ -71,7 +71,7 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
     return _scene(text, f"scene {origin}", None, overrides)
 
 
-_SECTIONS = ("materials", "regions", "handles", "obstacles", "actuators", "loads", "masses", "probes")
+_SECTIONS = ("materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses", "probes")
 
 
 def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
@@ -88,9 +88,10 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     handles = builder.build_handles(draft, mesh, report)
     if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
         builder.require_held(mesh, part, handles, report)
-    handles = (*handles, *builder.build_obstacles(draft, report))
+    rigid = builder.build_bodies(draft, mesh, report)
+    handles = (*handles, *builder.build_obstacles(draft, report), *rigid)
     actuators = actuation.build_actuators(draft, mesh, report)
-    masses = actuation.build_masses(draft, mesh, report)
+    masses = (*actuation.build_masses(draft, mesh, report), *(item.attached for item in rigid))
     loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     probes = actuation.build_probes(draft, mesh, report)
     program = None

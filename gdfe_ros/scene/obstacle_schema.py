@@ -10,6 +10,7 @@ from pydantic import Field, field_validator
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints.obstacle import Box, Capsule, ContactPoints, Cylinder, Form, Obstacle, Plane, Sphere
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.quantity import Quantity
 
@@ -19,6 +20,7 @@ _SIZE = Quantity("edges [x, y, z]", "m", above=0.0, most=1e6, count=3)
 _NORMAL = Quantity("out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3)
 _AT = Quantity("where the middle of it is at rest, of a plane a point of it [x, y, z]", "m", count=3)
 _ROTATION = Quantity("rotation vector at rest [x, y, z]", "degrees", least=-36000, most=36000, count=3)
+_DENSITY = Quantity("density", "kg/m^3", above=0.0, most=1e6)
 _FRICTION = Quantity("Coulomb's coefficient", least=0.0, most=100.0)
 
 
@@ -98,3 +100,30 @@ class ObstacleModel(Choice):
         if self.cylinder is not None:
             return Cylinder(self.cylinder.radius, self.cylinder.length)
         return Plane()
+
+
+class BodyModel(Choice):
+    """A rigid body that moves freely; it touches the body and obstacles, and needs `dynamics`."""
+
+    options: ClassVar[tuple[str, ...]] = ("density", "at", "rotation_deg", "friction", "gaps")
+
+    box: BoxObstacleModel | None = None
+    cylinder: CylinderModel | None = None
+    density: Annotated[float, _DENSITY]
+    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
+    friction: Annotated[float, _FRICTION] = 0.0
+    gaps: ContactPoints = Field(ContactPoints.FACES, description="as of obstacles")
+
+    def build(self, name: str, first: int) -> RigidBody:
+        """Return the rigid body, whose vertices are numbered from ``first`` on."""
+        form: Form = Box(self.box.size) if self.box else Cylinder(self.cylinder.radius, self.cylinder.length)
+        return RigidBody(
+            name=name,
+            form=form,
+            mass=self.density * form.volume,
+            origin=self.at,
+            turn=tuple(np.radians(self.rotation_deg).tolist()),
+            friction=self.friction,
+            points=self.gaps,
+        ).numbered(first)

@@ -15,7 +15,7 @@ from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.material_schema import MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
-from gdfe_ros.scene.obstacle_schema import ObstacleModel
+from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel
 from gdfe_ros.scene.program import Keyframe
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
@@ -137,6 +137,9 @@ class SceneModel(Entry):
     obstacles: dict[Name, ObstacleModel] = Field(
         {}, description="what the body cannot enter, by name, as floor: {plane: [0, 0, 1], friction: 0.5}"
     )
+    bodies: dict[Name, BodyModel] = Field(
+        {}, description="rigid bodies by name, as part: {box: {size: [0.02, 0.02, 0.02]}, density: 800}"
+    )
     actuators: dict[Name, ActuatorModel] = Field(
         {}, description="by name, as tendon: {cable: {points: [...], command: tension}}"
     )
@@ -158,6 +161,7 @@ class Draft(BaseModel):
     regions: tuple[RegionModel | None, ...] = ()
     handles: dict[str, HandleModel] = {}
     obstacles: dict[str, ObstacleModel] = {}
+    bodies: dict[str, BodyModel] = {}
     actuators: dict[str, ActuatorModel] = {}
     loads: dict[str, LoadModel] = {}
     masses: dict[str, MassModel] = {}

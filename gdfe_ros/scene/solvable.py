@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load, Mode
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
 from gdfe_ros.scene.scene import Scene
@@ -70,6 +71,7 @@ def unsolvable(
         (("solver", "policy"), _forces(handles, actuators, loads, policy)),
         *((("actuators", name), text) for name, text in held.items()),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
+        (("bodies",), _still(handles) if dynamics is None else ""),
     ]
     return [(key, text) for key, text in found if text]
 
@@ -107,6 +109,14 @@ def _inertia(materials: Mapping[str, Material], policy: Policy) -> str:
     if policy is not Policy.ENERGY:
         return "the policy 'relative' has no forces and finds equilibria only; remedy: policy: energy"
     return lacks_density(materials, "dynamics need")
+
+
+def _still(handles: Sequence[Handle]) -> str:
+    """Say that rigid bodies cannot move without dynamics; empty where there is none."""
+    names = ", ".join(repr(handle.name) for handle in handles if isinstance(handle, RigidBody))
+    if not names:
+        return ""
+    return f"{names} can only move in time; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
 
 
 def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:

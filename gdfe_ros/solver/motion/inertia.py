@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.compiled import kernel
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
@@ -71,6 +72,8 @@ class Inertia(Term):
         for handle in body.handles:
             if not handle.turning:
                 self._driven[np.ix_(handle.vertices, [axis for axis in range(3) if axis not in handle.free])] = True
+        rigid = [handle.vertices for handle in body.handles if isinstance(handle, RigidBody)]
+        self._rigid = np.array(rigid, dtype=np.int32).reshape(-1, 4)
         self._rule: Rule | None = None
         numbers = np.concatenate([np.zeros(1 + 3 * len(body.rest)), mass.data])
         super().__init__(NAME, numbers, np.concatenate([mass.indptr, mass.indices]).astype(np.int32))
@@ -78,6 +81,14 @@ class Inertia(Term):
     def stiffness(self) -> sparse.spmatrix:
         """Return kappa M, and what damping against the world adds."""
         return (self._factor * self._mass).tocsc()
+
+    def couplings(self) -> NDArray[np.int32]:
+        """Return the vertices that rigid bodies are, which no element couples (r, 4)."""
+        return self._rigid
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return nothing (r, 12, 12): all of it is in the stiffness."""
+        return np.zeros((len(self._rigid), 12, 12))
 
     def neutral(self) -> Saved:
         """Return that nothing has begun yet."""

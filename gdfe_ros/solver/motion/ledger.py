@@ -33,8 +33,9 @@ class Accounts:
 
     def velocity_at_start(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the velocity (n, 3) [m/s] that a scene gives vertices at ``positions`` (n, 3) [m]; handles stand."""
-        weights = np.asarray(self._mass.sum(axis=0)).ravel()
-        centre = weights @ positions / weights.sum()
+        own = slice(self._body.count)
+        weights = np.asarray(self._mass.sum(axis=0)).ravel()[own]
+        centre = weights @ positions[own] / weights.sum()
         velocity = np.array(self._dynamics.velocity) + np.cross(self._dynamics.spin, positions - centre)
         for handle in self._body.handles:
             velocity[handle.vertices] = 0.0

@@ -11,6 +11,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
@@ -157,7 +158,8 @@ class MotionStepper:
         loads = {name: commands[name] for name in self.actuation.loaded}
         state = state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
-        free = self.body.unknowns.free
+        rigid = [handle.vertices for handle in self.body.handles if isinstance(handle, RigidBody)]
+        free = np.concatenate([self.body.unknowns.free, *rigid])
         acceleration = np.zeros_like(velocity)
         pull = -self.equilibrium.forces(state) - self._dynamics.mass_damping * (self._mass @ velocity)
         acceleration[free] = splu(self._mass[free][:, free].tocsc()).solve(pull[free])

@@ -148,7 +148,7 @@ class Viscosity(Term):
 
     def stiffness(self) -> sparse.spmatrix:
         """Return what resists at rest, as the constant matrix takes it."""
-        return assemble(self._body.shape, self._sum, self._sum * self._bend)
+        return assemble(self._body.shape, self._sum, self._sum * self._bend, len(self._body.rest))
 
     def neutral(self) -> Saved:
         """Return strains and branches at rest."""

@@ -40,10 +40,10 @@ def step_result(
         started: ``time.perf_counter`` when it began [s].
         limit: what may have ended it.
     """
-    summary = state.summary
+    summary, velocities, own = state.summary, stepper.velocities(state), slice(stepper.body.count)
     return StepResult(
         time=time,
-        positions=state.positions + origin,
+        positions=state.positions[own] + origin,
         converged=summary.converged,
         iterations=march.iterations if march else 0,
         residual=summary.residual,
@@ -61,6 +61,6 @@ def step_result(
         factorisation=stepper.equilibrium.matrix.kind.value,
         message=summary.message,
         cut_after=limit.after if limit else None,
-        velocities=stepper.velocities(state),
+        velocities=None if velocities is None else velocities[own],
         energies=stepper.energies(state),
     )

@@ -19,8 +19,8 @@ def gaps(obstacle: Obstacle, points: np.ndarray) -> np.ndarray:
     origin, axes = obstacle.frame(Pose())
     head = np.concatenate([axes.ravel(), origin, obstacle.form.numbers, [0.0]])
     found = np.empty(len(points))
-    every, normals = np.arange(len(points), dtype=np.int32), np.empty_like(points)
-    law.distances(points, every, head, obstacle.form.kind, found, normals)
+    normals = np.empty_like(points)
+    law.distances(points, head, obstacle.form.kind, found, normals)
     return found
 
 
