@@ -183,8 +183,8 @@ class Simulation:
 
         Handles stay where they are commanded, sliding ones keep their first vertex's offset along free axes. Pressures,
         captured shapes and the motion so far are forgotten; with dynamics steps go on with the velocities of the start.
-        Where elements are turned inside out, the next step to an equilibrium compares
-        it with that from rest and keeps the one with the lower energy; `StepResult.restarts` and the message tell.
+        Where elements are turned inside out, the next step to an equilibrium compares it with that from rest and keeps
+        the one with the lower energy; `StepResult.restarts` and the message tell.
 
         Args:
             positions: (n, 3) finite [m].
