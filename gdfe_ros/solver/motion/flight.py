@@ -129,8 +129,8 @@ class Flight:
             simulated=self.simulated,
         )
 
-    def withdrawn(self, solution: Solution, skipped: dict[str, int]) -> March:
-        """Return the march to the last state before an internal step that failed, which says how far it is: unknown."""
+    def withdrawn(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
+        """Return the march to the state before an internal step that failed; unless ``hurried``, it remembers that."""
         reason, least = solution.message, self.state.summary.min_det
         if not solution.diverged:
             reason = f"elements would fold or turn inside out (least volume ratio {solution.min_det:.3g}); {reason}"
@@ -141,7 +141,7 @@ class Flight:
         else:
             text = f"{text}, where elements are inside out already (least volume ratio {least:.3g}); remedy: a reset"
         failure = None
-        if not (self.done or self.can_halve):
+        if not (self.done or self.can_halve or hurried):
             asked = {"poses": self.poses, "commands": self.commands}
             failure = Failure(**asked, duration=self.duration, length=self.longest, reason=text)
         state = self.state.with_(

@@ -125,7 +125,8 @@ class MotionStepper:
                 flight = flight.halved()
                 continue
             if solution.diverged or not solution.min_det > 0.0:
-                return _told(flight.withdrawn(solution, self.equilibrium.skipped(solution)), state.ledger.owed)
+                skipped = self.equilibrium.skipped(solution)
+                return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
             flight = flight.went(self._accepted(flight.state, solution, h))
             if solution.cut and past(deadline):
                 break
