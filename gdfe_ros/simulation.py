@@ -167,7 +167,7 @@ class Simulation:
     def settled(self) -> bool:
         """Whether the state stays as it is while nothing new is commanded."""
         if isinstance(self._stepper, MotionStepper):
-            return self._stepper.rests(self._state, self.targets, self.commands)
+            return self._stepper.settled(self._state, self.targets, self.commands)
         return self.result is None or self.result.converged
 
     def remarks(self) -> list[str]:
@@ -178,9 +178,9 @@ class Simulation:
         """Start the next step from given vertices, e.g. those of another simulation; commands stay as they are.
 
         Handles stay where they are commanded, sliding ones keep their first vertex's offset along free axes. Pressures,
-        captured shapes and the motion so far are forgotten; with dynamics vertices have the velocities of the start.
-        Where elements are turned inside out, the next step compares the equilibrium it finds with that found from rest
-        and keeps the one with the lower energy; `StepResult.restarts` and the message tell.
+        captured shapes and the motion so far are forgotten; with dynamics steps go on with the velocities of the start.
+        Where elements are turned inside out, the next step to an equilibrium compares it with that from rest and keeps
+        the one with the lower energy; `StepResult.restarts` and the message tell.
 
         Args:
             positions: (n, 3) finite [m].

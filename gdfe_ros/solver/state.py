@@ -177,18 +177,38 @@ class Summary:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Failure:
+    """A step in time that fails from where a body is, however short its first internal step is made.
+
+    Attributes:
+        poses, commands: that it was to reach.
+        duration: of the step [s].
+        length: of its internal steps, before one is cut [s].
+        reason: why it fails.
+    """
+
+    poses: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    duration: float
+    length: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Ledger:
-    """What a moving body was given and lost since the start.
+    """What a moving body was given and lost since the start, and what it owes.
 
     Attributes:
         work: done on it by handles and by changing commands [J].
         lost: to damping [J].
         owed: time [s] that has passed without a step, too short for one.
+        failure: the step that was tried last, where it led nowhere; None where it did not.
     """
 
     work: float
     lost: float
     owed: float = 0.0
+    failure: Failure | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

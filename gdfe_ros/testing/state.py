@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import Imu, PointCloud2
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node.interface import topics
@@ -18,6 +19,7 @@ from gdfe_ros.node.messages import to_time
 from gdfe_ros.node.specification import TopicSpec
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.motion.imu import ImuReading
 
 Moment = tuple[int, int]
 
@@ -35,6 +37,8 @@ class State:
         wrenches: of the handles (6,), force [N] then moment [N m].
         probes: of the material points.
         joints: of the actuators: position, velocity, effort, as in ``~/joint_states``.
+        velocities: (n, 3) float32 of the vertices [m/s]; None where the scene has no dynamics.
+        imus: what inertial units at the probes read, as `Simulation.imus` has it; empty without dynamics.
     """
 
     record: StepRecord
@@ -45,6 +49,8 @@ class State:
     wrenches: Mapping[str, NDArray[np.float64]]
     probes: Mapping[str, Pose]
     joints: Mapping[str, tuple[float, float, float]]
+    velocities: NDArray[np.float32] | None = None
+    imus: Mapping[str, ImuReading] = field(default_factory=dict)
 
     @property
     def time(self) -> float:
@@ -59,6 +65,9 @@ def state_topics(scene: Scene) -> dict[str, str]:
         for spec in (topics.HANDLE_POSE, topics.HANDLE_WRENCH):
             found[_key(spec, handle=handle.name)] = spec.type
     found |= {_key(topics.PROBE, probe=name): topics.PROBE.type for name in scene.probes}
+    if scene.dynamics is not None:
+        found[_key(topics.VERTEX_VELOCITY)] = topics.VERTEX_VELOCITY.type
+        found |= {_key(topics.IMU, probe=name): topics.IMU.type for name in scene.probes}
     if scene.actuators:
         found[_key(topics.JOINT_STATES)] = topics.JOINT_STATES.type
     return found
@@ -72,7 +81,7 @@ def moment_of(message: Any) -> Moment:
 
 def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
     """Make a state of one message of each topic of ``state_topics``."""
-    mesh = np.frombuffer(messages[_key(topics.MESH)].data, "<f4").reshape(-1, 6)
+    mesh, moving = _vertices(messages[_key(topics.MESH)]), scene.dynamics is not None
     joints = messages.get(_key(topics.JOINT_STATES))
     names = [handle.name for handle in scene.handles]
     return State(
@@ -86,6 +95,8 @@ def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
         joints={}
         if joints is None
         else dict(zip(joints.name, zip(joints.position, joints.velocity, joints.effort, strict=True), strict=True)),
+        velocities=_vertices(messages[_key(topics.VERTEX_VELOCITY)])[:, 3:] if moving else None,
+        imus={name: _imu(messages[_key(topics.IMU, probe=name)]) for name in scene.probes if moving},
     )
 
 
@@ -93,10 +104,24 @@ def _key(spec: TopicSpec, **names: str) -> str:
     return spec.name.removeprefix("~/").format(**names)
 
 
+def _vertices(message: PointCloud2) -> NDArray[np.float32]:
+    """Return the columns (n, 6) of a cloud of vertices."""
+    return np.frombuffer(message.data, "<f4").reshape(-1, 6)
+
+
 def _pose(message: PoseStamped) -> Pose:
     position, turn = message.pose.position, message.pose.orientation
     rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_rotvec()
     return Pose((position.x, position.y, position.z), tuple(rotation))
+
+
+def _imu(message: Imu) -> ImuReading:
+    turn, rate, push = message.orientation, message.angular_velocity, message.linear_acceleration
+    return ImuReading(
+        orientation=Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]),
+        angular_velocity=np.array([rate.x, rate.y, rate.z]),
+        linear_acceleration=np.array([push.x, push.y, push.z]),
+    )
 
 
 def _wrench(message: Any) -> NDArray[np.float64]:

@@ -75,6 +75,19 @@ def test_energies_are_told_by_records_and_diagnostics(client: Any, start: Callab
     assert [told[f"energy: {name} [J]"] for name in energies] == [f"{value:.6g}" for value in energies.values()]
 
 
+def test_diagnostics_warn_of_a_stuck_body(client: Any, start: Callable) -> None:
+    """Crush a bar by its weight until no step leads on: a warning that says why, though no handle is off its target."""
+    crushed = [*_DROP["scene_overrides"], "loads.weight.gravity=[-1.0e4, 0, -1.0e3]"]
+    start(**{**_DROP, "scene_overrides": crushed}, clock="lockstep", dt=0.01)
+    client.wait(client.records)
+    _advance(client, 3)
+    client.wait(lambda: len(client.records()) == 4)
+    assert client.record().skipped == {"solve": 1}
+    told = client.diagnostics()
+    assert told["level"] == "1"
+    assert told["message"].startswith("not converged: simulated 0 of 0.01 s: an internal step of")
+
+
 def test_each_probe_has_an_inertial_unit(client: Any, start: Callable, listen: Callable) -> None:
     """Release a bar: held, its tip feels what holds it up; let go, nothing; then what the simulation says."""
     listen("probe/tip/imu", Imu)

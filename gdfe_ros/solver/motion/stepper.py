@@ -90,6 +90,12 @@ class MotionStepper:
         slow = self._calm * _largest(now.velocity) <= near
         return slow and self._calm**2 * _largest(now.acceleration) <= near
 
+    def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
+        """Tell whether a state stays as it is at these commands: at rest, or where every step fails."""
+        failure = state.ledger.failure
+        stuck = failure is not None and (failure.poses, failure.commands) == (targets, commands)
+        return stuck or self.rests(state, targets, commands)
+
     def step(
         self,
         state: State,
@@ -108,6 +114,10 @@ class MotionStepper:
             return _noted(state.with_(ledger=changed(state.ledger, owed=due)), duration)
         began = state if self._began(state) else self._started(state, commands)
         flight = Flight.over(due, self._dynamics.step, began, targets, commands)
+        failure = state.ledger.failure if Skip.SOLVE in self._settings.skip else None
+        if failure is not None and flight.repeats(failure):
+            march = changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
+            return _told(march, state.ledger.owed)
         while not flight.arrived:
             h = flight.length
             solution = self._solve(flight, h, deadline)
@@ -116,7 +126,8 @@ class MotionStepper:
                 flight = flight.halved()
                 continue
             if solution.diverged or not solution.min_det > 0.0:
-                return _told(flight.withdrawn(solution, self.equilibrium.skipped(solution)), state.ledger.owed)
+                skipped = self.equilibrium.skipped(solution)
+                return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
             flight = flight.went(self._accepted(flight.state, solution, h))
             if solution.cut and past(deadline):
                 break
