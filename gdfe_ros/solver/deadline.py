@@ -47,11 +47,16 @@ class Deadline:
     def _ended(self) -> str:
         """Say what ends the solve now; empty where nothing does."""
         if self._planned is not None:
-            return "cut where it was told to be" if self._asked >= self._planned else ""
+            return "the deadline passed" if self._asked >= self._planned else ""
         if self._interrupted is not None and self._interrupted():
             return "interrupted"
         up = self._moment is not None and time.perf_counter() >= self._moment
         return "the deadline passed" if up else ""
+
+    @property
+    def interruption(self) -> Deadline | None:
+        """What ends work that the clock may not: who interrupts; None for nobody."""
+        return None if self._interrupted is None else Deadline(interrupted=self._interrupted)
 
     @classmethod
     def of(

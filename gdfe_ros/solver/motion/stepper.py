@@ -107,7 +107,8 @@ class MotionStepper:
     ) -> March:
         """Follow the commands, which change evenly, for ``duration`` [s] from ``state``, which stays as it is.
 
-        What is too short for a step is made up for by the next one.
+        What is too short for a step is made up for by the next one. A deadline ends it between two internal steps: one
+        that is begun is finished, since what is half solved has no velocity. Who interrupts has it dropped.
         """
         due = state.ledger.owed + duration
         if due < SHORTEST * self._dynamics.step:
@@ -118,10 +119,15 @@ class MotionStepper:
         if failure is not None and flight.repeats(failure):
             march = changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
             return _told(march, state.ledger.owed)
+        interruption = deadline.interruption if deadline else None
         while not flight.arrived:
             h = flight.length
-            solution = self._solve(flight, h, deadline)
+            solution = self._solve(flight, h, interruption)
             flight = flight.tried(solution)
+            if solution.cut and past(interruption):
+                flight = changed(flight, flaw=solution.message)
+                past(deadline)
+                break
             if _failed(solution) and flight.can_halve and not past(deadline):
                 flight = flight.halved()
                 continue
@@ -129,7 +135,8 @@ class MotionStepper:
                 skipped = self.equilibrium.skipped(solution)
                 return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
             flight = flight.went(self._accepted(flight.state, solution, h))
-            if solution.cut and past(deadline):
+            if not flight.arrived and past(deadline):
+                flight = changed(flight, flaw=flight.flaw or deadline.reason)
                 break
         return _told(flight.march(self.equilibrium.skipped(solution)), state.ledger.owed)
 

@@ -87,13 +87,23 @@ def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
 
 
 def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) -> None:
-    """End a solve in the middle, save, and go on here and elsewhere: what its descent had learned is the same."""
+    """End a step before its end, save, and go on here and elsewhere: what its descent had learned is the same."""
     first, second = (moving(handles=HELD, loads=WEIGHT, dynamics__step=0.02) for _ in range(2))
     first.step()
-    assert not first.step(cut_after=2).converged
+    assert not first.step(dt=0.08, cut_after=1).converged
     load_state(second, save_state(first))
     for _ in range(3):
         np.testing.assert_array_equal(first.step().positions, second.step().positions)
+
+
+def test_a_deadline_makes_no_energy(moving: Callable) -> None:
+    """Cut every step as early as can be: each makes one internal step, and all ends as without a deadline."""
+    hurried, calm = (moving(handles=HELD, loads=WEIGHT) for _ in range(2))
+    for _ in range(20):
+        result = hurried.step(dt=0.01, cut_after=0)
+        assert not result.converged
+        assert "simulated 0.002 of 0.01 s: the deadline passed" in result.message
+        np.testing.assert_array_equal(result.positions, calm.step().positions)
 
 
 def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
