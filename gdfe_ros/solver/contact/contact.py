@@ -40,6 +40,10 @@ class Contact(Term):
         body: the discretised body.
         points: what cannot enter it.
         friction: Coulomb's coefficient.
+
+    Attributes:
+        resolution: to what distance [m] descents must go for the forces to be known.
+        share: of its forces that act all the time, where a scheme lets them act at the end of steps.
     """
 
     kernel = law.contact_entry
@@ -57,7 +61,7 @@ class Contact(Term):
         super().__init__(name, reals, integers)
         self._penalty, self._distances, self._normals = np.zeros(count), np.zeros(count), np.zeros((count, 3))
         self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        self.resolution = np.inf
+        self.resolution, self.share = np.inf, 1.0
         self._pose = Pose()
 
     @property
@@ -131,7 +135,7 @@ class Contact(Term):
         anchor[self._chosen[~slips]] = anchors[~slips]
         slipping = np.ones(len(anchor))
         slipping[self._chosen] = slips
-        kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + rubbed}
+        kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + self.share * rubbed}
         return {**self._spread(presses, -shears), **kept}
 
     def energy(self, positions: NDArray[np.float64]) -> float:
@@ -140,9 +144,15 @@ class Contact(Term):
 
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return force [N] and moment [N m] about the origin of what is touched (6,) that it exerts on the points."""
-        forces = self._forces(positions)[0]
+        forces = self.share * self._forces(positions)[0]
         arms = self._points.at(positions)[self._chosen] - self._origin
         return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+
+    def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
+        """Add the forces of a solve that ended at ``positions`` (n, 3) [m] to those on vertices (n, 3) [N]."""
+        slopes, size = np.zeros_like(forces), np.zeros(1)
+        law.contact_energy(positions, self.reals, self.integers, slopes, size)
+        forces -= slopes
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]."""
@@ -156,8 +166,8 @@ class Contact(Term):
             places=places + origin,
             normals=normals,
             gaps=gaps,
-            presses=saved["press"][on],
-            shears=-saved["shear"][on] @ axes.T,
+            presses=self.share * saved["press"][on],
+            shears=-self.share * saved["shear"][on] @ axes.T,
             slips=saved["slips"][on] > 0.0,
         )
 

@@ -15,9 +15,14 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+from gdfe_ros.solver.value import changed
 
 NAME = "(inertia)"
 """No actuator or load of a scene can be called that."""
+
+
+PUSHED = "pushed"
+"""What a state keeps of the acceleration (n, 3) [m/s^2] by contacts at its end, where the next step must not see it."""
 
 
 @kernel
@@ -105,6 +110,8 @@ class Inertia(Term):
             self.reals[0] = 0.0
             return
         now, x = kinematics_of(saved), saved["positions"]
+        if PUSHED in saved:
+            now = changed(now, acceleration=now.acceleration - saved[PUSHED])
         if saved["h"][0] != self._h:
             now = Kinematics.started(x, now.velocity, now.acceleration, self._h, first=now.first)
         rule, damping = Rule.of(self._dynamics, self._h, x, now), self._dynamics.mass_damping
@@ -158,5 +165,5 @@ def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64]
 
 def kinematics_of(saved: Saved) -> Kinematics:
     """Return the kinematics that a state keeps."""
-    arrays = {name: array for name, array in saved.items() if name not in ("positions", "h", "first")}
+    arrays = {name: array for name, array in saved.items() if name not in ("positions", "h", "first", PUSHED)}
     return Kinematics(**arrays, first=bool(saved["first"][0]))
