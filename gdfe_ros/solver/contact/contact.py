@@ -12,8 +12,8 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact import law
-from gdfe_ros.solver.contact.law import ANCHOR, HEAD, NORMAL, OFFSET, PRESS, SHEAR, STRIDE, VERTICES
+from gdfe_ros.solver.contact import gap, law
+from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PRESS, SHEAR, STRIDE, VERTICES
 from gdfe_ros.solver.contact.surface import SHAPE, Corners, Surface
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -27,6 +27,8 @@ FORCE = 1e-2
 """Tolerance over the relative error of contact forces: 1 % at a tolerance of 1e-4."""
 FAINT = 1e-7
 """Way over the body's size against the penalty of which a force is nothing: no descent goes as far."""
+ENTRY = 1e-3
+"""Distance over the body's size beyond which a point is outside; what comes in from there does so through a plane."""
 REACH = 0.05
 """Distance, over the body's size, beyond which a vertex is left out until the body has moved as far."""
 
@@ -53,11 +55,11 @@ class Contact(Term):
         count, carriers = points.carriers.shape
         reals = np.zeros(HEAD + STRIDE * count)
         integers = np.zeros(VERTICES + carriers * count, dtype=np.int32)
-        reals[law.NUMBERS : law.FRICTION], reals[law.FRICTION] = touched.form.numbers, friction
-        integers[law.KIND], integers[law.CARRIERS], integers[law.BODY : VERTICES] = touched.form.kind, carriers, -1
+        reals[gap.NUMBERS : gap.FRICTION], reals[gap.FRICTION] = touched.form.numbers, friction
+        integers[gap.KIND], integers[gap.CARRIERS], integers[gap.BODY : VERTICES] = touched.form.kind, carriers, -1
         if isinstance(touched, RigidBody):
-            integers[law.BODY : VERTICES] = touched.vertices
-            reals[law.SIGNS : HEAD] = touched.signs.ravel()
+            integers[gap.BODY : VERTICES] = touched.vertices
+            reals[gap.SIGNS : HEAD] = touched.signs.ravel()
         super().__init__(name, reals, integers)
         self._penalty, self._distances, self._normals = np.zeros(count), np.zeros(count), np.zeros((count, 3))
         self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
@@ -160,7 +162,7 @@ class Contact(Term):
         on = np.flatnonzero(saved["press"] > 0.0)
         places, gaps, normals = self._points.at(state.positions)[on], np.empty(len(on)), np.empty((len(on), 3))
         head = np.concatenate([axes.ravel(), middle, self._touched.form.numbers])
-        law.distances(places, head, self._touched.form.kind, gaps, normals)
+        gap.distances(places, head, self._touched.form.kind, gaps, normals)
         return Touch(
             vertices=self._points.carriers[on, 0] if self.on_body else np.zeros(0, dtype=np.int32),
             places=places + origin,
@@ -173,17 +175,28 @@ class Contact(Term):
 
     @property
     def _origin(self) -> NDArray[np.float64]:
-        return self.reals[law.ORIGIN : law.NUMBERS]
+        return self.reals[gap.ORIGIN : gap.NUMBERS]
 
     @property
     def _axes(self) -> NDArray[np.float64]:
-        return self.reals[law.AXES : law.ORIGIN].reshape(3, 3)
+        return self.reals[gap.AXES : gap.ORIGIN].reshape(3, 3)
 
     def _frame(self, positions: NDArray[np.float64], pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return origin and rotation of what is touched."""
         if isinstance(self._touched, RigidBody):
             return self._touched.found(positions)
         return self._touched.frame(pose)
+
+    def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return through which planes (p, 4) points come into the obstacle on their way to ``places`` (p, 3) [m]."""
+        planes, ends, reach = np.zeros((len(places), 4)), self._in_frame(places), ENTRY * self._body.size
+        moved = ends - starts
+        fast = np.flatnonzero(np.einsum("pi,pi->p", moved, moved) > reach * reach)
+        if len(fast):
+            found = np.zeros((len(fast), 4))
+            gap.entries(starts[fast], ends[fast], reach, self.reals, self._touched.form.kind, found)
+            planes[fast] = found
+        return planes
 
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         return (places - self._origin) @ self._axes
@@ -192,23 +205,23 @@ class Contact(Term):
         """Take in the points that are near at ``positions`` (n, 3) [m] or touched at the end of the last step."""
         points, integers, places = self._points, self.integers, self._points.at(positions)
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
-        law.distances(places, self.reals, integers[law.KIND], self._distances, self._normals)
+        gap.distances(places, self.reals, integers[gap.KIND], self._distances, self._normals)
         self._saved, self._seen = saved, positions
-        chosen = np.flatnonzero((self._distances < REACH * self._body.size) | (saved["press"] > 0.0))
-        self._chosen, integers[law.COUNT] = chosen, len(chosen)
-        integers[VERTICES : VERTICES + len(chosen) * integers[law.CARRIERS]] = points.carriers[chosen].ravel()
+        planes = self._entered(saved["anchor"], places)
+        entered = planes[:, :3].any(axis=1)
+        chosen = np.flatnonzero((self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | entered)
+        self._chosen, integers[gap.COUNT] = chosen, len(chosen)
+        integers[VERTICES : VERTICES + len(chosen) * integers[gap.CARRIERS]] = points.carriers[chosen].ravel()
         rows, press = self._rows(), saved["press"][chosen]
-        rows[:, law.PENALTY], rows[:, PRESS], rows[:, law.WEIGHTS :] = (
-            self._penalty[chosen],
-            press,
-            points.weights[chosen],
-        )
+        rows[:, gap.PENALTY], rows[:, PRESS] = self._penalty[chosen], press
+        rows[:, gap.WEIGHTS : gap.PLANE], rows[:, gap.PLANE :] = points.weights[chosen], planes[chosen]
         rows[:, SHEAR : SHEAR + 3] = saved["shear"][chosen] @ self._axes.T
         anchors = saved["anchor"][chosen]
         rows[:, ANCHOR : ANCHOR + 3] = np.where(np.isnan(anchors), self._in_frame(places[chosen]), anchors)
-        rows[:, NORMAL : NORMAL + 3] = self._normals[chosen]
+        came = entered[chosen][:, None]
+        rows[:, NORMAL : NORMAL + 3] = np.where(came, planes[chosen, :3] @ self._axes.T, self._normals[chosen])
         on = press > 0.0
-        self.resolution = FORCE * press[on].sum() / rows[on, law.PENALTY].sum() if on.any() else np.inf
+        self.resolution = FORCE * press[on].sum() / rows[on, gap.PENALTY].sum() if on.any() else np.inf
         self._faces = points.about(chosen) if self._touched.points is ContactPoints.FACES else np.zeros(0, np.int64)
         self._correct(positions)
 
@@ -218,8 +231,8 @@ class Contact(Term):
             return 0.0
         surface, faces = self._points, self._faces
         nearer = np.zeros(len(positions))
-        kind = self.integers[law.KIND]
-        law.nearness(positions, surface.quads[faces], surface.gauss[faces], SHAPE, self.reals, kind, nearer)
+        kind = self.integers[gap.KIND]
+        gap.nearness(positions, surface.quads[faces], surface.gauss[faces], SHAPE, self.reals, kind, nearer)
         chosen, rows = self._chosen, self._rows()
         offsets = np.maximum(0.0, nearer[surface.carriers[chosen, 0]] / surface.areas[chosen])
         change = np.abs(offsets - rows[:, OFFSET]).max(initial=0.0)

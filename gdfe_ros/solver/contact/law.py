@@ -19,54 +19,32 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.solver.contact.distance import signed_distance
+from gdfe_ros.solver.contact.gap import (
+    ANCHOR,
+    BODY,
+    CARRIERS,
+    COUNT,
+    FRICTION,
+    HEAD,
+    KIND,
+    NORMAL,
+    OFFSET,
+    ORIGIN,
+    PENALTY,
+    PRESS,
+    SHEAR,
+    SIGNS,
+    STRIDE,
+    VERTICES,
+    WEIGHTS,
+    gap_at,
+    in_frame,
+    in_world,
+    point_at,
+    take_frame,
+)
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
-
-AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
-"""Where rotation, origin [m], the form's numbers, the coefficient and s_a (4, 3) [1/m] lie, and where points begin."""
-PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, STRIDE = 0, 1, 2, 5, 8, 11, 12, 16
-"""Of each point: k [N/m], l [N], t [N] (3,), anchor [m] (3,) in the frame, normal (3,), offset [m], weights (4,)."""
-KIND, COUNT, CARRIERS, BODY, VERTICES = 0, 1, 2, 3, 7
-"""Where the form's kind, the number of points, of vertices that carry each, and the four of the frame (-1 where it is
-given) lie, and where those of the points begin."""
-
-
-SMOOTH = 0.95
-"""Length of the mean of an obstacle's normals at a face's corners above which it counts as smooth there."""
-
-
-@inlined
-def take_frame(x, reals, integers):
-    """Take rotation and origin from the vertices that are the frame; leave them where they are given."""
-    if integers[BODY] < 0:
-        return
-    for i in range(3):
-        reals[ORIGIN + i] = 0.0
-        for j in range(3):
-            reals[AXES + 3 * i + j] = 0.0
-        for a in range(4):
-            p = x[integers[BODY + a], i]
-            reals[ORIGIN + i] += 0.25 * p
-            for j in range(3):
-                reals[AXES + 3 * i + j] += p * reals[SIGNS + 3 * a + j]
-
-
-@inlined
-def point_at(x, reals, integers, i):
-    """Return where a point is."""
-    count = integers[CARRIERS]
-    first = VERTICES + count * i
-    if count == 1:
-        v = integers[first]
-        return x[v, 0], x[v, 1], x[v, 2]
-    px, py, pz, weights = 0.0, 0.0, 0.0, HEAD + STRIDE * i + WEIGHTS
-    for a in range(count):
-        w, v = reals[weights + a], integers[first + a]
-        px, py, pz = px + w * x[v, 0], py + w * x[v, 1], pz + w * x[v, 2]
-    return px, py, pz
 
 
 @inlined
@@ -95,35 +73,6 @@ def push_back(reals, integers, f0, f1, f2, r0, r1, r2, force):
 
 
 @inlined
-def in_frame(head, dx, dy, dz):
-    """Return a vector in the axes of the frame."""
-    return (
-        head[0] * dx + head[3] * dy + head[6] * dz,
-        head[1] * dx + head[4] * dy + head[7] * dz,
-        head[2] * dx + head[5] * dy + head[8] * dz,
-    )
-
-
-@inlined
-def in_world(head, a, b, c):
-    """Return a vector of the frame in world axes."""
-    return (
-        head[0] * a + head[1] * b + head[2] * c,
-        head[3] * a + head[4] * b + head[5] * c,
-        head[6] * a + head[7] * b + head[8] * c,
-    )
-
-
-@inlined
-def distance_at(kind, head, px, py, pz):
-    """Return the distance [m] of a point from the obstacle, and the normal there, in world axes."""
-    x, y, z = in_frame(head, px - head[ORIGIN], py - head[ORIGIN + 1], pz - head[ORIGIN + 2])
-    g, a, b, c = signed_distance(kind, head[NUMBERS], head[NUMBERS + 1], head[NUMBERS + 2], x, y, z)
-    nx, ny, nz = in_world(head, a, b, c)
-    return g, nx, ny, nz
-
-
-@inlined
 def shear_at(reals, r, px, py, pz, limit):
     """Return the shear [N] that friction up to ``limit`` [N] holds at a point, and the length of its trial."""
     k, n0, n1, n2 = reals[r + PENALTY], reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
@@ -147,7 +96,7 @@ def contact_energy(x, reals, integers, force, size):
         r = HEAD + STRIDE * i
         k, held = reals[r + PENALTY], reals[r + PRESS]
         px, py, pz = point_at(x, reals, integers, i)
-        g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
+        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         press = max(0.0, held - k * (g - reals[r + OFFSET]))
         stored, given = press * press, held * held
         if press > 0.0:
@@ -188,7 +137,7 @@ def update_multipliers(x, reals, integers):
         r = HEAD + STRIDE * i
         k, held = reals[r + PENALTY], reals[r + PRESS]
         px, py, pz = point_at(x, reals, integers, i)
-        g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
+        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         press = max(0.0, held - k * (g - reals[r + OFFSET]))
         change = abs(press - held)
         t0, t1, t2, _ = shear_at(reals, r, px, py, pz, reals[FRICTION] * press)
@@ -214,7 +163,7 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
     for i in range(integers[COUNT]):
         r = HEAD + STRIDE * i
         px, py, pz = point_at(x, reals, integers, i)
-        g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
+        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         held = reals[r + PRESS]
         limit = reals[FRICTION] * held
         t0, t1, t2, trial = shear_at(reals, r, px, py, pz, limit)
@@ -233,7 +182,7 @@ def contact_tangents(x, reals, integers, out):
         r = HEAD + STRIDE * i
         k, held = reals[r + PENALTY], reals[r + PRESS]
         px, py, pz = point_at(x, reals, integers, i)
-        g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
+        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         if held - k * (g - reals[r + OFFSET]) > 0.0:
             normal = (nx, ny, nz)
             for a in range(3):
@@ -247,35 +196,3 @@ def contact_tangents(x, reals, integers, out):
                 out[i, a, a] += share
                 for b in range(3):
                     out[i, a, b] -= share * reals[r + NORMAL + a] * reals[r + NORMAL + b]
-
-
-@kernel
-def distances(points, head, kind, out, normals):
-    """Write the distances [m] of ``points`` (k, 3) [m] from the obstacle to ``out`` (k,), and the normals there."""
-    for i in range(len(points)):
-        found = distance_at(kind, head, points[i, 0], points[i, 1], points[i, 2])
-        out[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
-
-
-@kernel
-def nearness(x, quads, gauss, shape, head, kind, out):
-    """Add to ``out`` (n,) [m^3] by how much nearer faces are than their corners tell, over the area about vertices.
-
-    Faces across an edge of the obstacle, at whose corners its normals differ, are left out.
-    """
-    corner, normal = np.empty(4), np.empty((4, 3))
-    for q in range(len(quads)):
-        for a in range(4):
-            v = quads[q, a]
-            corner[a], normal[a, 0], normal[a, 1], normal[a, 2] = distance_at(kind, head, x[v, 0], x[v, 1], x[v, 2])
-        mean = np.sqrt(np.square(normal.sum(axis=0)).sum())
-        if mean < 4.0 * SMOOTH:
-            continue
-        for p in range(4):
-            px, py, pz, told = 0.0, 0.0, 0.0, 0.0
-            for a in range(4):
-                w, v = shape[p, a], quads[q, a]
-                px, py, pz, told = px + w * x[v, 0], py + w * x[v, 1], pz + w * x[v, 2], told + w * corner[a]
-            nearer = gauss[q, p] * (told - distance_at(kind, head, px, py, pz)[0])
-            for a in range(4):
-                out[quads[q, a]] += shape[p, a] * nearer

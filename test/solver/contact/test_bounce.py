@@ -19,6 +19,15 @@ loads: {weight: {gravity: [0, 0, -9.81]}}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.06], fixed: true}}
 dynamics: {step: 0.002}
 """
+SHOT = """
+name: shot
+mesh: {bar: {size: [0.05, 0.05, 0.05], cells: [3, 3, 3]}}
+materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+obstacles: {wall: {box: {size: [0.01, 1, 1]}, at: [0.32, 0, 0], fixed: true}}
+dynamics: {step: 0.005, velocity: [20, 0, 0]}
+"""
 
 
 @pytest.mark.parametrize("scheme", ["newmark", "generalised_alpha", "bdf2"])
@@ -48,3 +57,17 @@ def test_a_ball_at_rest_presses_with_its_weight(scheme: str) -> None:
     weight = float(simulation._stepper._mass.sum()) * 9.81
     assert result.reactions["floor"][2] == pytest.approx(weight, rel=0.02)
     assert result.contacts["floor"].forces[:, 2].sum() == pytest.approx(weight, rel=0.02)
+
+
+@pytest.mark.parametrize("thickness", [0.002, 0.05])
+def test_what_is_fast_does_not_pass_a_wall(thickness: float) -> None:
+    """Shoot a cube at a wall, 20 m/s in steps of 5 ms, ten centimetres each: it bounces off, however thin the wall."""
+    simulation = Simulation(scene_from_text(SHOT, overrides={"obstacles.wall.box.size": [thickness, 1.0, 1.0]}))
+    fronts = []
+    for _ in range(10):
+        result = simulation.step()
+        assert result.converged, result.message
+        fronts.append(result.positions[:, 0].max())
+    face = 0.32 - 0.5 * thickness
+    assert max(fronts) == pytest.approx(face, abs=1e-4 * simulation.mesh.size)
+    assert result.velocities[:, 0].mean() < -5.0

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Pose
 from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Form, Obstacle, Plane, Sphere
-from gdfe_ros.solver.contact import law
+from gdfe_ros.solver.contact import gap
 
 FORMS = [Plane(), Sphere(0.7), Box((1.0, 1.4, 0.6)), Capsule(0.4, 1.0), Cylinder(0.6, 0.8)]
 
@@ -20,7 +20,7 @@ def gaps(obstacle: Obstacle, points: np.ndarray) -> np.ndarray:
     head = np.concatenate([axes.ravel(), origin, obstacle.form.numbers, [0.0]])
     found = np.empty(len(points))
     normals = np.empty_like(points)
-    law.distances(points, head, obstacle.form.kind, found, normals)
+    gap.distances(points, head, obstacle.form.kind, found, normals)
     return found
 
 
