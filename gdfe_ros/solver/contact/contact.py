@@ -15,7 +15,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap, law
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PRESS, SHEAR, STRIDE, VERTICES
 from gdfe_ros.solver.contact.surface import SHAPE, Corners, Surface
-from gdfe_ros.solver.contact.touch import Touch
+from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Saved, Term
@@ -29,6 +29,8 @@ FAINT = 1e-7
 """Way over the body's size against the penalty of which a force is nothing: no descent goes as far."""
 ENTRY = 1e-3
 """Distance over the body's size beyond which a point is outside; what comes in from there does so through a plane."""
+TURNED = 6.0
+"""By how much farther a point of a rigid body may move than the vertices that it is, and against another one."""
 REACH = 0.05
 """Distance, over the body's size, beyond which a vertex is left out until the body has moved as far."""
 
@@ -63,8 +65,12 @@ class Contact(Term):
         super().__init__(name, reals, integers)
         self._penalty, self._distances, self._normals = np.zeros(count), np.zeros(count), np.zeros((count, 3))
         self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        self.resolution, self.share = np.inf, 1.0
-        self._pose = Pose()
+        self.resolution, self.share, self._clear = np.inf, 1.0, -np.inf
+        self._pose = self._seen_at = Pose()
+        self._last: State | None = None
+        self._seen: NDArray[np.float64] | None = None
+        none = np.zeros((count, 3))
+        self._free = {"press": np.zeros(count), "shear": none, "anchor": none + np.nan, "slips": np.ones(count)}
 
     @property
     def on_body(self) -> bool:
@@ -95,18 +101,21 @@ class Contact(Term):
         return tangents
 
     def neutral(self) -> Saved:
-        """Return that nothing touches; anchors are where points are when the first solve begins."""
-        count = len(self._penalty)
-        forces = {"press": np.zeros(count), "shear": np.zeros((count, 3))}
-        return {**forces, "anchor": np.full((count, 3), np.nan), "slips": np.ones(count), "lost": np.zeros(1)}
+        """Return that nothing touches; what does not stick has no anchor."""
+        return {**self._free, "lost": np.zeros(1)}
 
-    def aim(self, poses: Mapping[str, Pose]) -> None:
-        """Take where an obstacle is commanded to be."""
-        self._pose = poses[self._touched.name]
+    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+        """Take where an obstacle is commanded to be, and where everything was."""
+        self._pose, self._last = poses[self._touched.name], last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Take the multipliers of the last step, turned on with what is touched."""
-        self._choose(saved, positions)
+        free = saved["press"] is self._free["press"] or not saved["press"].any()
+        self._saved = saved
+        if free and self._pose == self._seen_at and self._moved(positions) < self._clear:
+            self._take_none()
+        else:
+            self._choose(saved, positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers; a relative change of the forces counts as `FORCE` times as much of the size."""
@@ -118,25 +127,25 @@ class Contact(Term):
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether points that were left out may touch by now, and take them in."""
-        moved = positions - self._seen
-        if not np.einsum("ni,ni->n", moved, moved).max() > (0.5 * REACH * self._body.size) ** 2:
+        if self._moved(positions) < max(self._clear, 0.5 * REACH * self._body.size):
             return False
         before, rows = len(self._chosen), self._rows()
         self._choose({**self._saved, **self._spread(rows[:, PRESS], rows[:, SHEAR : SHEAR + 3])}, positions)
         return len(self._chosen) > before
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Keep forces, and anchors of the points that stick; all others have theirs where they are.
+        """Keep forces, and anchors of the points that stick; all others will have theirs where they are now.
 
         ``lost`` is what friction has turned to heat so far [J].
         """
+        if not self.updates:
+            return {**self._free, "lost": saved["lost"]}
         _, presses, shears, slips = self._forces(positions)
         slips |= ~(presses > 0.0)
-        anchors, anchor = self._rows()[:, ANCHOR : ANCHOR + 3], self._in_frame(self._points.at(positions))
-        rubbed = -np.einsum("ki,ki->", shears[slips] @ self._axes, (anchor[self._chosen] - anchors)[slips])
-        anchor[self._chosen[~slips]] = anchors[~slips]
-        slipping = np.ones(len(anchor))
-        slipping[self._chosen] = slips
+        anchors, places = self._rows()[:, ANCHOR : ANCHOR + 3], self._points.at(positions)[self._chosen]
+        rubbed = -np.einsum("ki,ki->", shears[slips] @ self._axes, (self._in_frame(places) - anchors)[slips])
+        anchor, slipping = self._free["anchor"].copy(), self._free["slips"].copy()
+        anchor[self._chosen[~slips]], slipping[self._chosen] = anchors[~slips], slips
         kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + self.share * rubbed}
         return {**self._spread(presses, -shears), **kept}
 
@@ -146,6 +155,8 @@ class Contact(Term):
 
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return force [N] and moment [N m] about the origin of what is touched (6,) that it exerts on the points."""
+        if not self.updates:
+            return np.zeros(6)
         forces = self.share * self._forces(positions)[0]
         arms = self._points.at(positions)[self._chosen] - self._origin
         return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
@@ -158,8 +169,11 @@ class Contact(Term):
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]."""
-        saved, (middle, axes) = state.terms[self.name], self._frame(state.positions, state.poses[self._touched.name])
-        on = np.flatnonzero(saved["press"] > 0.0)
+        saved = state.terms[self.name]
+        on = np.flatnonzero(saved["press"])
+        if not len(on):
+            return NOTHING
+        middle, axes = self._frame(state.positions, state.poses[self._touched.name])
         places, gaps, normals = self._points.at(state.positions)[on], np.empty(len(on)), np.empty((len(on), 3))
         head = np.concatenate([axes.ravel(), middle, self._touched.form.numbers])
         gap.distances(places, head, self._touched.form.kind, gaps, normals)
@@ -198,6 +212,25 @@ class Contact(Term):
             planes[fast] = found
         return planes
 
+    def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where points were in the frame (p, 3) [m] at the end of the last step; before any, where they are."""
+        if self._last is None:
+            return self._in_frame(places)
+        origin, axes = self._frame(self._last.positions, self._last.poses[self._touched.name])
+        return (self._points.at(self._last.positions) - origin) @ axes
+
+    def _moved(self, positions: NDArray[np.float64]) -> float:
+        """Return how far [m] a point may have come since all distances were taken."""
+        if self._seen is None:
+            return np.inf
+        moved = positions - self._seen
+        longest = float(np.sqrt(np.einsum("ni,ni->n", moved, moved).max()))
+        return TURNED * longest if isinstance(self._touched, RigidBody) or not self.on_body else longest
+
+    def _take_none(self) -> None:
+        self._chosen = self._faces = np.zeros(0, dtype=np.int64)
+        self.integers[gap.COUNT], self.resolution = 0, np.inf
+
     def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         return (places - self._origin) @ self._axes
 
@@ -206,8 +239,10 @@ class Contact(Term):
         points, integers, places = self._points, self.integers, self._points.at(positions)
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
         gap.distances(places, self.reals, integers[gap.KIND], self._distances, self._normals)
-        self._saved, self._seen = saved, positions
-        planes = self._entered(saved["anchor"], places)
+        self._seen, self._seen_at = positions.copy(), self._pose
+        self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
+        starts = self._starts(places)
+        planes = self._entered(starts, places)
         entered = planes[:, :3].any(axis=1)
         chosen = np.flatnonzero((self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | entered)
         self._chosen, integers[gap.COUNT] = chosen, len(chosen)
@@ -217,7 +252,7 @@ class Contact(Term):
         rows[:, gap.WEIGHTS : gap.PLANE], rows[:, gap.PLANE :] = points.weights[chosen], planes[chosen]
         rows[:, SHEAR : SHEAR + 3] = saved["shear"][chosen] @ self._axes.T
         anchors = saved["anchor"][chosen]
-        rows[:, ANCHOR : ANCHOR + 3] = np.where(np.isnan(anchors), self._in_frame(places[chosen]), anchors)
+        rows[:, ANCHOR : ANCHOR + 3] = np.where(np.isnan(anchors), starts[chosen], anchors)
         came = entered[chosen][:, None]
         rows[:, NORMAL : NORMAL + 3] = np.where(came, planes[chosen, :3] @ self._axes.T, self._normals[chosen])
         on = press > 0.0
@@ -255,16 +290,3 @@ class Contact(Term):
 
     def _rows(self) -> NDArray[np.float64]:
         return self.reals[HEAD : HEAD + STRIDE * len(self._chosen)].reshape(-1, STRIDE)
-
-
-def contacts_of(body: Body) -> list[Contact]:
-    """Return the contacts of a body with its obstacles, and of rigid bodies with these."""
-    touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
-    surface, found = Surface.of(body) if touched else None, []
-    for thing in touched:
-        found.append(Contact(thing.name, thing, body, surface, thing.friction))
-    for rigid in (thing for thing in touched if isinstance(thing, RigidBody)):
-        for thing in (other for other in touched if not isinstance(other, RigidBody)):
-            friction = max(rigid.friction, thing.friction)
-            found.append(Contact(f"{rigid.name} on {thing.name}", thing, body, Corners.of(rigid), friction))
-    return found

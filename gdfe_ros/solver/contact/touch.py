@@ -36,3 +36,15 @@ class Touch:
     def forces(self) -> NDArray[np.float64]:
         """What the obstacle exerts at each vertex (k, 3) [N]."""
         return self.presses[:, None] * self.normals + self.shears
+
+
+NOTHING = Touch(
+    vertices=np.zeros(0, dtype=np.int32),
+    places=np.zeros((0, 3)),
+    normals=np.zeros((0, 3)),
+    gaps=np.zeros(0),
+    presses=np.zeros(0),
+    shears=np.zeros((0, 3)),
+    slips=np.zeros(0, dtype=np.bool_),
+)
+"""What touches an obstacle that nothing touches."""

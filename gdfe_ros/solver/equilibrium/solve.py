@@ -108,7 +108,7 @@ class Solve:
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
         self._scale = start.elements.hourglass_scale.copy()
-        given = here.positions, self.problem.poses
+        given = here.positions, self.problem.poses, start
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
     def go_on_from(self, state: State) -> None:

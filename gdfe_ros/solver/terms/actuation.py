@@ -12,10 +12,10 @@ from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber,
 from gdfe_ros.actuators.load import Load
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.contact import contacts_of
+from gdfe_ros.solver.contact.pairs import contacts_of
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.state import Balance
+from gdfe_ros.solver.state import Balance, State
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
 from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
@@ -73,8 +73,8 @@ class Actuation:
 
     @property
     def drives(self) -> bool:
-        """Whether anything acts on the body beside its handles."""
-        return bool(self.terms or self.growths)
+        """Whether anything acts on the body beside its handles and what it may touch."""
+        return len(self.terms) > len(self.contacts) or bool(self.growths)
 
     @property
     def updates(self) -> bool:
@@ -96,16 +96,17 @@ class Actuation:
         saved: Mapping[str, Saved],
         positions: NDArray[np.float64],
         poses: Mapping[str, Pose] | None = None,
+        last: State | None = None,
         *,
         ratio: float = 0.0,
     ) -> None:
         """Prepare all terms for a solve; arguments as in `Term.begin`, with what each term saved by its name.
 
-        Where ``poses`` are given, handles and obstacles are there.
+        Where ``poses`` are given, handles and obstacles are there, and the state before was ``last``.
         """
         for term in self.terms:
             if poses is not None:
-                term.aim(poses)
+                term.aim(poses, last)
             term.begin(commands, saved[term.name], positions, ratio)
 
     def update(self, positions: NDArray[np.float64]) -> float:
