@@ -27,13 +27,18 @@ class RigidBody(Obstacle):
 
     Attributes:
         vertices: (4,) int32 that are it, behind those of the mesh.
+        fixed: it takes no commands.
         free, turning: all axes.
         mass: [kg].
     """
 
+    fixed: bool = True
     free: tuple[Axis, ...] = tuple(Axis)
     turning: tuple[Axis, ...] = tuple(Axis)
     mass: float
+
+    def __post_init__(self) -> None:
+        """Allow what other handles may not be: it takes no commands, and all its axes are free."""
 
     @property
     def gyration(self) -> NDArray[np.float64]:

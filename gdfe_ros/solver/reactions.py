@@ -34,7 +34,7 @@ def handle_reactions(
         By handle (6,): force [N], then moment [N m] about the mean of the handle's current vertices; by obstacle the
         same, about its origin.
     """
-    reactions = {contact.name: contact.wrench(positions) for contact in contacts}
+    reactions = {contact.name: contact.wrench(positions) for contact in contacts if contact.on_body}
     for handle in body.handles:
         if handle.name in reactions:
             continue

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gdfe_ros import Simulation
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.errors import CommandError
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.contact import law
 
@@ -110,3 +111,9 @@ def test_the_gradient_is_that_of_rigid_motions(cushion: Callable[..., Simulation
                 beside[-4:] += sign * 1e-7 * way
                 energies.append(law.contact_energy(beside, term.reals, term.integers, np.zeros_like(x), np.zeros(1)))
             assert (energies[0] - energies[1]) / 2e-7 == pytest.approx(slope, abs=1e-4 * np.abs(force).max())
+
+
+def test_a_body_takes_no_commands(cushion: Callable[..., Simulation]) -> None:
+    """Who commands a body that moves freely is told that it takes none."""
+    with pytest.raises(CommandError, match="'part' is fixed; handles that move: none"):
+        cushion().step(Command(handles={"part": Pose((0.0, 0.0, 0.1))}))
