@@ -61,6 +61,20 @@ handles: {}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02], fixed: true}}
 dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
 """
+GRIP = """
+name: grip
+mesh: {bar: {size: [0.10, 0.03, 0.03], cells: [20, 3, 3], cut: [{box: {x: [0.0375, 0.0625]}}]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {left: {where: {face: x-}}, right: {where: {face: x+}}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+bodies: {part: {box: {size: [0.02, 0.05, 0.05]}, density: 640, at: [0.05, 0, 0]}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 300}}
+"""
+WEIGHT, SQUEEZE = 640 * 0.02 * 0.05 * 0.05 * 9.81, 0.0065
+"""Of what is gripped [N], and by how far each pad comes nearer [m]."""
+HELD = {1.02: 60.0, 0.98: 1.0}
+"""For how long [s], by friction over the least that holds it."""
 SLOPE, GRAVITY = math.radians(30.0), 9.81
 FRICTIONS = (0.1, 0.3, 0.57, 0.7, 1.0)
 
@@ -142,6 +156,25 @@ def slide(friction: float) -> dict[str, Any]:
     return {"friction": friction, "acceleration": float(2.0 * fit[0]), "wanted": wanted, "iterations": iterations / 400}
 
 
+def grip(friction: float, *, seconds: float) -> dict[str, float]:
+    """Squeeze a box between two soft pads, let it weigh, and hold it for so long.
+
+    Returns:
+        ``press`` [N] of a pad, ``sunk`` [m] once it is held, ``drift`` [m] from then on.
+    """
+    simulation = Simulation(scene_from_text(GRIP, overrides={"bodies.part.friction": friction}))
+    simulation.step(Command(loads={"weight": 0.0}))
+    for share in np.linspace(0.0, 1.0, 60):
+        way = share * SQUEEZE
+        simulation.step(Command(handles={"left": Pose((way, 0.0, 0.0)), "right": Pose((-way, 0.0, 0.0))}))
+    for factor in [0.0] * 40 + np.linspace(0.0, 1.0, 160).tolist() + [1.0] * 60:
+        result = simulation.step(Command(loads={"weight": float(factor)}))
+    press, sunk = float(result.contacts["part"].presses.sum()) / 2.0, simulation.handle_pose("part").translation[2]
+    for _ in range(round(seconds / 0.005)):
+        simulation.step()
+    return {"press": press, "sunk": -sunk, "drift": sunk - simulation.handle_pose("part").translation[2]}
+
+
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     """Return the tables of a report by name."""
     with np.load(REFERENCE) as reference:
@@ -160,7 +193,14 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         [f"{row['friction']:g}", f"{row['wanted']:.4f}", f"{row['acceleration']:.4f}", f"{row['iterations']:.1f}"]
         for row in report["slope"]
     ]
+    grips = [
+        [f"{row['demand']:g}", f"{1e6 * row['sunk']:.0f}", f"{HELD[row['demand']]:g}", f"{1e6 * row['drift']:.3g}"]
+        for row in report["grip"]
+    ]
     return {
+        "grip": markdown_table(
+            ("friction over the least", "sunk when loaded [um]", "held for [s]", "drift [um]"), grips
+        ),
         "pressing": markdown_table(
             ("move [mm]", "same cells, other code", "gaps: vertices", "quadratic", "gaps: faces", "on 8^3 cells",
              "iterations"), pressed),
@@ -172,6 +212,7 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
 def main(out: Path) -> None:
     """Measure, keep, print."""
     approaches = [share * RADIUS for share in (0.02, 0.04, 0.06, 0.08, 0.1)]
+    least = WEIGHT / (2.0 * grip(0.02, seconds=0.0)["press"])
     report = {
         "cube": {f"{cells} {gaps}": press_cube(cells, gaps) for cells, gaps in
                  ((16, "vertices"), (16, "faces"), (8, "faces"))},
@@ -180,6 +221,7 @@ def main(out: Path) -> None:
             for approach, force in ball_between_plates(cells=20, approaches=approaches).items()
         ],
         "slope": [slide(friction) for friction in FRICTIONS],
+        "grip": [{"demand": demand, **grip(demand * least, seconds=held)} for demand, held in HELD.items()],
     }  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)
     (out / "contact.json").write_text(json.dumps(report, indent=1))
