@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show the scene until interrupted; return 0, or 1 where the stepping ended by itself."""
+    """Show the scene until interrupted; return 0, or 1 where stepping or drawing ended by itself."""
     _require(arguments)
     from gdfe_ros.live.page import Page
     from gdfe_ros.live.session import LiveSession
@@ -70,15 +70,12 @@ def run(arguments: argparse.Namespace) -> int:
             session.play()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: ending.set())
-        while not ending.wait(0.5) and session.failure is None:
+        while not ending.wait(0.5) and session.failure is None and page.failure is None:
             pass
     finally:
         session.stop()
         page.close()
-    if session.failure is not None:
-        print(f"gdfe live: the stepping ended: {session.failure}", file=sys.stderr)
-        return ENDED
-    return 0
+    return 0 if session.failure is None and page.failure is None else ENDED
 
 
 def _require(arguments: argparse.Namespace) -> None:

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
+import socket
 import sys
 import threading
 from collections.abc import Callable
@@ -28,6 +30,7 @@ from gdfe_ros.threads import VIEWER, show_name
 _SLOWLY = 0.2
 """Interval of numbers, plots, traces and sliders [s]; only the body and its marks come with every frame."""
 _PLAIN = "none"
+_PORTS = 65536
 _LONGEST_NOTE = 300
 """Most characters of a text that is shown to viewers."""
 
@@ -43,13 +46,19 @@ class Page:
         port: the first one to try; where it is taken, the next ones.
         frames: most frames a second.
 
+    Raises:
+        GdfeError: the host is no address of this machine, or no port is free.
+
     Attributes:
         port: that is listened at.
         drawn: frames drawn so far.
+        failure: why the drawing ended by itself, or None.
     """
 
     def __init__(self, *, host: str, port: int, frames: float) -> None:
         self._interval, self.drawn = 1.0 / frames, 0
+        self.failure: Exception | None = None
+        port = _free_port(host, port)
         with contextlib.redirect_stdout(io.StringIO()):  # its own words on addresses; the command has said so
             self._server = viser.ViserServer(host=host, port=port, verbose=False)
         self.port = self._server.get_port()
@@ -76,10 +85,11 @@ class Page:
         panel = gui.add_panel()
         with panel.add_tab("State"):
             self._state, self._legend = gui.add_html(""), gui.add_html("")
-        panel.float(x=15, y=15, width=300)
+        panel.dock_left()
+        panel.set_width(330)
         self._panel = Panel(gui, session, say=self.say, guarded=self._guarded)
         self._add_looks()
-        self._plots = Plots(gui, self._history)
+        self._plots = Plots(gui, self._history, below=panel)
 
         @self._server.on_client_connect
         async def _(client: viser.ClientHandle) -> None:
@@ -149,6 +159,14 @@ class Page:
 
     def _work(self) -> None:
         show_name()
+        try:
+            self._show_steps()
+        except Exception as error:
+            self.failure = error
+            self.say(f"the drawing ended: {error!r}")
+
+    def _show_steps(self) -> None:
+        """Draw what is new, until the end."""
         slow = 0.0
         while not self._ending.is_set():
             self._changed.wait(_SLOWLY)
@@ -188,3 +206,20 @@ class Page:
             self._state.content = self._status.text(step, largest=self._stage.largest, viewers=self.viewers)
             self._legend.content = "" if self._colour.value == _PLAIN else legend(self._colour.value, self._range)
             self._plots.refresh()
+
+
+def _free_port(host: str, first: int) -> int:
+    """Give the first port that is free.
+
+    Raises:
+        GdfeError: the host is no address of this machine, or no port is free.
+    """
+    for port in range(first, _PORTS):
+        try:
+            with socket.create_server((host, port)):
+                return port
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                text = f"port {port} of {host!r} cannot be listened at: {error.strerror}; allowed: an address of this "
+                raise GdfeError(f"{text}machine, 127.0.0.1 for itself alone, 0.0.0.0 for its network") from error
+    raise GdfeError(f"no port from {first} to {_PORTS - 1} is free")

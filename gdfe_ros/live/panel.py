@@ -111,6 +111,8 @@ class Panel:
 
         @control.on_update
         async def _(event: viser.GuiEvent) -> None:
+            if event.client is None:  # `refresh` has shown a command, nobody gave one
+                return
             slider.touched = monotonic()
             self._guarded(lambda: self._session.command(name, ActuatorOrder({name: float(control.value)})))
 

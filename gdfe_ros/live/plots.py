@@ -17,13 +17,14 @@ class Plots:
     Args:
         gui: of the page.
         history: of the run; what can be plotted is known after the first step.
+        below: panel that the plots are docked below.
     """
 
-    def __init__(self, gui: viser.GuiApi, history: History) -> None:
+    def __init__(self, gui: viser.GuiApi, history: History, *, below: viser.PanelHandle) -> None:
         self._gui, self._history = gui, history
         panel = gui.add_panel()
         self._tab = panel.add_tab("Plots")
-        panel.float(x=15, y=-15, width=360)
+        panel.dock_below(below)
         self._plots: list[_Plot] = []
 
     def refresh(self) -> None:

@@ -14,7 +14,7 @@ from gdfe_ros.live.bag import LiveBag
 from gdfe_ros.live.programme import Programme
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, require_near
-from gdfe_ros.node.pace import ClockMode, Timing, make_pace
+from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
 from gdfe_ros.node.step import Demand, Step, to_nanoseconds
@@ -22,6 +22,19 @@ from gdfe_ros.node.stepper import Stepper
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
+
+
+class RestingPace(WallPace):
+    """Steps in real time; while there is nothing to do, time stands.
+
+    So what comes first after a rest, a slider's move or a program, covers one step, however long the rest was.
+    """
+
+    def begin(self) -> float:
+        """Cover one dt after a rest, else as `WallPace` does."""
+        if self._idle:
+            self.restart()
+        return super().begin()
 
 
 class LiveSession:
@@ -84,8 +97,8 @@ class LiveSession:
     def start(self) -> None:
         """Start the thread; it tells of the present state at once."""
         dt = self.parameters["dt"]
-        pace = make_pace(self._clock, lambda: Timing(1.0 / dt, dt, 0.0, False), lambda: 0)
-        self.stepper.start(pace, self._inbox)
+        kind = FastPace if self._clock is ClockMode.FAST else RestingPace
+        self.stepper.start(kind(lambda: Timing(1.0 / dt, dt, 0.0, False)), self._inbox)
 
     def stop(self) -> None:
         """End the thread after the step in progress, and complete the bag."""
@@ -123,9 +136,9 @@ class LiveSession:
         def begin() -> None:
             self._programme = Programme(program, self.simulation.time)
             self._feed(self.simulation.time)
+            self.stepper.pause(False)
 
         self.stepper.post(begin)
-        self.stepper.pause(False)
 
     def pause(self, paused: bool) -> None:
         """Hold the stepping, or let it go on."""

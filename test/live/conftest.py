@@ -69,6 +69,12 @@ class Live:
 
 
 @pytest.fixture
+def bar() -> str:
+    """Give the bar's scene."""
+    return BAR
+
+
+@pytest.fixture
 def live() -> Iterator[Callable[..., Live]]:
     """Give a function that makes a live page of the bar, with further lines of its scene."""
     made: list[Live] = []

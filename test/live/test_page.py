@@ -77,6 +77,19 @@ def test_buttons_play_pause_step_and_reset(live: Callable[..., Any]) -> None:
     assert session.playing is None
 
 
+def test_the_program_is_played_to_its_end_before_a_viewer(live: Callable[..., Any]) -> None:
+    """Play the program while somebody looks: sliders and controls show its commands, and give none of their own."""
+    page = live()
+    viewer, session = page.look(), page.session
+    viewer.press("play the program")
+    viewer.wait(lambda: session.playing is None and session.last.record.time >= 1.0, "the program's end")
+    assert session.simulation.commands == {"lower": 1.0, "left": 1.0, "weight": 1.0}
+    assert session.simulation.targets["tip"].translation == pytest.approx((0.0, 0.0, 0.02))
+    uuid = viewer.controls["lower, tension [N]"]["uuid"]
+    viewer.wait(lambda: viewer.values[uuid] == 1.0, "the slider at the program's end")
+    assert viewer.place("tip")[2] == pytest.approx(0.2)
+
+
 def test_what_a_viewer_commands_leaves_the_program(live: Callable[..., Any]) -> None:
     """Move a slider while the program plays: the slider holds, the program goes on with the other actuator."""
     page = live()
@@ -211,6 +224,9 @@ def test_a_port_that_is_taken_is_passed_over() -> None:
         (["bend5", "--port", "70000"], "allowed: 1 to 65535"),
         (["bend5", "--fps", "0"], "allowed: 1 to 60"),
         (["bend5", "--dt", "-1"], "allowed: 1e-6 to 1000"),
+        (["bend5", "--host", "203.0.113.7"], "allowed: an address of this machine"),
+        (["bend5", "--host", "no.such.host.example"], "allowed: an address of this machine"),
+        (["drop", "--set", "program=null", "--play"], "add the key 'program'"),
     ],
 )
 def test_bad_arguments_are_told(arguments: list[str], text: str, capsys: Any) -> None:
