@@ -84,7 +84,8 @@ class Page:
         self._status = Status(session)
         panel = gui.add_panel()
         with panel.add_tab("State"):
-            self._state, self._legend = gui.add_html(""), gui.add_html("")
+            self._legend, self._state = gui.add_html(""), gui.add_html("")
+        gui.main_panel.dock_right()
         panel.dock_left()
         panel.set_width(330)
         self._panel = Panel(gui, session, say=self.say, guarded=self._guarded)

@@ -47,19 +47,17 @@ class Status:
         result, pace = step.result, self._pace()
         rows = {
             "state": self._doing(),
-            "time": f"{result.time:.3f} s",
-            "real time": f"&times; {pace[0]:.2f}, {pace[1]:.0f} steps/s" if pace else "no steps",
-            "iterations": f"{result.iterations}",
-            "residual": f"{result.residual:.1e} of size",
-            "converged": _bad(f"no: {result.message}") if not result.converged else "yes",
+            "time": f"{result.time:.3f} s, " + (f"{pace[1]:.0f} steps/s" if pace else "no steps"),
+            "real time": f"&times; {pace[0]:.2f}" if pace else "-",
+            "solve": f"{result.iterations} iterations, residual {result.residual:.1e}",
+            "converged": "yes" if result.converged else _bad(f"no: {result.message}"),
             "least det F": f"{result.min_det:.3f}",
-            "longest arrow": f"{largest:.3g} N",
-            "viewers": str(viewers),
+            "longest arrow": f"{largest:.3g} N; {viewers} look",
         }
         if self._session.recording is not None:
             rows["recording"] = html.escape(str(self._session.recording))
         cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in rows.items())
-        return f'<table id="status" style="font-size:0.85em;width:100%;padding:0 0.8em">{cells}</table>'
+        return f'<table id="status" style="font-size:0.8em;line-height:1.3;width:100%;padding:0 0.8em">{cells}</table>'
 
     def _pace(self) -> tuple[float, float] | None:
         """Give simulation time over wall time and steps a second of the last second; None where no steps are made."""
