@@ -1,4 +1,5 @@
 # make run [SCENE=bend5]  install, simulate, record, draw        make test  lint, format, tests
+# make live [SCENE=pneunet] the running scene in the browser
 # make install            .venv with the commands gdfe, sim_node
 # make test-loaded        the tests five times beside two busy loops
 # make torture            the numerical torture test             make bench run time against error
@@ -31,7 +32,8 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion bench-contact bench-skip bench-sweep \
+.PHONY: install run live test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion \
+        bench-contact bench-skip bench-sweep \
         bags docs clean
 
 install: $(STAMP)
@@ -72,6 +74,9 @@ $(VENV)/.extra-%: $(STAMP)
 
 run: install
 	@$(BIN)/gdfe demo $(SCENE)
+
+live: $(VENV)/.extra-live
+	@$(BIN)/gdfe live $(if $(filter command line environment,$(origin SCENE)),$(SCENE),pneunet)
 
 # The report's test drives a real Chromium. Where it is missing and cannot be installed, that test fails and says so.
 browser:

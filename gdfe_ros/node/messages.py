@@ -47,11 +47,6 @@ def to_time(nanoseconds: int) -> Time:
     return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
-def to_nanoseconds(seconds: float) -> int:
-    """Round a time [s] to nanoseconds."""
-    return round(seconds * 1e9)
-
-
 def header(stamp: int, frame_id: str) -> Header:
     """Make a header with a stamp [ns]."""
     return Header(stamp=to_time(stamp), frame_id=frame_id)

@@ -19,7 +19,7 @@ from gdfe_ros.node.markers import SurfaceMarker
 from gdfe_ros.node.motion_outputs import MotionOutputs
 from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, TransformPacker, WrenchPacker
 from gdfe_ros.node.run import Run
-from gdfe_ros.node.step import Demand, Step
+from gdfe_ros.node.step import Demand, Step, to_nanoseconds
 from gdfe_ros.recording.recorder import Recorder
 
 
@@ -114,7 +114,7 @@ class Outputs:
         """Publish and record a step."""
         stamp = step.record.stamp
         if self._clock is not None and self._clock.due(step):
-            self._clock.send_step(step, Clock(clock=messages.to_time(messages.to_nanoseconds(step.record.time))))
+            self._clock.send_step(step, Clock(clock=messages.to_time(to_nanoseconds(step.record.time))))
         if self._mesh.due(step):
             self._mesh.send_step(step, self._mesh_packer.pack(stamp, step.result.positions))
         if self._record.due(step):

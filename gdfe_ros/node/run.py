@@ -14,11 +14,10 @@ from rclpy.duration import Duration
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.frames import Frames, Transforms
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.messages import to_nanoseconds
 from gdfe_ros.node.pace import Pace, Timing
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.step import Step
+from gdfe_ros.node.step import Step, to_nanoseconds
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 

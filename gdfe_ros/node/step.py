@@ -74,6 +74,11 @@ class Step:
     imus: Callable[[], Mapping[str, ImuReading]] | None = None
 
 
+def to_nanoseconds(seconds: float) -> int:
+    """Round a time [s] to nanoseconds."""
+    return round(seconds * 1e9)
+
+
 def make_record(result: StepResult, command: Command, *, step: int, begin: Begin, dt: float, stamp: int) -> StepRecord:
     """Write down what a step consumed and how it went."""
     return StepRecord(

@@ -13,8 +13,9 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from visualization_msgs.msg import Marker
 
+from gdfe_ros.colour_map import colour
 from gdfe_ros.mesh.generators import bar
-from gdfe_ros.node.markers import SurfaceMarker, colour
+from gdfe_ros.node.markers import SurfaceMarker
 
 MESH = bar((0.3, 0.1, 0.1), (3, 1, 1))
 
