@@ -86,9 +86,9 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
         builder.require_held(mesh, part, handles, report)
     actuators = actuation.build_actuators(draft, mesh, report)
-    masses = motion.build_masses(draft, mesh, report)
-    loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     probes = actuation.build_probes(draft, mesh, report)
+    masses = motion.build_masses(draft, mesh, probes, _names(document, "probes"), report)
+    loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     program = None
     if draft.program is not None:
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
