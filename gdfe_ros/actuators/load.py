@@ -17,23 +17,26 @@ GAUSS = 3.0**-0.5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttachedMass:
-    """A mass on vertices, in equal parts.
+    """A mass on points of the body, in equal parts.
 
     Attributes:
         name: unique among attached masses.
-        vertices: (k,) int32.
+        points: where the parts sit.
         mass: in total [kg].
     """
 
     name: str
-    vertices: NDArray[np.int32]
+    points: Embedding
     mass: float
 
-    def spread(self, count: int) -> NDArray[np.float64]:
-        """Return the mass at each of ``count`` vertices (n,) [kg]."""
-        shares = np.zeros(count)
-        shares[self.vertices] = self.mass / len(self.vertices)
-        return shares
+    @property
+    def part(self) -> float:
+        """Mass of each part [kg]."""
+        return self.mass / len(self.points.corners)
+
+    def forces(self, count: int, acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the weight at each of ``count`` vertices (n, 3) [N] under an acceleration (3,) [m/s^2]."""
+        return _collect(count, self.points.corners, (self.part * self.points.weights)[..., None] * acceleration)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,7 +60,7 @@ class Gravity:
         share = corner_volumes(rest, cells)
         forces = _collect(len(rest), cells, (self.density[:, None] * share)[..., None] * self.acceleration)
         for item in self.attached:
-            forces += item.spread(len(rest))[:, None] * self.acceleration
+            forces += item.forces(len(rest), self.acceleration)
         return forces
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.actuators.load import AttachedMass
 from gdfe_ros.constraints.handle import Axis
 from gdfe_ros.constraints.obstacle import Obstacle
@@ -59,7 +60,7 @@ class RigidBody(Obstacle):
     @property
     def attached(self) -> AttachedMass:
         """Its mass, on its vertices."""
-        return AttachedMass(name=self.name, vertices=self.vertices, mass=self.mass)
+        return AttachedMass(name=self.name, points=Embedding.of_vertices(self.vertices), mass=self.mass)
 
     def numbered(self, first: int) -> RigidBody:
         """Return the body with its vertices from number ``first`` on."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +34,7 @@ from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.actuator_schema import CableModel, ChamberModel, DriveModel, GrowthModel, LoadModel
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import KeyPath
-from gdfe_ros.scene.report import NO_VALUE, Report
+from gdfe_ros.scene.report import NO_VALUE, Report, suggest
 from gdfe_ros.scene.schema import Draft
 
 #: Widest allowed range of a command.
@@ -61,13 +61,28 @@ def build_actuators(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple
     return tuple(actuator for actuator in built if actuator is not None)
 
 
-def build_masses(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[AttachedMass, ...]:
-    """Return the attached masses whose vertices can be found."""
+def build_masses(
+    draft: Draft, mesh: HexMesh | None, probes: Mapping[str, Embedding], names: Sequence[str], report: Report
+) -> tuple[AttachedMass, ...]:
+    """Return the attached masses whose place in the body can be found.
+
+    Args:
+        draft: the file's sound parts.
+        mesh: the body.
+        probes: those that lie in it.
+        names: of all probes of the file.
+        report: takes the defects.
+    """
     found = []
     for name, model in draft.masses.items() if mesh is not None else ():
-        vertices = select(select_vertices, mesh, model.where, ("masses", name, "where"), "vertex", report)
-        if vertices is not None:
-            found.append(AttachedMass(name=name, vertices=vertices, mass=model.mass))
+        points = probes.get(model.probe)
+        if model.where is not None:
+            vertices = select(select_vertices, mesh, model.where, ("masses", name, "where"), "vertex", report)
+            points = None if vertices is None else Embedding.of_vertices(vertices)
+        elif model.probe not in names:
+            report.add(("masses", name, "probe"), f"there is no such probe{suggest(model.probe, names)}")
+        if points is not None:
+            found.append(AttachedMass(name=name, points=points, mass=model.mass))
     return tuple(found)
 
 

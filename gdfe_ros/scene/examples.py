@@ -58,7 +58,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     ),
     motion_schema.DampingModel: ("{mass: 0.5, viscosity: 100.0}",),
     motion_schema.BranchModel: ("{share: 0.2, time: 0.05}",),
-    motion_schema.MassModel: ("{mass: 0.052, where: {face: x+}}",),
+    motion_schema.MassModel: ("{mass: 0.052, where: {face: x+}}", "{mass: 0.1, probe: tip}"),
     schema.SceneModel: (SCENE,),
     mesh_schema.MeshModel: (
         "bar: {size: [0.20, 0.05, 0.05], cells: [20, 5, 5]}",

@@ -91,9 +91,10 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     rigid = builder.build_bodies(draft, mesh, report)
     handles = (*handles, *builder.build_obstacles(draft, report), *rigid)
     actuators = actuation.build_actuators(draft, mesh, report)
-    masses = (*actuation.build_masses(draft, mesh, report), *(item.attached for item in rigid))
-    loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     probes = actuation.build_probes(draft, mesh, report)
+    attached = actuation.build_masses(draft, mesh, probes, _names(document, "probes"), report)
+    masses = (*attached, *(item.attached for item in rigid))
+    loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     program = None
     if draft.program is not None:
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}

@@ -90,7 +90,14 @@ class DynamicsModel(Entry):
 
 
 class MassModel(Entry):
-    """A mass that is attached to vertices in equal parts: it weighs where there is gravity, and resists in motion."""
+    """A mass that is attached to vertices or to a probe: it weighs where there is gravity, and resists in motion."""
 
     mass: Annotated[float, _MASS]
-    where: WhereModel = Field(description="the vertices, e.g. {face: x+}")
+    where: WhereModel | None = Field(None, description="the vertices, in equal parts, e.g. {face: x+}")
+    probe: str | None = Field(None, description="name of one of the probes")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> MassModel:
+        if (self.where is None) == (self.probe is None):
+            raise ValueError("give either where or probe")
+        return self

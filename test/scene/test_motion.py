@@ -33,12 +33,13 @@ def test_all_keys_are_read() -> None:
     assert (found.scheme, found.rho_inf, found.step) == (Scheme.GENERALISED_ALPHA, 0.5, 0.001)
     assert (found.mass_damping, found.viscosity, found.prony) == (0.1, 20.0, (Branch(0.2, 0.1),))
     assert (found.velocity, found.spin) == ((0, 0, 1), (1, 0, 0))
-    assert [(item.name, item.mass, len(item.vertices)) for item in scene.masses] == [("camera", 0.1, 9)]
+    assert [(item.name, item.mass, len(item.points.corners)) for item in scene.masses] == [("camera", 0.1, 9)]
 
 
-def test_attached_masses_weigh() -> None:
+@pytest.mark.parametrize("place", [{"where": {"face": "x+"}}, {"probe": "tip"}], ids=["vertices", "probe"])
+def test_attached_masses_weigh(place: dict[str, Any]) -> None:
     """Hang 100 g on a bar of 80 g, without dynamics: its clamp carries both."""
-    weights = {"masses": {"camera": {"mass": 0.1, "where": {"face": "x+"}}}, "dynamics": None}
+    weights = {"masses": {"camera": {"mass": 0.1, **place}}, "dynamics": None}
     result = Simulation(load_scene("drop", overrides=weights)).step()
     assert result.reactions["base"][2] == pytest.approx(0.18 * 9.81, rel=1e-3)
 
@@ -61,6 +62,9 @@ def test_attached_masses_weigh() -> None:
         ("materials.rubber.density", -3, "density"),
         ("masses", {"camera": {"mass": 0.0, "where": {"face": "x+"}}}, "mass"),
         ("masses", {"camera": {"mass": 0.1, "where": {"box": {"x": [5, 6]}}}}, "camera"),
+        ("masses", {"camera": {"mass": 0.1}}, "give either where or probe"),
+        ("masses", {"camera": {"mass": 0.1, "probe": "tip", "where": {"face": "x+"}}}, "give either where or probe"),
+        ("masses", {"camera": {"mass": 0.1, "probe": "tipp"}}, "no such probe; did you mean 'tip'? allowed: tip"),
     ],
 )
 def test_bad_input_is_named(key: str, value: Any, said: str) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Mode
 from gdfe_ros.analysis.bag_steps import RECORD
 from gdfe_ros.analysis.difference_table import unit_of
+from gdfe_ros.analysis.report.energies import energy_balance
 from gdfe_ros.analysis.report.history import JOINTS, History
 from gdfe_ros.scene import Scene
 
@@ -49,6 +50,8 @@ def all_charts(history: History, scene: Scene, *, dt: float) -> list[Chart]:
         *_others(history),
         _strain(history),
         _lines(history, "Strain energy", "J", {"strain energy": history.responses["step_record", "energy"]}),
+        _lines(history, "Energies of the motion", "J", history.energies),
+        _lines(history, "Balance of energy", "J", energy_balance(history)),
         _lines(history, "Least det F", "", {"least det F": history.responses["step_record", "min_det"]}),
         _cost(history, "Solver iterations", "a step", {"iterations": history.costs["iterations"]}),
         _residuals(history, scene.solver.tolerance),

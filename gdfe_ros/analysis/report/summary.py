@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.report.energies import balance_text
 from gdfe_ros.analysis.report.history import History
 
 Rows = list[tuple[str, str]]
@@ -19,7 +20,7 @@ def run_rows(run: BagRun, history: History) -> Rows:
     solving = float(costs["wall_time"].sum())
     solved = costs["wall_time"][costs["iterations"] > 0]
     times = 1e3 * (solved if solved.size else costs["wall_time"])
-    return [
+    rows = [
         ("steps", f"{len(history.time)}, of which {int((costs['iterations'] > 0).sum())} needed a solve"),
         ("simulation time", f"{span:.6g} s"),
         ("solve time", f"{solving:.4g} s, {_ratio(span, solving)}"),
@@ -28,8 +29,10 @@ def run_rows(run: BagRun, history: History) -> Rows:
         ("largest residual", f"{costs['residual'].max():.3g} of the body's size"),
         ("converged", _convergence(history)),
         ("least det F", f"{np.nanmin(history.responses['step_record', 'min_det']):.4g}"),
+        ("balance of energy", balance_text(history)),
         ("messages", _messages(run)),
     ]
+    return [(name, text) for name, text in rows if text]
 
 
 def scene_rows(run: BagRun) -> Rows:
