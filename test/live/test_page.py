@@ -185,7 +185,7 @@ def test_viewers_come_and_go_without_a_trace(live: Callable[..., Any]) -> None:
     with_ten = [Viewer(page.page.port) for _ in range(10)]
     for viewer in with_ten:
         viewer.wait(lambda viewer=viewer: viewer.frames, "a frame")
-    assert page.page.viewers == 11
+    first.wait(lambda: page.page.viewers == 11, "all to be counted")
     for viewer in with_ten:
         viewer.__exit__(None, None, None)
     for _ in range(30):
