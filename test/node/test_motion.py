@@ -39,10 +39,9 @@ def listen(client: Any) -> Callable[..., list[Any]]:
 
 
 def _advance(client: Any, steps: int = 1) -> None:
-    """Have a node in lockstep make steps."""
+    """Have a node in lockstep make steps; one that is not active yet refuses and is asked again."""
     for _ in range(steps):
-        response = client.call(Trigger, "step", Trigger.Request())
-        assert response.success, response.message
+        client.wait(lambda: client.call(Trigger, "step", Trigger.Request()).success)
 
 
 def test_every_vertex_tells_its_velocity(client: Any, start: Callable, listen: Callable) -> None:
