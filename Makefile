@@ -112,7 +112,8 @@ bench-node: install
 bench-node-since: install
 	@$(BIN)/python -m benchmarks.node.since $(COMMIT)
 
-# Error against wall time on a bar that falls, a measured beam, robots beside real time
+# Error against processor time on a bar that falls, long runs, a measured beam, robots beside real time;
+# beside MuJoCo (the extra 'bench') and CalculiX (apt-get install calculix-ccx) where they are installed.
 bench-motion: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.motion
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.motion import path_error
+from benchmarks.drop import path_error
 from gdfe_ros import Command, Simulation, load_scene
 
 
