@@ -91,7 +91,7 @@ class BagRun:
         return values[:, names.index(name)].astype(np.float64)
 
     def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
-        """Return by handle the last force [N] and moment [N m] that it exerts on the body."""
+        """Return by handle and obstacle the last force [N] and moment [N m] that it exerts on the body."""
         wrenches = {}
         for role in sorted(role for role in self.roles if role.endswith("/wrench")):
             _, message = _last(self.messages(f"/{role}"))

@@ -52,9 +52,10 @@ class Publication:
             "strain": lambda: _strain(simulation),
             RECORD: lambda: _record(result, record),
         }
-        for name in simulation.handle_names:
-            makers[f"handles/{name}/pose"] = lambda name=name: _handle(simulation, name)
-            makers[f"handles/{name}/wrench"] = lambda name=name: _wrench(result.reactions[name])
+        for handle in simulation.scene.handles:
+            name, topic = handle.name, f"{handle.section}/{handle.name}"
+            makers[f"{topic}/pose"] = lambda name=name: _handle(simulation, name)
+            makers[f"{topic}/wrench"] = lambda name=name: _wrench(result.reactions[name])
         for name in simulation.scene.probes:
             makers[f"probe/{name}"] = lambda name=name: _probe(simulation, name, result.positions)
         if simulation.scene.dynamics:

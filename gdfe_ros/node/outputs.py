@@ -40,9 +40,11 @@ class Outputs:
         self._record, self._markers = each_step(topics.STEP_RECORD), each_step(topics.MARKERS)
         self._topology, self._scene_text = Channel(node, topics.TOPOLOGY), Channel(node, topics.SCENE)
         names = [handle.name for handle in scene.handles]
-        self._poses = {name: each_step(topics.HANDLE_POSE, handle=name) for name in names}
-        self._wrenches = {name: each_step(topics.HANDLE_WRENCH, handle=name) for name in names}
-        self._sensors = {name: each_step(topics.HANDLE_SENSOR, handle=name) for name in names}
+        braces = {handle.name: (topics.MOVED[handle.section], {handle.noun: handle.name}) for handle in scene.handles}
+        self._poses = {name: each_step(moved.pose, **brace) for name, (moved, brace) in braces.items()}
+        self._wrenches = {name: each_step(moved.wrench, **brace) for name, (moved, brace) in braces.items()}
+        held = [handle.name for handle in scene.handles if handle.section == "handles"]
+        self._sensors = {name: each_step(topics.HANDLE_SENSOR, handle=name) for name in held}
         self._probes = {name: each_step(topics.PROBE, probe=name) for name in scene.probes}
         self._motion = MotionOutputs(run, each_step) if scene.dynamics else None
         self._joints = each_step(topics.JOINT_STATES) if scene.actuators else None
@@ -53,7 +55,7 @@ class Outputs:
         self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
         self._pose_packers = {name: PosePacker(frames.rest(name)) for name in names}
         self._wrench_packers = {name: WrenchPacker(frames.centre(name)) for name in names}
-        self._sensor_packers = {name: WrenchPacker(frames.handle(name)) for name in names}
+        self._sensor_packers = {name: WrenchPacker(frames.handle(name)) for name in held}
         self._probe_packer = PosePacker(self._frame_id)
         self._transform_packer = TransformPacker(frames.moving, self._frame_id) if publish_tf else None
         self._strain_packer: StrainPacker | None = None
@@ -139,7 +141,7 @@ class Outputs:
             channel.destroy()
 
     def _publish_plates(self, step: Step) -> None:
-        """Publish what has to do with the present turn of the handles."""
+        """Publish what has to do with the present poses of handles and obstacles."""
         stamp = step.record.stamp
         for name, channel in _due(self._poses, step):
             channel.send_step(step, self._pose_packers[name].pack(stamp, step.poses[name]))
