@@ -173,12 +173,16 @@ class Frames:
         """Name the frame that moves with a material point and turns with the mean deformation of its cell."""
         return f"{self._prefix}{probe}_imu"
 
+    def sensor(self, sensor: str) -> str:
+        """Name the frame at the present centre of a contact sensor, with the axes of the node's frame."""
+        return f"{self._prefix}{sensor}_sensor"
+
     @property
     def moving(self) -> list[str]:
         """Name the frames that ``places`` gives, in its order."""
         units = map(self.imu, self._scene.probes if self._scene.dynamics else ())
         handles = [name(handle.name) for handle in self._scene.handles for name in (self.centre, self.handle)]
-        return [*handles, *map(self.probe, self._scene.probes), *units]
+        return [*handles, *map(self.probe, self._scene.probes), *units, *map(self.sensor, self._scene.sensors)]
 
     def rests(self) -> dict[str, Placement]:
         """Give where the centres of handles and obstacles are at rest, by frame."""
@@ -186,7 +190,11 @@ class Frames:
         return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._scene.handles}
 
     def places(
-        self, poses: Mapping[str, Pose], probes: Mapping[str, Pose], units: Mapping[str, ImuReading]
+        self,
+        poses: Mapping[str, Pose],
+        probes: Mapping[str, Pose],
+        units: Mapping[str, ImuReading],
+        positions: NDArray[np.float64],
     ) -> list[Placement]:
         """Give where the moving frames are.
 
@@ -194,6 +202,7 @@ class Frames:
             poses: of handles and obstacles, relative to rest.
             probes: of the material points.
             units: what inertial units at these read; empty without dynamics.
+            positions: of the vertices (n, 3) [m].
         """
         found = []
         for handle in self._scene.handles:
@@ -201,7 +210,8 @@ class Frames:
             found += [Placement(place.origin), place]
         points = [(np.array(probes[name].translation), name) for name in self._scene.probes]
         found += [Placement(origin, Rotation.from_rotvec(probes[name].rotation)) for origin, name in points]
-        return found + [Placement(origin, units[name].orientation) for origin, name in points if name in units]
+        found += [Placement(origin, units[name].orientation) for origin, name in points if name in units]
+        return found + [Placement(sensor.centre(positions)) for sensor in self._scene.sensors.values()]
 
     def place(self, frame: str) -> Placement | None:
         """Give where any frame is in the node's; None where no transforms lead there."""
@@ -242,7 +252,8 @@ class Frames:
             place = self._moved(handle, poses.get(handle.name, Pose())) if obstacle else self._turned(handle, now)
             own[self.centre(handle.name)] = self.frame_id, Placement(place.origin)
             own[self.handle(handle.name)] = self.frame_id, place
-        return own
+        centres = {name: sensor.centre(now) for name, sensor in self._scene.sensors.items()}
+        return own | {self.sensor(name): (self.frame_id, Placement(centre)) for name, centre in centres.items()}
 
     def _moved(self, handle: Handle, pose: Pose) -> Placement:
         """Give where the frame of a handle or obstacle is that was moved from rest by a pose."""

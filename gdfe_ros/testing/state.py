@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, PointCloud2
 
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.contacts import POINT, contact_names
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.messages import to_time
 from gdfe_ros.node.specification import TopicSpec
@@ -37,6 +38,8 @@ class State:
         wrenches: that handles and obstacles exert on the body (6,), force [N] then moment [N m].
         probes: of the material points.
         joints: of the actuators: position, velocity, effort, as in ``~/joint_states``.
+        contacts: (k,) what touches, as `gdfe_ros.contacts.POINT`; empty without obstacles and rigid bodies.
+        sensors: what contact sensors feel (6,), force [N] then moment [N m].
         velocities: (n, 3) float32 of the vertices [m/s]; None where the scene has no dynamics.
         imus: what inertial units at the probes read, as `Simulation.imus` has it; empty without dynamics.
     """
@@ -49,6 +52,8 @@ class State:
     wrenches: Mapping[str, NDArray[np.float64]]
     probes: Mapping[str, Pose]
     joints: Mapping[str, tuple[float, float, float]]
+    contacts: NDArray[np.void]
+    sensors: Mapping[str, NDArray[np.float64]]
     velocities: NDArray[np.float32] | None = None
     imus: Mapping[str, ImuReading] = field(default_factory=dict)
 
@@ -65,6 +70,9 @@ def state_topics(scene: Scene) -> dict[str, str]:
         for spec in _specs(handle):
             found[spec.key(**{handle.noun: handle.name})] = spec.type
     found |= {topics.PROBE.key(probe=name): topics.PROBE.type for name in scene.probes}
+    if contact_names(scene.handles):
+        found[topics.CONTACTS.key()] = topics.CONTACTS.type
+    found |= {topics.SENSOR_WRENCH.key(sensor=name): topics.SENSOR_WRENCH.type for name in scene.sensors}
     if scene.dynamics is not None:
         found[topics.VERTEX_VELOCITY.key()] = topics.VERTEX_VELOCITY.type
         found |= {topics.IMU.key(probe=name): topics.IMU.type for name in scene.probes}
@@ -87,6 +95,7 @@ def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
     for handle in scene.handles:
         pose, wrench = (messages[spec.key(**{handle.noun: handle.name})] for spec in _specs(handle))
         poses[handle.name], wrenches[handle.name] = _pose(pose), _wrench(wrench)
+    points, felt = messages.get(topics.CONTACTS.key()), topics.SENSOR_WRENCH
     return State(
         record=StepRecord.from_json(messages[topics.STEP_RECORD.key()].data),
         positions=mesh[:, :3],
@@ -95,6 +104,8 @@ def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
         poses=poses,
         wrenches=wrenches,
         probes={name: _pose(messages[topics.PROBE.key(probe=name)]) for name in scene.probes},
+        contacts=np.frombuffer(b"" if points is None else points.data, POINT),
+        sensors={name: _wrench(messages[felt.key(sensor=name)]) for name in scene.sensors},
         joints={}
         if joints is None
         else dict(zip(joints.name, zip(joints.position, joints.velocity, joints.effort, strict=True), strict=True)),

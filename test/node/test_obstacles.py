@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
@@ -20,6 +21,7 @@ from gdfe_ros.analysis.difference import Verdict
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
+from gdfe_ros.contacts import contact_names
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.following import leaders_of
 from gdfe_ros.node.messages import pose_stamped
@@ -39,6 +41,9 @@ handles: {top: {where: {face: z+}, fixed: true}}
 obstacles:
   ball: {sphere: {radius: 0.04}, at: [0.05, 0, -0.1], rotation_deg: [0, 0, 30], friction: 0.5}
   wall: {plane: [-1, 0, 0], at: [0.2, 0, 0], fixed: true}
+sensors:
+  pad: {where: {box: {x: [0.0, 0.05], z: [-.inf, -0.049]}}}
+  rest: {where: {box: {x: [0.06, 0.1], z: [-.inf, -0.049]}}}
 program:
   duration: 0.03
   obstacles: {ball: [{time: 0.0}, {time: 0.03, translation: [0, 0, 0.015], rotation_deg: [0, 10, 0]}]}
@@ -155,7 +160,8 @@ def test_an_obstacle_has_frames_and_follows_one(
     teller = client.node.create_publisher(TFMessage, "/tf", 100)
     process = start(scene=cube, follow=["ball=frame:tool0"])
     client.wait(lambda: "ball_rest" in heard and "ball" in heard)
-    assert {"ball", "ball_rest", "ball_centre", "wall", "wall_rest", "wall_centre", "top"} <= set(heard)
+    assert {"ball", "ball_rest", "ball_centre", "wall", "wall_rest", "wall_centre", "top", "pad_sensor"} <= set(heard)
+    np.testing.assert_allclose(_origin(heard["pad_sensor"]), [0.025, 0.0, -0.05], atol=1e-9)
     assert _origin(heard["ball_rest"]) == [0.05, 0.0, -0.1]
     transform = TransformStamped(child_frame_id="tool0")
     transform.header.frame_id = "base_link"
@@ -190,6 +196,37 @@ def test_a_target_in_the_frame_of_an_obstacle_is_beside_it(
     np.testing.assert_allclose([message.pose.position.z for message in poses], [0, 0.004, 0.008, 0.012], atol=1e-12)
 
 
+def test_every_point_that_touches_is_told(cube: str, tmp_path: Path) -> None:
+    """Press the ball in, obliquely: points and forces add up to its wrench, names tell the ball, sensors share it."""
+    names = []
+    with Simulator(cube, bag=tmp_path / "bag") as simulator:
+        simulator._node.create_subscription(String, f"{simulator.name}/contact_names", names.append, _QOS)
+        assert not len(simulator.state.contacts)
+        state = simulator.step(Command(handles={"ball": Pose((0.004, 0.0, 1.5 * LIFT), (0.0, 0.1, 0.0))}))
+        simulator._wait(lambda: names, "the names of contacts")
+    assert json.loads(names[0].data) == ["ball", "wall"]
+    points, middle = state.contacts, np.array([0.054, 0.0, 1.5 * LIFT - 0.1])
+    assert len(points) >= 2
+    assert set(points["contact"]) == {0}
+    places, normals = _vectors(points, "xyz"), _vectors(points, ("nx", "ny", "nz"))
+    forces = _vectors(points, ("fx", "fy", "fz")) + _vectors(points, ("tx", "ty", "tz"))
+    assert np.abs(_vectors(points, ("tx", "ty", "tz"))).max() > 0.01
+    np.testing.assert_allclose(places, state.positions[points["vertex"]])
+    arms = places - middle
+    np.testing.assert_allclose(normals, arms / np.linalg.norm(arms, axis=1)[:, None], atol=1e-5)
+    np.testing.assert_allclose(points["gap"], np.linalg.norm(arms, axis=1) - 0.04, atol=1e-7)
+    wrench = np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+    np.testing.assert_allclose(state.wrenches["ball"], wrench, atol=1e-5 * np.linalg.norm(wrench))
+    rest = simulator.scene.mesh.vertices
+    mine = rest[points["vertex"], 0] < 0.051
+    centre = state.positions[(rest[:, 0] < 0.051) & (rest[:, 2] < -0.049)].mean(axis=0)
+    felt = [forces[mine].sum(axis=0), np.cross(places - centre, forces)[mine].sum(axis=0)]
+    np.testing.assert_allclose(state.sensors["pad"], np.concatenate(felt), atol=1e-4)
+    np.testing.assert_allclose(
+        state.sensors["pad"][:3] + state.sensors["rest"][:3], state.wrenches["ball"][:3], atol=1e-9
+    )
+
+
 def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, capsys: Any) -> None:
     """Press the ball in, turning it: replay without and through a node, report, export, play the program."""
     bag = tmp_path / "bag"
@@ -203,16 +240,25 @@ def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, 
     for replay in (Replay(run), NodeReplay(run)):
         report = replay.run()
         assert report.verdict() is Verdict.IDENTICAL, (report.unknown, report.differences.differing)
-        assert ("obstacles/ball/wrench", "wrench.force.z") in report.differences.fields
+        compared = {("obstacles/ball/wrench", "wrench.force.z"), ("sensors/pad/wrench", "wrench.torque.y")}
+        assert compared | {("contacts", "fz"), ("contacts", "vertex")} <= set(report.differences.fields)
     assert main(["replay", str(bag)]) == 0
     assert main(["report", str(bag), "--out", str(tmp_path / "report.html")]) == 0
     page = (tmp_path / "report.html").read_text()
-    for text in ("Position of ball, from rest", "ball, wall (fixed)", "found z"):
+    for text in ("Position of ball, from rest", "ball, wall (fixed)", "found z", "Forces on contact sensors"):
         assert text in page
     assert main(["export", str(bag), "--to", "csv", "--out", str(tmp_path / "run.csv")]) == 0
-    assert "obstacles/ball/wrench.wrench.force.z [N]" in (tmp_path / "run.csv").read_text().splitlines()[0]
+    first, *_, last = (tmp_path / "run.csv").read_text().splitlines()
+    row = dict(zip(first.split(","), last.split(","), strict=True))
+    assert float(row["obstacles/ball/wrench.wrench.force.z [N]"]) == state.wrenches["ball"][2]
+    assert float(row["contacts.points"]) == len(state.contacts) > 0
+    assert main(["export", str(bag), "--to", "npz", "--out", str(tmp_path / "run.npz")]) == 0
+    arrays = np.load(tmp_path / "run.npz")
+    assert np.array_equal(arrays["contacts/fz"][arrays["contacts/row"] == 2], state.contacts["fz"])
     assert main(["demo", cube, "--out", str(tmp_path / "demo")]) == 0
-    assert "ball: force" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    for text in ("ball: force", "sensor pad: force"):
+        assert text in said
 
 
 def test_states_with_obstacles_are_saved_and_loaded(client: Any, start: Callable, cube: str, tmp_path: Path) -> None:
@@ -241,17 +287,23 @@ def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path) -> None
         states = [simulator.step(Command(handles={"table": Pose((0.0, 0.0, 1e-5 * k))})) for k in range(25)]
         with pytest.raises(GdfeError, match="nothing is called"):
             simulator.step(Command(handles={"part": Pose()}))
+    assert contact_names(simulator.scene.handles) == ["table", "part", "part on table"]
     weight = 9.81 * 1500 * 0.04 * 0.03 * 0.02
     slab = 9.81 * 1000 * 0.1 * 0.1 * 0.04
     carried = np.mean([state.wrenches["table"][2] for state in states[15:]])
     assert carried == pytest.approx(slab + weight, rel=0.05)
     assert np.mean([state.wrenches["part"][2] for state in states[15:]]) == pytest.approx(-weight, rel=0.05)
+    assert set(states[-1].contacts["contact"]) == {0, 1}
     assert -0.002 < states[-1].poses["part"].translation[2] < 0.0
     run = BagRun(bag)
     for replay in (Replay(run), NodeReplay(run)):
         assert replay.run().verdict() is Verdict.IDENTICAL
     with pytest.raises(GdfeError, match="body 'part' moves freely and follows nothing: make it an obstacle"):
         leaders_of(["part=topic:/x"], load_scene(path), listening=False)
+
+
+def _vectors(points: np.ndarray, names: Iterable[str]) -> np.ndarray:
+    return np.stack([points[name] for name in names], axis=1).astype(float)
 
 
 def _origin(transform: Any) -> list[float]:

@@ -45,6 +45,8 @@ def all_charts(history: History, scene: Scene, *, dt: float) -> list[Chart]:
         *_motion(history, scene),
         _vector_chart(history, "Reaction forces", "wrench.force"),
         _vector_chart(history, "Reaction moments", "wrench.torque"),
+        _vector_chart(history, "Forces on contact sensors", "wrench.force", sensors=True),
+        _vector_chart(history, "Moments on contact sensors", "wrench.torque", sensors=True),
         *_actuators(history, scene),
         *_others(history),
         _strain(history),
@@ -87,11 +89,11 @@ def _motion(history: History, scene: Scene) -> list[Chart]:
     return charts
 
 
-def _vector_chart(history: History, title: str, stem: str) -> Chart:
+def _vector_chart(history: History, title: str, stem: str, *, sensors: bool = False) -> Chart:
     series = {
         f"{topic.split('/')[1]} {field[-1]}": values
         for (topic, field), values in history.responses.items()
-        if field.startswith(f"{stem}.")
+        if field.startswith(f"{stem}.") and topic.startswith("sensors/") == sensors
     }
     return _lines(history, title, unit_of(f"{stem}.x"), series)
 

@@ -130,6 +130,27 @@ BODY_WRENCH = TopicSpec(
     meaning="force [N] and moment [N m] that the rigid body exerts on the elastic one, about its own present middle: "
     "`frame_id` is `<body>_centre`, which moves with it and keeps the axes of the node's frame",
 )
+CONTACTS = TopicSpec(
+    name="~/contacts",
+    type="sensor_msgs/msg/PointCloud2",
+    meaning="each point that touches: x, y, z [m], normal nx, ny, nz out of what it touches, gap [m], force along the "
+    "normal fx, fy, fz and by friction tx, ty, tz [N] on what touches, float32; slips (1, else 0), vertex (-1: corner "
+    "of a rigid body), contact (place in `~/contact_names`), int32; only of scenes with `obstacles` or `bodies`",
+    delivery=Delivery.CLOUD,
+)
+CONTACT_NAMES = TopicSpec(
+    name="~/contact_names",
+    type="std_msgs/msg/String",
+    meaning="JSON: the names that `contact` of `~/contacts` counts from 0: obstacles and bodies in the scene's order, "
+    "which the elastic body touches, then `<body> on <obstacle>`",
+    delivery=Delivery.LATCHED,
+)
+SENSOR_WRENCH = TopicSpec(
+    name="~/sensors/{sensor}/wrench",
+    type="geometry_msgs/msg/WrenchStamped",
+    meaning="force [N] and moment [N m] of all that touches the faces of a contact sensor on these, about the present "
+    "mean of their vertices: `frame_id` is `<sensor>_sensor`, which moves with it, with the axes of the node's frame",
+)
 PROBE = TopicSpec(
     name="~/probe/{probe}",
     type="geometry_msgs/msg/PoseStamped",
@@ -170,8 +191,8 @@ TF = TopicSpec(
     name="/tf",
     type="tf2_msgs/msg/TFMessage",
     meaning="with `publish_tf`, in the node's frame: `<handle>`, which moves and turns with the handle, "
-    "`<handle>_centre`, which keeps the axes, the same of obstacles and rigid bodies, `<probe>_probe` and, of scenes "
-    "with `dynamics`, "
+    "`<handle>_centre`, which keeps the axes, the same of obstacles and rigid bodies, `<probe>_probe`, "
+    "`<sensor>_sensor` and, of scenes with `dynamics`, "
     "`<probe>_imu`; not recorded",
     recorded=False,
     delivery=Delivery.TRANSFORMS,
@@ -204,8 +225,8 @@ DIAGNOSTICS = TopicSpec(
 )
 OUTPUTS = (
     MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, OBSTACLE_POSE, OBSTACLE_WRENCH,
-    BODY_POSE, BODY_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN, STEP_RECORD, MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE,
-    DIAGNOSTICS, CLOCK,
+    BODY_POSE, BODY_WRENCH, CONTACTS, CONTACT_NAMES, SENSOR_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN, STEP_RECORD,
+    MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
 )  # fmt: skip
 
 
