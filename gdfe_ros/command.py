@@ -93,14 +93,14 @@ class Orders:
         for name, pose in (command.handles if command else {}).items():
             if not isinstance(pose, Pose):
                 raise CommandError(f"handle {name!r}: the target is {pose!r}; allowed: a Pose(translation, rotation)")
-            if self.handle(name).fixed:
-                movable = [handle.name for handle in self._scene.handles if not handle.fixed]
-                raise CommandError(f"handle {name!r} is fixed; handles that move: {_list(movable)}")
+            if (handle := self.handle(name)).fixed:
+                movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
+                raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")
             far = math.hypot(*pose.translation) / self._scene.mesh.size
             turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
             if far > FARTHEST or turns > FARTHEST:
                 raise CommandError(
-                    f"handle {name!r} is commanded {far:.3g} body lengths and {turns:.3g} turns away; at most "
+                    f"{handle.noun} {name!r} is commanded {far:.3g} body lengths and {turns:.3g} turns away; at most "
                     f"{FARTHEST:g} of each are taken: check the units (metres, radians)"
                 )
             targets[name] = pose

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,12 @@ class Handle:
         free: world axes along which the handle slides unloaded; its position there is an unknown.
         turning: world axes, through the handle's centre, about which it turns freely; the components of its rotation
             vector there are unknowns. No moment is left where one or three are free; two end at the least energy.
+        noun: what it is called.
+        section: of a scene file and of topics' names that it stands in.
     """
 
+    noun: ClassVar[str] = "handle"
+    section: ClassVar[str] = "handles"
     name: str
     vertices: NDArray[np.int32]
     fixed: bool = False

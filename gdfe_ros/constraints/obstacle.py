@@ -147,6 +147,8 @@ class Obstacle(Handle):
         points: how gaps are taken.
     """
 
+    noun: ClassVar[str] = "obstacle"
+    section: ClassVar[str] = "obstacles"
     vertices: NDArray[np.int32] = field(default_factory=_no_vertices)
     form: Form
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,8 @@ class RigidBody(Obstacle):
     """
 
     fixed: bool = True
+    noun: ClassVar[str] = "body"
+    section: ClassVar[str] = "bodies"
     free: tuple[Axis, ...] = tuple(Axis)
     turning: tuple[Axis, ...] = tuple(Axis)
     mass: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a message that commands a handle to an order, or a refusal that says why not."""
+"""From a message that commands a handle or obstacle to an order, or a refusal that says why not."""
 
 from __future__ import annotations
 
@@ -99,7 +99,9 @@ def _near(handle: Handle, place: Placement, size: float) -> PoseOrder:
 
 def _require_movable(handle: Handle) -> None:
     if handle.fixed:
-        raise Refusal(Reason.FIXED, f"handle {handle.name!r} is fixed in the scene and takes no commands")
+        text = f"{handle.noun} {handle.name!r} is fixed in the scene and takes no commands"
+        remedy = f"put {handle.section}.{handle.name}.fixed=false into scene_overrides"
+        raise Refusal(Reason.FIXED, f"{text}; remedy: {remedy}")
 
 
 def _require_finite(**vectors: tuple[float, ...]) -> None:

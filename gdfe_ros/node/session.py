@@ -79,7 +79,7 @@ class Session:
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
-        self.strays = Strays(node, simulation.handle_names, refusals)
+        self.strays = Strays(node, self.scene.handles, refusals)
         self.mode = ClockMode.WALL
         self.courier: Courier | None = None
         self.walk: Walk | None = None

@@ -40,6 +40,8 @@ masses:
   camera: {mass: 0.02, where: {face: x+}}
 probes:
   tip: [0.2, 0.0, 0.0]
+sensors:
+  pad: {where: {face: z-}}
 dynamics: {scheme: bdf2, step: 0.01}
 program:
   duration: 1.0
@@ -124,6 +126,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.08], rotation_deg: [0, 0, 30], friction: 0.5}",
         "{cylinder: {radius: 0.01, length: 0.1}, density: 800, gaps: vertices}",
     ),
+    obstacle_schema.SensorModel: ("{where: {face: z-}}",),
     obstacle_schema.SphereObstacleModel: ("{radius: 0.04}",),
     obstacle_schema.BoxObstacleModel: ("{size: [0.1, 0.2, 0.02]}",),
     obstacle_schema.CapsuleModel: ("{radius: 0.01, length: 0.1}",),

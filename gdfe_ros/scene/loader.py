@@ -71,7 +71,10 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
     return _scene(text, f"scene {origin}", None, overrides)
 
 
-_SECTIONS = ("materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses", "probes")
+_SECTIONS = (
+    "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses", "probes",
+    "sensors",
+)  # fmt: skip
 
 
 def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
@@ -95,6 +98,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     attached = actuation.build_masses(draft, mesh, probes, _names(document, "probes"), report)
     masses = (*attached, *(item.attached for item in rigid))
     loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
+    sensors = actuation.build_sensors(draft, mesh, report)
     program = None
     if draft.program is not None:
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
@@ -122,6 +126,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         actuators=actuators,
         loads=loads,
         probes=probes,
+        sensors=sensors,
         masses=masses,
         dynamics=dynamics,
     )

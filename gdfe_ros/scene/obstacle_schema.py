@@ -13,6 +13,7 @@ from gdfe_ros.constraints.obstacle import Box, Capsule, ContactPoints, Cylinder,
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.where_schema import WhereModel
 
 _LENGTH = Quantity("length along z", "m", above=0.0, most=1e6)
 _RADIUS = Quantity("radius", "m", above=0.0, most=1e6)
@@ -127,3 +128,9 @@ class BodyModel(Choice):
             friction=self.friction,
             points=self.gaps,
         ).numbered(first)
+
+
+class SensorModel(Entry):
+    """A part of the surface that feels what touches it."""
+
+    where: WhereModel = Field(description="its faces: those of which all four vertices lie there, e.g. {face: x+}")

@@ -15,7 +15,7 @@ from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.material_schema import MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
-from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel
+from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SensorModel
 from gdfe_ros.scene.program import Keyframe
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
@@ -148,6 +148,10 @@ class SceneModel(Entry):
         {}, description="attached masses by name, as payload: {mass: 0.05, where: ...}"
     )
     probes: dict[Name, Point3] = Field({}, description="material points by name, as tip: [0.1, 0, 0]")
+    sensors: dict[Name, SensorModel] = Field(
+        {},
+        description="contact sensors by name, as pad: {where: {face: x+}}: what touches these faces",
+    )
     dynamics: DynamicsModel | None = None
     program: ProgramModel | None = None
     solver: SolverModel = SolverModel()
@@ -167,5 +171,6 @@ class Draft(BaseModel):
     masses: dict[str, MassModel] = {}
     dynamics: DynamicsModel | None = None
     probes: dict[str, Point3] = {}
+    sensors: dict[str, SensorModel] = {}
     program: ProgramModel | None = None
     solver: SolverModel = SolverModel()

@@ -16,7 +16,7 @@ from benchmarks.grids import Grid
 from benchmarks.peers import ccx_drop, mujoco_drop
 from benchmarks.peers.ccx_deck import CcxElement
 from benchmarks.peers.ccx_output import read_paths
-from benchmarks.peers.drop_case import DENSITY, GRAVITY, LAW, SIZE, TIP, DropPath
+from benchmarks.peers.drop_case import DENSITY, GRAVITY, LAW, SIZE, TIP
 from gdfe_ros.scene import load_scene
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -46,9 +46,9 @@ def test_the_error_of_a_path_is_relative_to_its_reach() -> None:
     """Shift the reference by a hundredth of its largest displacement: 1 %, and nothing where it is not shifted."""
     kept = np.load(drop.REFERENCE)
     times, tip = kept["t"], kept["tip_centre"]
-    assert drop.error_of(DropPath(times, tip, 1.0)) == pytest.approx(0.0, abs=1e-12)
+    assert drop.path_error(times, tip) == pytest.approx(0.0, abs=1e-12)
     reach = np.linalg.norm(tip - tip[0], axis=1).max()
-    assert drop.error_of(DropPath(times, np.add(tip, [0.0, 0.01 * reach, 0.0]), 1.0)) == pytest.approx(0.01)
+    assert drop.path_error(times, np.add(tip, [0.0, 0.01 * reach, 0.0])) == pytest.approx(0.01)
 
 
 def test_calculix_gets_a_deck_in_its_units() -> None:

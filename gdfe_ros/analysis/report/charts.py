@@ -43,9 +43,11 @@ def all_charts(history: History, scene: Scene, *, dt: float) -> list[Chart]:
         dt: simulation time of most steps [s], shown beside the wall times; 0: not shown.
     """
     charts = [
-        *_motion(history),
+        *_motion(history, scene),
         _vector_chart(history, "Reaction forces", "wrench.force"),
         _vector_chart(history, "Reaction moments", "wrench.torque"),
+        _vector_chart(history, "Forces on contact sensors", "wrench.force", sensors=True),
+        _vector_chart(history, "Moments on contact sensors", "wrench.torque", sensors=True),
         *_actuators(history, scene),
         *_others(history),
         _strain(history),
@@ -72,15 +74,14 @@ def thinning(history: History) -> str:
     )
 
 
-def _motion(history: History) -> list[Chart]:
-    """Commanded and found position, and commanded rotation, of each handle that was commanded."""
-    charts = []
+def _motion(history: History, scene: Scene) -> list[Chart]:
+    """Commanded and found position, and commanded rotation, of each handle and obstacle that was commanded."""
+    charts, sections = [], {handle.name: handle.section for handle in scene.handles}
     for name, targets in history.targets.items():
         table = np.array(targets)
         series = {f"commanded {axis}": table[:, place] for place, axis in enumerate(_AXES)}
-        found = {
-            f"found {axis}": history.responses.get((f"handles/{name}/pose", f"pose.position.{axis}")) for axis in _AXES
-        }
+        topic = f"{sections[name]}/{name}/pose"
+        found = {f"found {axis}": history.responses.get((topic, f"pose.position.{axis}")) for axis in _AXES}
         series |= {label: values for label, values in found.items() if values is not None}
         charts.append(_lines(history, f"Position of {name}, from rest", "m", series))
         if np.any(table[:, 3:]):
@@ -91,11 +92,11 @@ def _motion(history: History) -> list[Chart]:
     return charts
 
 
-def _vector_chart(history: History, title: str, stem: str) -> Chart:
+def _vector_chart(history: History, title: str, stem: str, *, sensors: bool = False) -> Chart:
     series = {
         f"{topic.split('/')[1]} {field[-1]}": values
         for (topic, field), values in history.responses.items()
-        if field.startswith(f"{stem}.")
+        if field.startswith(f"{stem}.") and topic.startswith("sensors/") == sensors
     }
     return _lines(history, title, unit_of(f"{stem}.x"), series)
 

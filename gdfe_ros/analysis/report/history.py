@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gdfe_ros.analysis.bag_steps import RECORD, BagStep
+from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.recording.step_record import Begin
@@ -85,8 +85,13 @@ class History:
 
 
 def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
-    """Give the numbers of a message that holds only a few; entries of joint states by their place, as ``effort.0``."""
+    """Give the numbers of a message that holds only a few; entries of joint states by their place, as ``effort.0``.
+
+    Of what touches: how many points do.
+    """
     found = {}
+    if topic == CONTACTS:
+        return {(topic, "points"): float(len(values["x"])), (topic, "slipping"): float(values["slips"].sum())}
     for name, array in values.items():
         if topic == JOINTS:
             found |= {(topic, f"{name}.{place}"): float(value) for place, value in enumerate(array)}

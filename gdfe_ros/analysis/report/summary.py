@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.report.energies import balance_text
 from gdfe_ros.analysis.report.history import History
+from gdfe_ros.scene import Scene
 
 Rows = list[tuple[str, str]]
 
@@ -43,7 +44,7 @@ def scene_rows(run: BagRun) -> Rows:
         ("scene", scene.name),
         ("mesh", f"{scene.mesh.n_vertices} vertices, {scene.mesh.n_cells} cells"),
         ("materials", ", ".join(f"{name} ({type(m).__name__})" for name, m in scene.materials.items())),
-        ("handles", ", ".join(f"{h.name}{' (fixed)' if h.fixed else ''}" for h in scene.handles)),
+        *_movable(scene),
         ("policy, tolerance", f"{scene.solver.policy.value}, {scene.solver.tolerance:g}"),
     ]
     if node:
@@ -59,6 +60,14 @@ def scene_rows(run: BagRun) -> Rows:
         ("machine", ", ".join(place)),
         ("libraries", ", ".join(libraries)),
     ]
+
+
+def _movable(scene: Scene) -> Rows:
+    """Name handles and obstacles, a row for each kind that there is."""
+    rows: dict[str, list[str]] = {}
+    for handle in scene.handles:
+        rows.setdefault(handle.section, []).append(f"{handle.name}{' (fixed)' if handle.fixed else ''}")
+    return [(section, ", ".join(names)) for section, names in rows.items()]
 
 
 def _times(times: NDArray[np.float64]) -> str:
