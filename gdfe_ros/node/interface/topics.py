@@ -187,6 +187,15 @@ MARKERS = TopicSpec(
     recorded=False,
     delivery=Delivery.CLOUD,
 )
+CONTACT_MARKERS = TopicSpec(
+    name="~/contact_markers",
+    type="visualization_msgs/msg/MarkerArray",
+    meaning="shapes of obstacles and rigid bodies, and forces as arrows from the points that touch, green where they "
+    "stick and red where they slip, the largest so far 0.3 of the body's size long; at most `marker_rate`; not "
+    "recorded; only of scenes with `obstacles` or `bodies`",
+    recorded=False,
+    delivery=Delivery.CLOUD,
+)
 TF = TopicSpec(
     name="/tf",
     type="tf2_msgs/msg/TFMessage",
@@ -226,7 +235,7 @@ DIAGNOSTICS = TopicSpec(
 OUTPUTS = (
     MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, OBSTACLE_POSE, OBSTACLE_WRENCH,
     BODY_POSE, BODY_WRENCH, CONTACTS, CONTACT_NAMES, SENSOR_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN, STEP_RECORD,
-    MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
+    MARKERS, CONTACT_MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
 )  # fmt: skip
 
 
