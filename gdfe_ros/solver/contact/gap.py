@@ -86,13 +86,19 @@ def distance_at(kind, head, px, py, pz):
 
 @inlined
 def gap_at(kind, reals, r, px, py, pz):
-    """Return the distance [m] of a point, and the normal there: from the obstacle, or where it came in."""
+    """Return the distance [m] of a point from the obstacle, and the normal there.
+
+    What the obstacle would push out on another side than it came in has its distance from the plane there instead.
+    """
+    g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
     a, b, c = reals[r + PLANE], reals[r + PLANE + 1], reals[r + PLANE + 2]
     if a == 0.0 and b == 0.0 and c == 0.0:
-        return distance_at(kind, reals, px, py, pz)
+        return g, nx, ny, nz
+    ex, ey, ez = in_world(reals, a, b, c)
+    if nx * ex + ny * ey + nz * ez > 0.0:
+        return g, nx, ny, nz
     x, y, z = in_frame(reals, px - reals[ORIGIN], py - reals[ORIGIN + 1], pz - reals[ORIGIN + 2])
-    nx, ny, nz = in_world(reals, a, b, c)
-    return a * x + b * y + c * z - reals[r + PLANE + 3], nx, ny, nz
+    return a * x + b * y + c * z - reals[r + PLANE + 3], ex, ey, ez
 
 
 @kernel

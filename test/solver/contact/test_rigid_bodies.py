@@ -115,5 +115,5 @@ def test_the_gradient_is_that_of_rigid_motions(cushion: Callable[..., Simulation
 
 def test_a_body_takes_no_commands(cushion: Callable[..., Simulation]) -> None:
     """Who commands a body that moves freely is told that it takes none."""
-    with pytest.raises(CommandError, match="'part' is fixed; handles that move: none"):
+    with pytest.raises(CommandError, match="'part' is fixed; bodies that move: none"):
         cushion().step(Command(handles={"part": Pose((0.0, 0.0, 0.1))}))
