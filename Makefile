@@ -1,4 +1,5 @@
 # make run [SCENE=bend5]  install, simulate, record, draw        make test  lint, format, tests
+# make live [SCENE=pneunet] the running scene in the browser
 # make install            .venv with the commands gdfe, sim_node
 # make test-loaded        the tests five times beside two busy loops
 # make torture            the numerical torture test             make bench run time against error
@@ -31,7 +32,8 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion bench-skip bench-sweep \
+.PHONY: install run live test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion \
+        bench-contact bench-skip bench-sweep \
         bags docs clean
 
 install: $(STAMP)
@@ -73,6 +75,9 @@ $(VENV)/.extra-%: $(STAMP)
 run: install
 	@$(BIN)/gdfe demo $(SCENE)
 
+live: $(VENV)/.extra-live
+	@$(BIN)/gdfe live $(if $(filter command line environment,$(origin SCENE)),$(SCENE),pneunet)
+
 # The report's test drives a real Chromium. Where it is missing and cannot be installed, that test fails and says so.
 browser:
 	@if ! command -v chromedriver >/dev/null && [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
@@ -107,9 +112,14 @@ bench-node: install
 bench-node-since: install
 	@$(BIN)/python -m benchmarks.node.since $(COMMIT)
 
-# Error against wall time on a bar that falls, a measured beam, robots beside real time
+# Error against processor time on a bar that falls, long runs, a measured beam, robots beside real time;
+# beside MuJoCo (the extra 'bench') and CalculiX (apt-get install calculix-ccx) where they are installed.
 bench-motion: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.motion
+
+# A cube on a ball, a ball between plates, a slab on a slope, beside others and theory
+bench-contact: install
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.contact
 
 bench-skip: install
 	@$(BIN)/python -m benchmarks.savings

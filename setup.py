@@ -38,6 +38,8 @@ EXTRAS = {
     "plot": ["matplotlib>=3.8", "plotly>=5.20", "pillow>=10.0"],
     "sweep": ["distributed>=2024.8", "pyarrow>=15.0"],
     "video": ["av>=14.0"],
+    "live": ["viser>=1.1,<2"],
+    "gym": ["gymnasium>=1.0"],
     "bench": ["felupe>=11.3", "tensortrax>=0.29", "pypardiso>=0.4.7", "mujoco>=4.0"],
     "docs": ["mkdocs>=1.6", "latex2mathml>=3.77"],
     "test": [
@@ -50,6 +52,8 @@ EXTRAS = {
         "docutils>=0.20",
         "selenium>=4.20",
         "av>=14.0",
+        "viser>=1.1,<2",
+        "gymnasium>=1.0",
     ],
 }
 

@@ -1,48 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion: error against wall time on `drop`, a measured beam beside a simulated one, robots beside real time.
+"""Motion: error against time on `drop` beside other solvers, long runs, a measured beam, robots beside real time.
 
-``make bench-motion`` writes runs/motion/motion.json and prints the tables of docs/theory/motion.md.
+``make bench-motion`` writes runs/motion/ (motion.json and two pictures) and prints the tables of docs/theory/motion.md.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from matplotlib.figure import Figure
 
+from benchmarks.beam import TARGETS, draw_swings, measure_beam
+from benchmarks.drop import OURS, front, measure_ours, measure_peers
 from benchmarks.markdown import markdown_table
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
-DATA = Path(__file__).parents[1] / "test" / "data"
-DROPS = (
-    ([20, 1, 1], "newmark", 0.01),
-    ([20, 2, 2], "generalised_alpha", 0.01),
-    ([20, 2, 2], "bdf2", 0.01),
-    ([20, 2, 2], "newmark", 0.01),
-    ([20, 2, 2], "generalised_alpha", 0.005),
-    ([40, 4, 4], "generalised_alpha", 0.01),
-    ([40, 4, 4], "generalised_alpha", 0.005),
-    ([40, 4, 4], "generalised_alpha", 0.002),
-    ([40, 4, 4], "newmark", 0.002),
-)
-"""Cells, scheme and step [s]."""
-LOADS = (0, 52, 101)
-"""Attached to the measured beam [g]."""
-DAMPINGS = {
-    "viscosity": {"viscosity": 420.0},
-    "viscosity and mass": {"viscosity": 260.0, "mass": 2.0},
-    "one Prony branch": None,
-}
-"""Fits to the decay of the beam without load; the pair needs a second frequency, and takes those of all three."""
-PRONY = [{"share": 0.25, "time": 0.035}]
 ROBOTS = (
     "tendon_finger",
     "gripper",
@@ -55,70 +34,49 @@ ROBOTS = (
 STEPS = (0.002, 0.005, 0.010)
 LASTS = 0.5
 """Simulated time of a robot [s]."""
+LONG, LONG_STEP = 10.0, 0.005
+"""Time for which `drop` swings, and step [s]."""
+TURNS, SPIN, SPIN_STEP = 100, 20.0, 0.002
+"""Of a body that nothing holds, its angular velocity [rad/s], and step [s]."""
+SPINNING = {
+    "mesh.bar": {"size": [0.10, 0.02, 0.02], "cells": [5, 1, 1]},
+    "materials.rubber.young": 1e6,
+    "handles": {},
+    "loads": {},
+    "program": None,
+    "probes": {},
+    "dynamics": {"scheme": "newmark", "step": SPIN_STEP, "spin": [0.0, 0.0, SPIN]},
+}
+COLOURS = {"gdfe_ros": "#1b6ca8", "MuJoCo": "#edae49", "CalculiX": "#66a182"}
 
 
-def measure_drop(cells: list[int], scheme: str, step: float) -> dict[str, Any]:
-    """Return the rms error of the tip's path in one second, and what it took."""
-    given = {"mesh.bar.cells": cells, "dynamics.scheme": scheme, "dynamics.step": step}
-    simulation = Simulation(load_scene("drop", overrides=given))
-    simulation.warm_up()
-    started, path, times, iterations = time.perf_counter(), [], [], []
-    while simulation.time < 1.0 - 1e-9:
+def measure_energy() -> dict[str, float]:
+    """Return by how much the total energy of `drop` strays with the scheme that keeps it, over the kinetic energy."""
+    simulation = Simulation(load_scene("drop", overrides={"dynamics.scheme": "newmark", "dynamics.step": LONG_STEP}))
+    total, kinetic = [], []
+    while simulation.time < LONG - 1e-9:
+        energy = simulation.step().energies
+        total.append(energy["kinetic"] + energy["elastic"] + energy["potential"])
+        kinetic.append(energy["kinetic"])
+    return {"seconds": LONG, "step": LONG_STEP, "strays": float(np.abs(total).max() / max(kinetic))}
+
+
+def measure_spin() -> dict[str, float]:
+    """Return by how much the momenta of a spinning body change, over the angular one and that of its rim."""
+    simulation = Simulation(load_scene("drop", overrides=SPINNING))
+    mass, rest = simulation._stepper._mass, simulation.mesh.vertices
+    centre, weights = rest.mean(axis=0), np.asarray(mass.sum(axis=0)).ravel()
+    start = np.cross(rest - centre, mass @ np.cross([0.0, 0.0, SPIN], rest - centre)).sum(axis=0)
+    angular = linear = 0.0
+    while simulation.time < TURNS * 2.0 * np.pi / SPIN:
         result = simulation.step()
-        path.append(simulation.probe_positions()["tip"])
-        times.append(result.time)
-        iterations.append(result.iterations)
-    seconds = time.perf_counter() - started
-    reference = np.load(DATA / "reference" / "motion_drop.npz")
-    tip = reference["tip_centre"]
-    away = np.array(path) - CubicSpline(reference["t"], tip)(times)
-    error = np.sqrt((away**2).sum(axis=1).mean()) / np.linalg.norm(tip - tip[0], axis=1).max()
-    return {
-        "cells": cells,
-        "scheme": scheme,
-        "step": step,
-        "error": float(error),
-        "seconds": seconds,
-        "iterations": float(np.mean(iterations)),
-    }
-
-
-def swings(times: NDArray[np.float64], height: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Return sag, frequency [Hz] and damping ratio of the first swings; the sag is the mean of the last half second."""
-    from scipy.signal import find_peaks  # as heavy as all else that this module imports
-
-    sag = -float(height[times > times[-1] - 0.5].mean())
-    away = height + sag
-    extremes = np.sort(np.concatenate([find_peaks(sign * away, prominence=0.2)[0] for sign in (1, -1)]))[:9]
-    before, here, after = (away[extremes + shift] for shift in (-1, 0, 1))
-    offset = 0.5 * (before - after) / (before - 2.0 * here + after)
-    moments = times[extremes] + offset * (times[1] - times[0])
-    count = np.arange(len(extremes))
-    decay = np.polyfit(count, np.log(np.abs(here - 0.25 * (before - after) * offset)), 1)[0] / np.pi
-    return sag, float(0.5 / np.polyfit(count, moments, 1)[0]), float(-decay / np.sqrt(1.0 + decay**2))
-
-
-def measured_beam(load: int) -> tuple[float, float, float]:
-    """Return sag [mm], frequency and damping ratio of a recording: the mean of its markers."""
-    data = np.genfromtxt(DATA / "measured" / f"beam_{load}g.csv", delimiter=",", names=True)
-    first = data["t_s"] < 2.2
-    height = np.mean([data[f"m{number}_up_mm"] for number in (1, 2, 3)], axis=0)
-    return swings(data["t_s"][first], height[first])
-
-
-def simulated_beam(load: int, damping: Mapping[str, float] | None) -> tuple[float, float, float]:
-    """Return the same of the scene `silicone_beam`: the mean of its end face; None takes the Prony branch."""
-    given: dict[str, Any] = {"dynamics": {"step": 0.005, **({"damping": damping} if damping else {"prony": PRONY})}}
-    if load:
-        given["masses"] = {"load": {"mass": 1e-3 * load, "where": {"face": "x+"}}}
-    simulation = Simulation(load_scene("silicone_beam", overrides=given))
-    end = simulation.mesh.vertices[:, 0] > 0.0999
-    height, times = [], []
-    while simulation.time < 2.2:
-        result = simulation.step()
-        height.append(1e3 * result.positions[end, 2].mean())
-        times.append(result.time)
-    return swings(np.array(times), np.array(height))
+        momentum = mass @ result.velocities
+        away = result.positions - weights @ result.positions / weights.sum()
+        angular = max(angular, float(np.linalg.norm(np.cross(away, momentum).sum(axis=0) - start)))
+        linear = max(linear, float(np.linalg.norm(momentum.sum(axis=0))))
+    rim = weights.sum() * SPIN * 0.5 * simulation.mesh.size
+    scaled = {"angular": angular / float(np.linalg.norm(start)), "linear": linear / float(rim)}
+    return {"turns": TURNS, "step": SPIN_STEP, "per_turn": 2.0 * np.pi / SPIN / SPIN_STEP, **scaled}
 
 
 def measure_robot(name: str, step: float) -> dict[str, Any]:
@@ -141,43 +99,110 @@ def measure_robot(name: str, step: float) -> dict[str, Any]:
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     """Return the tables of a report by name."""
     drops = [
-        ["x".join(map(str, row["cells"])), row["scheme"], f"{1e3 * row['step']:g}", f"{100 * row['error']:.2f}",
-         f"{row['seconds']:.2f}", f"{row['iterations']:.1f}"]
+        [row["solver"], row["kind"], "x".join(map(str, row["cells"])), f"{1e3 * row['step']:g}",
+         f"{100 * row['error']:.2f}", f"{row['seconds']:.2f}",
+         f"{row['iterations']:.1f}" if "iterations" in row else ""]
         for row in report["drop"]
-    ]  # fmt: skip
-    beams = [
-        [row["damping"], f"{row['load']} g", *(f"{value:.3g} ({100 * (value / real - 1):+.0f} %)" for value, real in
-         zip(row["simulated"], row["measured"], strict=True))]
-        for row in report["beam"]
     ]  # fmt: skip
     robots = []
     for name in dict.fromkeys(row["robot"] for row in report["robots"]):
         rows = [row for row in report["robots"] if row["robot"] == name]
         robots.append([f"`{name}`", *(f"{row['ratio']:.2g} ({row['iterations']:.0f})" for row in rows)])
-    heads = ("cells", "scheme", "h [ms]", "error [%]", "wall time [s]", "iterations a step")
+    heads = ("solver", "scheme or element", "cells", "h [ms]", "error [%]", "time [s]", "iterations a step")
+    missing = "".join(f"\n\nNot measured: {text}." for text in report["missing"])
     return {
-        "drop": markdown_table(heads, drops),
-        "beam": markdown_table(("damping", "load", "sag [mm]", "frequency [Hz]", "damping ratio"), beams),
+        "drop": markdown_table(heads, drops) + missing,
+        "long": _long_table(report["long"]),
+        "beam": _beam_table(report["beam"]["rows"]),
+        "beam_theory": _theory_table(report["beam"]["theory"]),
         "moving": markdown_table(("robot", *(f"h = {1e3 * step:g} ms" for step in STEPS)), robots),
     }
 
 
-def main(out: Path) -> None:
-    """Measure, keep, print."""
-    measured = {load: measured_beam(load) for load in LOADS}
-    report = {
-        "drop": [measure_drop(*row) for row in DROPS],
-        "beam": [
-            {"damping": name, "load": load, "measured": measured[load], "simulated": simulated_beam(load, damping)}
-            for name, damping in DAMPINGS.items()
-            for load in LOADS
-        ],
-        "robots": [measure_robot(name, step) for name in ROBOTS for step in STEPS],
-    }
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "motion.json").write_text(json.dumps(report, indent=1))
+def _long_table(report: Mapping[str, Any]) -> str:
+    energy, spin = report["energy"], report["spin"]
+    step = f"{1e3 * energy['step']:g} ms"
+    turn = f"{1e3 * spin['step']:g} ms, {spin['per_turn']:.0f} a turn"
+    turns = f"a free body, {spin['turns']} turns"
+    rows = [
+        (f"`drop`, {energy['seconds']:g} s", step, "total energy over the largest kinetic",
+         f"{100 * energy['strays']:.2g} %", "0.5 %"),
+        (turns, turn, "angular momentum", f"{100 * spin['angular']:.2g} %", "0.1 %"),
+        (turns, turn, "linear momentum, over that of its rim", f"{spin['linear']:.1g}", "rounding"),
+    ]  # fmt: skip
+    return markdown_table(("run", "h", "what strays", "at most", "aimed at"), rows)
+
+
+def _beam_table(rows: list[dict[str, Any]]) -> str:
+    cells = [
+        [row["damping"], f"{row['load']} g", *(f"{value:.3g} ({100 * (value / real - 1):+.0f} %)" for value, real in
+         zip(row["simulated"], row["measured"], strict=True))]
+        for row in rows
+    ]  # fmt: skip
+    aimed = ["aimed at", "", *(f"±{100 * target:.0f} %" for target in TARGETS)]
+    return markdown_table(("damping", "load", "sag [mm]", "frequency [Hz]", "damping ratio"), [*cells, aimed])
+
+
+def _theory_table(rows: list[dict[str, float]]) -> str:
+    def beside(row: Mapping[str, float], value: str, real: str) -> str:
+        return f"{row[value]:.3g} ({100 * (row[value] / row[real] - 1):+.1f} %)"
+
+    cells = []
+    for row in rows:
+        lever = softer = ""
+        if row["load"]:
+            lever = f"{1e3 * row['lever']:.1f} mm: {beside(row, 'frequency_lever', 'frequency')}"
+            softer = f"{100 * row['softer'] - 100:+.0f} %: {beside(row, 'frequency_softer', 'frequency')}"
+        sag = [f"{row['sag']:.3g}", beside(row, "sag_theory", "sag")]
+        frequency = [f"{row['frequency']:.3g}", beside(row, "frequency_theory", "frequency")]
+        cells.append([f"{row['load']:.0f} g", *sag, *frequency, lever, softer])
+    heads = ("load", "sag [mm]", "theory", "frequency [Hz]", "theory", "with a lever", "with a softer beam")
+    return markdown_table(heads, cells)
+
+
+def draw_front(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Draw processor time against the error of the tip's path; lines join each solver's best."""
+    figure = Figure(figsize=(7.5, 4.6), dpi=130, layout="constrained")
+    axis = figure.subplots()
+    for solver, colour in COLOURS.items():
+        own = [row for row in rows if row["solver"] == solver]
+        for marked, style in ((own, {"ls": "", "alpha": 0.4}), (front(own), {"label": solver})):
+            if marked:
+                points = ([100 * row["error"] for row in marked], [row["seconds"] for row in marked])
+                axis.loglog(*points, marker="o", ms=5, color=colour, **style)
+    axis.axhline(1.0, color="0.6", lw=0.8, ls="--")
+    axis.annotate("real time", (axis.get_xlim()[1], 1.0), fontsize=8, color="0.4", ha="right", va="bottom")
+    axis.set_xlabel("rms error of the tip's path [%]", fontsize=9)
+    axis.set_ylabel("processor time for one second [s]", fontsize=9)
+    axis.grid(visible=True, which="both", color="0.92")
+    axis.legend(fontsize=9, frameon=False, loc="upper right")
+    figure.savefig(path)
+
+
+def main() -> None:
+    """Measure, keep, draw, print."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.motion", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("runs/motion"))
+    parser.add_argument("--only", choices=("drop", "long", "beam", "robots"), help="the rest is kept as it was")
+    arguments = parser.parse_args()
+    kept = arguments.out / "motion.json"
+    report = json.loads(kept.read_text()) if arguments.only and kept.is_file() else {}
+    wanted = {arguments.only} if arguments.only else {"drop", "long", "beam", "robots"}
+    if "drop" in wanted:
+        peers, missing = measure_peers()
+        report |= {"drop": [measure_ours(*row) for row in OURS] + peers, "missing": missing}
+    if "long" in wanted:
+        report["long"] = {"energy": measure_energy(), "spin": measure_spin()}
+    if "beam" in wanted:
+        report["beam"] = measure_beam()
+    if "robots" in wanted:
+        report["robots"] = [measure_robot(name, step) for name in ROBOTS for step in STEPS]
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    kept.write_text(json.dumps(report, indent=1))
+    draw_front(arguments.out / "motion_front.png", report["drop"])
+    draw_swings(arguments.out / "beam.png", report["beam"]["swings"])
     print("\n\n".join(all_tables(report).values()))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/motion"))
+    main()

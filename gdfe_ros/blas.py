@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One thread for BLAS while a body is solved.
 
-On small bands its threads wait for each other longer than they work: beside another busy process a factor takes a
-hundred times as long.
+On small bands its threads wait for each other longer than they work, beside another busy process most of all.
 """
 
 from __future__ import annotations

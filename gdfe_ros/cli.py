@@ -14,6 +14,7 @@ from gdfe_ros.errors import GdfeError
 
 COMMANDS = {
     "solve": "play a scene's program and print and write the result",
+    "live": "show a running scene in the browser and command it with the mouse",
     "demo": "start the node, command it over topics, record, draw",
     "calibrate": "repeat the calibration of Sec. 4.2.1 beside Eq. 7",
     "replay": "make a recorded run again, without ROS or through a node, and compare every published array",

@@ -93,14 +93,14 @@ class Orders:
         for name, pose in (command.handles if command else {}).items():
             if not isinstance(pose, Pose):
                 raise CommandError(f"handle {name!r}: the target is {pose!r}; allowed: a Pose(translation, rotation)")
-            if self.handle(name).fixed:
-                movable = [handle.name for handle in self._scene.handles if not handle.fixed]
-                raise CommandError(f"handle {name!r} is fixed; handles that move: {_list(movable)}")
+            if (handle := self.handle(name)).fixed:
+                movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
+                raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")
             far = math.hypot(*pose.translation) / self._scene.mesh.size
             turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
             if far > FARTHEST or turns > FARTHEST:
                 raise CommandError(
-                    f"handle {name!r} is commanded {far:.3g} body lengths and {turns:.3g} turns away; at most "
+                    f"{handle.noun} {name!r} is commanded {far:.3g} body lengths and {turns:.3g} turns away; at most "
                     f"{FARTHEST:g} of each are taken: check the units (metres, radians)"
                 )
             targets[name] = pose
@@ -147,9 +147,9 @@ def require_times(*, dt: object, deadline: object, cut_after: object) -> None:
         CommandError: it is no finite number, or below zero.
     """
     for name, value in (("dt", dt), ("deadline", 0.0 if deadline is None else deadline)):
-        if not (isinstance(value, numbers.Real) and math.isfinite(value) and value >= 0.0):
+        if not (_is_number(value) and math.isfinite(value) and value >= 0.0):
             raise CommandError(f"{name} is {value!r}; allowed: finite, 0 or more [s]")
-    if cut_after is not None and not (isinstance(cut_after, numbers.Integral) and cut_after >= 0):
+    if cut_after is not None and not (_is_number(cut_after, numbers.Integral) and cut_after >= 0):
         raise CommandError(f"cut_after is {cut_after!r}; allowed: whole numbers, 0 or more")
 
 
@@ -172,8 +172,13 @@ def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[n
 
 
 def _require_number(what: str, value: object) -> None:
-    if not isinstance(value, numbers.Real):
+    if not _is_number(value):
         raise CommandError(f"{what}: the command is {value!r}; allowed: a number")
+
+
+def _is_number(value: object, kind: type = numbers.Real) -> bool:
+    """Tell whether it is a number of a kind; True and False are none, though Python counts with them."""
+    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 def _list(names: Iterable[str]) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gdfe_ros.actuators import ActuatorState
 from gdfe_ros.command import Command, Orders, checked_positions, require_times
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
@@ -28,7 +29,7 @@ from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.solver.stepping.outcome import step_result
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
-from gdfe_ros.steppers import make_stepper, usual_steps
+from gdfe_ros.steppers import make_stepper, scene_body, usual_steps
 
 WARM_UP = 1e-3
 """Of the body's size: how far handles are moved to have every kernel compiled."""
@@ -65,13 +66,7 @@ class Simulation:
         refuse_unsolvable(scene, self.settings)
         self._orders = Orders(scene)
         self._origin = working_origin(scene.mesh)
-        body = Body.build(
-            scene.mesh.vertices - self._origin,
-            scene.mesh.cells,
-            tuple(scene.materials.values()),
-            scene.cell_material,
-            scene.handles,
-        )
+        body = scene_body(scene, self._origin)
         self._stepper = make_stepper(scene, self.settings, body, terms)
         self.reset()
 
@@ -98,7 +93,8 @@ class Simulation:
     @property
     def positions(self) -> NDArray[np.float64]:
         """Current vertices (n, 3) float64 [m], read-only."""
-        positions = self._state.positions + self._origin if self._origin.any() else self._state.positions.view()
+        own = self._state.positions[: self.mesh.n_vertices]
+        positions = own + self._origin if self._origin.any() else own.view()
         positions.flags.writeable = False
         return positions
 
@@ -144,7 +140,7 @@ class Simulation:
             dt: simulation time of the step [s]; None: none or, with dynamics, one internal step.
             deadline: wall time [s] after which the best state found so far is returned; later steps go on from it.
             cut_after: instead of a deadline, end the solve where a recorded one was ended (``StepResult.cut_after``).
-            interrupted: asked now and then; once it tells so, the solve ends as at a deadline.
+            interrupted: asked now and then; once it tells so, the solve ends as at a deadline, and says which it was.
 
         Raises:
             CommandError: a name, a value or a time that is not allowed; the state is unchanged.
@@ -171,7 +167,7 @@ class Simulation:
     def settled(self) -> bool:
         """Whether the state stays as it is while nothing new is commanded."""
         if isinstance(self._stepper, MotionStepper):
-            return self._stepper.rests(self._state, self.targets, self.commands)
+            return self._stepper.settled(self._state, self.targets, self.commands)
         return self.result is None or self.result.converged
 
     def remarks(self) -> list[str]:
@@ -182,9 +178,9 @@ class Simulation:
         """Start the next step from given vertices, e.g. those of another simulation; commands stay as they are.
 
         Handles stay where they are commanded, sliding ones keep their first vertex's offset along free axes. Pressures,
-        captured shapes and the motion so far are forgotten; with dynamics vertices have the velocities of the start.
-        Where elements are turned inside out, the next step compares the equilibrium it finds with that found from rest
-        and keeps the one with the lower energy; `StepResult.restarts` and the message tell.
+        captured shapes and the motion so far are forgotten; with dynamics steps go on with the velocities of the start.
+        Where elements are turned inside out, the next step to an equilibrium compares it with that from rest and keeps
+        the one with the lower energy; `StepResult.restarts` and the message tell.
 
         Args:
             positions: (n, 3) finite [m].
@@ -194,7 +190,8 @@ class Simulation:
                 that its rotation cannot be told; the state is unchanged.
         """
         given = checked_positions(positions, self.mesh.vertices.shape)
-        self._state = self._stepper.place(self._state, given - self._origin)
+        placed = np.concatenate([given - self._origin, self._state.positions[self.mesh.n_vertices :]])
+        self._state = self._stepper.place(self._state, placed)
 
     def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
         """Have every iteration of the ``energy`` policy seen: energy [J], size of its terms [J], whether it begins.
@@ -246,6 +243,8 @@ class Simulation:
             CommandError: no such handle.
         """
         handle = self._orders.handle(name)
+        if isinstance(handle, Obstacle):
+            return handle.pose(self._state.poses[name], self._state.positions + self._origin)
         if handle.fixed:
             return Pose()
         moved = handle.centre(self.positions) - handle.centre(self.mesh.vertices)

@@ -7,7 +7,10 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.materials import cell_densities
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.mass import mass_matrix
@@ -38,9 +41,19 @@ def make_stepper(
 
     if scene.dynamics is None:
         return Stepper(body, settings, acting())
-    density = np.array([material.density for material in scene.materials.values()])[scene.cell_material]
-    mass = mass_matrix(body.rest, body.cells, density, scene.masses)
+    mass = mass_matrix(body.rest, body.cells, cell_densities(scene.materials, scene.cell_material), scene.masses)
     return MotionStepper(body, settings, scene.dynamics, mass, acting)
+
+
+def scene_body(scene: Scene, origin: NDArray[np.float64]) -> Body:
+    """Return the discretised body of a scene, with positions counted from ``origin`` (3,) [m].
+
+    The vertices that rigid bodies are come behind those of the mesh.
+    """
+    handles = [handle.seen_from(origin) for handle in scene.handles]
+    rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
+    rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
+    return Body.build(rest, scene.mesh.cells, tuple(scene.materials.values()), scene.cell_material, handles)
 
 
 def usual_steps(scene: Scene, policy: Policy) -> int | None:

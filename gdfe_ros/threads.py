@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of the node's threads for ``top -H``, ``perf`` and debuggers."""
+"""Names of this package's threads for ``top -H``, ``perf`` and debuggers."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from pathlib import Path
 
 STEPPER, COURIER, RECORDER = "gdfe-stepper", "gdfe-courier", "gdfe-recorder"
 """Threads of a node beside those of rclpy: one solves, one publishes, one writes the bag."""
+VIEWER = "gdfe-viewer"
+"""Thread of a live page beside the stepper and the server's: it draws."""
 
 
 def show_name() -> None:

@@ -26,14 +26,23 @@ LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.01))})
 
 @pytest.mark.parametrize(
     "times",
-    [{"deadline": "a"}, {"deadline": -1.0}, {"deadline": np.nan}, {"cut_after": 1.5}, {"cut_after": -1}],
+    [
+        {"dt": True},
+        {"deadline": "a"},
+        {"deadline": -1.0},
+        {"deadline": np.nan},
+        {"deadline": True},
+        {"cut_after": 1.5},
+        {"cut_after": -1},
+        {"cut_after": True},
+    ],
     ids=str,
 )
 def test_times_are_refused_before_anything_moves(times: dict[str, Any]) -> None:
-    """Give a deadline that is none: named, and neither time nor target has moved."""
+    """Give a time that is none: named, and neither time nor target has moved."""
     simulation = Simulation(scene_from_text(SCENE))
     with pytest.raises(CommandError, match=next(iter(times))):
-        simulation.step(LIFT, dt=1.0, **times)
+        simulation.step(LIFT, **{"dt": 1.0, **times})
     assert simulation.time == 0.0
     assert simulation.targets["tip"] == Pose()
 
@@ -43,10 +52,11 @@ def test_times_are_refused_before_anything_moves(times: dict[str, Any]) -> None:
     [
         Command(actuators={"pull": None}),
         Command(actuators={"pull": np.ones(2)}),
+        Command(actuators={"pull": True}),
         Command(loads={"weight": "2"}),
         Command(handles={"tip": (0.0, 0.0, 0.01)}),
     ],
-    ids=["none", "array", "text", "tuple"],
+    ids=["none", "array", "flag", "text", "tuple"],
 )
 def test_values_of_the_wrong_kind_are_named(command: Command) -> None:
     """Command what is no number and no pose: named with what is allowed."""

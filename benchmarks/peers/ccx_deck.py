@@ -21,6 +21,8 @@ MILLIMETRES = 1e3
 """Millimetres in a metre."""
 MEGAPASCALS = 1e-6
 """Megapascals in a pascal."""
+PATIENT = ["*CONTROLS, PARAMETERS=TIME INCREMENTATION", "30,60,9,60,30,4,,60,,"]
+"""Cards of a step that have it iterate up to 60 times where residuals shrink slowly."""
 _STIFF = 1e15
 """Compliances D2, D3 of the Ogden law that switch their terms off; zero means a default there."""
 
@@ -92,8 +94,8 @@ def write_deck(case: Case, grid: Grid, element: CcxElement, *, steps: int, incre
         raise ValueError(f"{element.value} needs a grid of order {element.order}, not {grid.order}")
     used = used_nodes(grid, element)
     right = np.intersect1d(grid.face(right=True), used)
-    lines = [*_mesh_cards(case, grid, element, used), *_set_cards("BASE", np.intersect1d(grid.face(right=False), used))]
-    lines += _set_cards("TIP", right)
+    lines = [*_mesh_cards(case, grid, element, used), *set_cards("BASE", np.intersect1d(grid.face(right=False), used))]
+    lines += set_cards("TIP", right)
     for index, law in enumerate(case.laws):
         lines += law_cards(law, name=f"LAW{index}")
         material = material_name(law, name=f"LAW{index}")
@@ -136,14 +138,25 @@ def _ogden_cards(law: OgdenSeries) -> list[str]:
 
 
 def _mesh_cards(case: Case, grid: Grid, element: CcxElement, used: npt.NDArray[np.int32]) -> list[str]:
-    points = grid.points() * MILLIMETRES
-    lines = ["*NODE, NSET=ALL"]
-    lines += [f"{node + 1},{x:.10g},{y:.10g},{z:.10g}" for node, (x, y, z) in zip(used, points[used], strict=True)]
-    connectivity, law = grid.connectivity(element.nodes) + 1, case.cell_law(grid)
+    lines, law = node_cards(grid, used), case.cell_law(grid)
     for index in range(len(case.laws)):
-        lines.append(f"*ELEMENT, TYPE={element.value}, ELSET=SEGMENT{index}")
-        for cell in np.nonzero(law == index)[0]:
-            lines += _rows([cell + 1, *connectivity[cell]], per_row=16)
+        lines += element_cards(grid, element, np.nonzero(law == index)[0], name=f"SEGMENT{index}")
+    return lines
+
+
+def node_cards(grid: Grid, used: npt.NDArray[np.int32]) -> list[str]:
+    """Return the cards of the nodes with these lattice indices (u,), as the set ALL."""
+    points = grid.points()[used] * MILLIMETRES
+    lines = [f"{node + 1},{x:.10g},{y:.10g},{z:.10g}" for node, (x, y, z) in zip(used, points, strict=True)]
+    return ["*NODE, NSET=ALL", *lines]
+
+
+def element_cards(grid: Grid, element: CcxElement, cells: npt.NDArray[np.int64], *, name: str) -> list[str]:
+    """Return the cards of these cells (c,), as the set ``name``."""
+    connectivity = grid.connectivity(element.nodes) + 1
+    lines = [f"*ELEMENT, TYPE={element.value}, ELSET={name}"]
+    for cell in cells:
+        lines += _rows([cell + 1, *connectivity[cell]], per_row=16)
     return lines
 
 
@@ -153,7 +166,8 @@ def _rows(numbers: Iterable[int], *, per_row: int) -> list[str]:
     return [row + "," for row in rows[:-1]] + rows[-1:]
 
 
-def _set_cards(name: str, nodes: npt.NDArray[np.int32]) -> list[str]:
+def set_cards(name: str, nodes: npt.NDArray[np.int32]) -> list[str]:
+    """Return the cards of a set of nodes with these lattice indices (k,)."""
     rows = _rows(nodes + 1, per_row=12)
     return [f"*NSET, NSET={name}", *(row.rstrip(",") for row in rows)]
 
@@ -166,7 +180,7 @@ def _step_cards(
     free_x: bool,
     last: bool,
 ) -> list[str]:
-    patience = ["*CONTROLS, PARAMETERS=TIME INCREMENTATION", "30,60,9,60,30,4,,60,,"] if incrementation.patient else []
+    patience = PATIENT if incrementation.patient else []
     lines = ["*STEP, NLGEOM, INC=1000", *patience, "*STATIC", f"{incrementation.first:g},1.", "*BOUNDARY"]
     for axis in (1, 2) if free_x else (0, 1, 2):
         lines += [

@@ -53,6 +53,25 @@ def read_reactions(text: str) -> Nodal:
     return found
 
 
+def read_paths(text: str) -> tuple[npt.NDArray[np.float64], list[Nodal]]:
+    """Return the times (k,) [s] and nodal displacements of every ``displacements`` block of a ``.dat`` file.
+
+    Raises:
+        ValueError: if there is no such block.
+    """
+    times, paths = [], []
+    for line in text.splitlines():
+        fields = line.split()
+        if fields[:1] == ["displacements"]:
+            times.append(float(fields[-1]))
+            paths.append({})
+        elif len(fields) == 4 and paths:
+            paths[-1][int(fields[0])] = (float(fields[1]), float(fields[2]), float(fields[3]))
+    if not paths:
+        raise ValueError("the .dat file holds no displacements: did the analysis end early?")
+    return np.array(times), paths
+
+
 def count_iterations(text: str) -> int:
     """Return the number of linear solves that the log of ``ccx`` reports."""
     return sum(line.strip().startswith("iteration ") for line in text.splitlines())

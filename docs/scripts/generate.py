@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from benchmarks import motion
+from benchmarks import contact, motion
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.node import tables as node_tables
 from benchmarks.tables import all_tables, tables_beside
@@ -22,8 +22,8 @@ from gdfe_ros.scene import reference as scene_reference
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "test" / "data"
-"""Reports of ``make bench``, ``bench-node``, ``bench-skip``, ``bench-motion``, ``manners`` and ``torture``, copied from
-runs/."""
+"""Reports of ``make bench``, ``bench-node``, ``bench-skip``, ``bench-motion``, ``bench-contact``, ``manners`` and
+``torture``, copied from runs/."""
 
 
 def pages() -> list[Path]:
@@ -42,6 +42,7 @@ def texts() -> dict[str, str]:
         **node_tables.all_tables(json.loads((DATA / "bench_node.json").read_text())),
     }
     found |= motion.all_tables(json.loads((DATA / "motion.json").read_text()))
+    found |= contact.all_tables(json.loads((DATA / "contact.json").read_text()))
     for name in ("bench", "skip", "torture"):
         found |= all_tables(json.loads((DATA / f"{name}.json").read_text()))
     return {name: text.strip() for name, text in found.items()}

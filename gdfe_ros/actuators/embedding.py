@@ -24,12 +24,17 @@ class Embedding:
     """Points that move with the body.
 
     Attributes:
-        corners: (p, 8) int32 vertices of the cell around each point.
-        weights: (p, 8) float64 trilinear weights, each row sums to one.
+        corners: (p, 8) int32 vertices of the cell around each point; (p, 1) for points that are vertices.
+        weights: (p, 8) or (p, 1) float64 trilinear weights, each row sums to one.
     """
 
     corners: NDArray[np.int32]
     weights: NDArray[np.float64]
+
+    @classmethod
+    def of_vertices(cls, vertices: NDArray[np.int32]) -> Embedding:
+        """Return vertices (p,) as points."""
+        return cls(vertices[:, None], np.ones((len(vertices), 1)))
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where the points are (p, 3) [m] when the vertices are at ``positions`` (n, 3) [m]."""

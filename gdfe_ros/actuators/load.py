@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,23 +17,26 @@ GAUSS = 3.0**-0.5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttachedMass:
-    """A mass on vertices, in equal parts.
+    """A mass on points of the body, in equal parts.
 
     Attributes:
         name: unique among attached masses.
-        vertices: (k,) int32.
+        points: where the parts sit.
         mass: in total [kg].
     """
 
     name: str
-    vertices: NDArray[np.int32]
+    points: Embedding
     mass: float
 
-    def spread(self, count: int) -> NDArray[np.float64]:
-        """Return the mass at each of ``count`` vertices (n,) [kg]."""
-        shares = np.zeros(count)
-        shares[self.vertices] = self.mass / len(self.vertices)
-        return shares
+    @property
+    def part(self) -> float:
+        """Mass of each part [kg]."""
+        return self.mass / len(self.points.corners)
+
+    def forces(self, count: int, acceleration: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the weight at each of ``count`` vertices (n, 3) [N] under an acceleration (3,) [m/s^2]."""
+        return _collect(count, self.points.corners, (self.part * self.points.weights)[..., None] * acceleration)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,7 +60,7 @@ class Gravity:
         share = corner_volumes(rest, cells)
         forces = _collect(len(rest), cells, (self.density[:, None] * share)[..., None] * self.acceleration)
         for item in self.attached:
-            forces += item.spread(len(rest))[:, None] * self.acceleration
+            forces += item.forces(len(rest), self.acceleration)
         return forces
 
 
@@ -103,14 +107,19 @@ Load = Gravity | PointLoad | SurfaceLoad
 
 def corner_volumes(rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the share of each corner in the volume of each trilinear cell, (m, 8) [m^3], by 2 x 2 x 2 Gauss points."""
+    return sum(volume[:, None] * shape for volume, shape in gauss_points(rest, cells))
+
+
+def gauss_points(
+    rest: NDArray[np.float64], cells: NDArray[np.int32]
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Yield, for each of 2 x 2 x 2 points, the volume (m,) [m^3] it stands for in each cell and its shape (8,)."""
     corners = rest[cells]
-    share = np.zeros((len(cells), 8))
     for point in GAUSS * CORNERS:
         factors = 1.0 + CORNERS * point
         local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
         volume = np.linalg.det(np.einsum("eai,aj->eij", corners, local))
-        share += volume[:, None] * 0.125 * factors.prod(axis=1)
-    return share
+        yield volume, 0.125 * factors.prod(axis=1)
 
 
 def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -91,12 +91,14 @@ class BagRun:
         return values[:, names.index(name)].astype(np.float64)
 
     def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
-        """Return by handle the last force [N] and moment [N m] that it exerts on the body."""
+        """Return by handle, obstacle and sensor the last force [N] and moment [N m] on the body."""
         wrenches = {}
         for role in sorted(role for role in self.roles if role.endswith("/wrench")):
             _, message = _last(self.messages(f"/{role}"))
             force, torque = message.wrench.force, message.wrench.torque
-            wrenches[role.split("/")[-2]] = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
+            section, name = role.split("/")[-3:-1]
+            name = f"sensor {name}" if section == "sensors" else name
+            wrenches[name] = (force.x, force.y, force.z), (torque.x, torque.y, torque.z)
         return wrenches
 
 

@@ -20,7 +20,9 @@ _HANDLE_INPUTS = frozenset({"target", "velocity", "follow"})
 
 What it made of them stands in the step record.
 """
-_OTHERS = frozenset({"topology", "scene", "markers", "jacobian", "/clock"})
+CONTACTS = "contacts"
+"""Topic of the points that touch, a row for each: how many there are differs from step to step."""
+_OTHERS = frozenset({"topology", "scene", "contact_names", "markers", "contact_markers", "jacobian", "/clock"})
 """Topics of the node that are not published once a step."""
 
 StepKey = tuple[int, int]

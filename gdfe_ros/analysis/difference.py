@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.bag_steps import RECORD, StepKey
+from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, StepKey
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import Scene
@@ -182,8 +182,11 @@ class Differences:
         body that is displaced by so little, however small the forces of its bending are.
         One unit in the last place of a float32 is added for what is published as such. Iterations and residuals
         are the cost of a solve, no part of its result, and may differ by anything; velocities of joint states are
-        differences of positions, which are compared themselves.
+        differences of positions, which are compared themselves. Which points touch may differ by those whose force is
+        next to nothing, and then all rows do: wrenches, which are compared, say how they touch.
         """
+        if entry.topic == CONTACTS:
+            return np.inf
         if (entry.topic == RECORD and entry.field.startswith(_COSTS)) or entry.field == "velocity":
             return np.inf
         tolerance = max(entry.gaps, default=self._tolerance) if tolerance is None else tolerance

@@ -8,15 +8,17 @@ from collections import defaultdict
 from rich.console import Console
 from rich.table import Table
 
-from gdfe_ros.analysis.bag_steps import RECORD
+from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD
 from gdfe_ros.analysis.difference import Differences, FieldDifference, Place
 
 UNITS = {
     "x": "m", "y": "m", "z": "m", "ux": "m", "uy": "m", "uz": "m",
     "tangent": "Pa", "energy_density": "J/m^3", "energy": "J", "position": "m", "force": "N", "torque": "N m",
+    "gap": "m", "fx": "N", "fy": "N", "fz": "N", "tx": "N", "ty": "N", "tz": "N",
     "vx": "m/s", "vy": "m/s", "vz": "m/s", "angular_velocity": "rad/s", "linear_acceleration": "m/s^2", "energies": "J",
 }  # fmt: skip
-_VECTORS = {part: vector for vector in ("x y z", "ux uy uz", "vx vy vz") for part in vector.split()}
+_COLUMNS = ("x y z", "ux uy uz", "vx vy vz", "nx ny nz", "fx fy fz", "tx ty tz")
+_VECTORS = {part: vector for vector in _COLUMNS for part in vector.split()}
 _NARROW = 130
 
 
@@ -57,7 +59,7 @@ def unit_of(field: str) -> str:
 
 def where(place: Place, topic: str) -> str:
     """Say when and in which vertex or cell."""
-    kind = {"mesh": "vertex", "velocity": "vertex", "strain": "cell"}.get(topic)
+    kind = {"mesh": "vertex", "velocity": "vertex", "strain": "cell", CONTACTS: "point"}.get(topic)
     repeat = f" ({place.key[1] + 1})" if place.key[1] else ""
     return f"{place.stamp:.9g} s{repeat}" + (f", {kind} {place.element}" if kind else "")
 

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators import ActuatorState, Mode, Readings
-from gdfe_ros.analysis.bag_steps import RECORD
+from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD
 from gdfe_ros.analysis.difference import VELOCITIES
 from gdfe_ros.analysis.message_values import Values, record_values
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.contacts import contact_points
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.motion.imu import ImuReading
@@ -52,9 +54,14 @@ class Publication:
             "strain": lambda: _strain(simulation),
             RECORD: lambda: _record(result, record),
         }
-        for name in simulation.handle_names:
-            makers[f"handles/{name}/pose"] = lambda name=name: _handle(simulation, name)
-            makers[f"handles/{name}/wrench"] = lambda name=name: _wrench(result.reactions[name])
+        for handle in simulation.scene.handles:
+            name, topic = handle.name, f"{handle.section}/{handle.name}"
+            makers[f"{topic}/pose"] = lambda name=name: _handle(simulation, name)
+            makers[f"{topic}/wrench"] = lambda name=name: _wrench(result.reactions[name])
+        if any(isinstance(handle, Obstacle) for handle in simulation.scene.handles):
+            makers[CONTACTS] = lambda: _contacts(result)
+        for name, sensor in simulation.scene.sensors.items():
+            makers[f"sensors/{name}/wrench"] = lambda sensor=sensor: _wrench(sensor.wrench(result))
         for name in simulation.scene.probes:
             makers[f"probe/{name}"] = lambda name=name: _probe(simulation, name, result.positions)
         if simulation.scene.dynamics:
@@ -83,6 +90,11 @@ def _mesh(simulation: Simulation, result: StepResult) -> Values:
     shift = result.positions - simulation.mesh.vertices
     columns = [*result.positions.T, *shift.T]
     return {name: values.astype("<f4") for name, values in zip(("x", "y", "z", "ux", "uy", "uz"), columns, strict=True)}
+
+
+def _contacts(result: StepResult) -> Values:
+    points = contact_points(result.contacts)
+    return {name: np.ascontiguousarray(points[name]) for name in points.dtype.names}
 
 
 def _velocity(result: StepResult) -> Values:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,12 @@ class Handle:
         free: world axes along which the handle slides unloaded; its position there is an unknown.
         turning: world axes, through the handle's centre, about which it turns freely; the components of its rotation
             vector there are unknowns. No moment is left where one or three are free; two end at the least energy.
+        noun: what it is called.
+        section: of a scene file and of topics' names that it stands in.
     """
 
+    noun: ClassVar[str] = "handle"
+    section: ClassVar[str] = "handles"
     name: str
     vertices: NDArray[np.int32]
     fixed: bool = False
@@ -40,6 +45,10 @@ class Handle:
     def __post_init__(self) -> None:
         if self.fixed and (self.free or self.turning):
             raise ValueError(f"handle {self.name!r} is fixed and has free axes; drop one of the two")
+
+    def seen_from(self, origin: NDArray[np.float64]) -> Handle:
+        """Return the handle as it is for who counts positions from ``origin`` (3,) [m]: the same."""
+        return self
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mean (3,) [m] of the handle's vertices out of all ``vertices`` (n, 3)."""

@@ -11,6 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 _ZERO = (0.0, 0.0, 0.0)
+_MEANING = {
+    "translation": "allowed: [x, y, z] in m",
+    "rotation": "allowed: a rotation vector, axis times angle in rad; remedy for a quaternion or a matrix: "
+    "scipy's Rotation.from_quat([x, y, z, w]).as_rotvec(), Rotation.from_matrix(m).as_rotvec()",
+}
 
 
 @dataclass(frozen=True)
@@ -33,10 +38,10 @@ class Pose:
             given = getattr(self, name)
             try:
                 values = tuple(map(float, given))
-            except TypeError:
+            except (TypeError, ValueError):
                 values = ()
             if len(values) != 3 or not all(map(isfinite, values)):
-                raise ValueError(f"{name} must be three finite numbers, got {given!r}")
+                raise ValueError(f"{name} must be three finite numbers, got {given!r}; {_MEANING[name]}")
             object.__setattr__(self, name, values)
 
     def apply(self, points: ArrayLike, centre: ArrayLike) -> NDArray[np.float64]:

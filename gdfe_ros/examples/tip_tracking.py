@@ -61,7 +61,7 @@ class TipTracking(Node):
         self._patience = float(self.declare_parameter("patience", 30.0).value)
         self.errors: list[float] = []
         self._scene = self._tracker = self._start = self._waiting_since = None
-        self._parts: dict[int, dict[str, Any]] = {}
+        self._parts: dict[int, dict[type, Any]] = {}
         self._sent: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=100)
         self._applied: NDArray[np.float64] | None = None
         self._text = ""
@@ -71,8 +71,8 @@ class TipTracking(Node):
         self._jacobian = self.create_client(Trigger, f"{name}/compute_jacobian")
         self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
         self.create_subscription(Float64MultiArray, f"{name}/jacobian", self._take_jacobian, _LATCHED)
-        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _STATES)
-        self.create_subscription(JointState, f"{name}/joint_states", self._take_joints, _STATES)
+        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_state, _STATES)
+        self.create_subscription(JointState, f"{name}/joint_states", self._take_state, _STATES)
         self.create_timer(_LOOK, self._look)
 
     def close(self) -> None:
@@ -105,6 +105,7 @@ class TipTracking(Node):
             return
         self._text, self._scene = message.data, scene_from_text(message.data)
         self._tracker = self._start = self._waiting_since = self._applied = None
+        self._take_whole()
 
     def _take_jacobian(self, message: Float64MultiArray) -> None:
         if self._tracker is not None or self._waiting_since is None:  # a latched one was not asked for by this node
@@ -131,31 +132,32 @@ class TipTracking(Node):
         self._waiting_since = time.monotonic()
         self._commands.publish(Float64MultiArray(data=list(command)))
 
-    def _take_pose(self, message: PoseStamped) -> None:
-        position = message.pose.position
-        self._take(message, "tip", np.array([position.x, position.y, position.z]))
-
-    def _take_joints(self, message: JointState) -> None:
-        if self._scene is None:
-            return
-        places = {name: place for place, name in enumerate(message.name)}
-        values = [
-            (message.effort if actuator.mode in _EFFORTS else message.position)[places[actuator.name]]
-            for actuator in self._scene.actuators
-        ]
-        self._take(message, "applied", np.array(values))
-
-    def _take(self, message: PoseStamped | JointState, kind: str, value: NDArray[np.float64]) -> None:
+    def _take_state(self, message: PoseStamped | JointState) -> None:
         """Put together what one step published; parts of earlier steps that never became whole are dropped."""
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        parts = self._parts.setdefault(stamp, {})
-        parts[kind] = value
-        if len(parts) == 2:
+        self._parts.setdefault(stamp, {})[type(message)] = message
+        self._take_whole()
+
+    def _take_whole(self) -> None:
+        """Go through the steps that are whole; they wait for the scene, which may come after the first of them."""
+        if self._scene is None:
+            return
+        for stamp in sorted(stamp for stamp, parts in self._parts.items() if len(parts) == 2):
+            parts = self._parts[stamp]
             self._parts = {later: kept for later, kept in self._parts.items() if later > stamp}
-            self._applied = parts["applied"]
+            self._applied = self._commands_of(parts[JointState])
             last, self._last = self._last, 1e-9 * stamp
             if self._tracker is not None:
-                self._follow(parts["tip"], self._last, last)
+                position = parts[PoseStamped].pose.position
+                self._follow(np.array([position.x, position.y, position.z]), self._last, last)
+
+    def _commands_of(self, joints: JointState) -> NDArray[np.float64]:
+        places = {name: place for place, name in enumerate(joints.name)}
+        values = [
+            (joints.effort if actuator.mode in _EFFORTS else joints.position)[places[actuator.name]]
+            for actuator in self._scene.actuators
+        ]
+        return np.array(values)
 
     def _follow(self, tip: NDArray[np.float64], now: float, last: float) -> None:
         """Answer a step with the next command."""

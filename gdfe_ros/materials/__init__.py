@@ -2,7 +2,20 @@
 """Stress-strain laws and the paper's materials."""
 
 from gdfe_ros.materials.curve_data import CurveData
+from gdfe_ros.materials.density import cell_densities, lacks_density
 from gdfe_ros.materials.material import Curve, Law, Linear, Material, NeoHookean, Ogden
 from gdfe_ros.materials.presets import PRESETS, preset
 
-__all__ = ["PRESETS", "Curve", "CurveData", "Law", "Linear", "Material", "NeoHookean", "Ogden", "preset"]
+__all__ = [
+    "PRESETS",
+    "Curve",
+    "CurveData",
+    "Law",
+    "Linear",
+    "Material",
+    "NeoHookean",
+    "Ogden",
+    "cell_densities",
+    "lacks_density",
+    "preset",
+]

@@ -29,7 +29,7 @@ class Material:
 
     Attributes:
         poisson: Poisson's ratio at rest, -1 < nu <= 0.5; 0.5 is incompressible.
-        density: mass density [kg/m^3], needed by gravity only.
+        density: mass density [kg/m^3], needed by gravity and dynamics only.
         omega: a given shape factor for the ``relative`` policy, 0 < omega <= 1.
 
     Raises:

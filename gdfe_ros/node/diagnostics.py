@@ -169,7 +169,7 @@ def _solver(session: Session, last: _Mark, mark: _Mark) -> _Part:
     }
     if result.converged or session.arrived():
         return _Part(values)
-    return _Part(values, _WARN, f"not converged: {result.message or 'cut by the deadline'}")
+    return _Part(values, _WARN, f"not converged: {result.message or 'no step was solved there'}")
 
 
 def _recording(session: Session) -> _Part:

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.node.handle_orders import require_near
-from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TrajectoryOrder, TwistOrder
+from gdfe_ros.node.host import Host
+from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TrajectoryOrder, TwistOrder, require_near
 from gdfe_ros.node.refusals import Refusal
-from gdfe_ros.node.run import Run
 from gdfe_ros.simulation import Command
 
 
@@ -26,7 +25,7 @@ class Drive:
         run: whose simulation is driven.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Host) -> None:
         self._run = run
         self.clear()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handles that are held where something else is: a topic's pose, or a frame on /tf."""
+"""Handles and obstacles that are held where something else is: a topic's pose, or a frame on /tf."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.frames import Frames, Placement
 from gdfe_ros.node.handle_orders import placed_order, require_pose
+from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.scene.scene import Scene
@@ -31,19 +32,19 @@ class Leader:
     @property
     def key(self) -> str:
         """Name of the input in ``command_set`` and in bags."""
-        return f"handles/{self.handle.name}/follow"
+        return f"{self.handle.section}/{self.handle.name}/follow"
 
 
 def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict[str, Leader]:
-    """Read the parameter ``follow``; return leaders by handle.
+    """Read the parameter ``follow``; return leaders by handle or obstacle.
 
     Args:
         entries: of the parameter.
-        scene: whose handles follow.
+        scene: whose handles and obstacles follow.
         listening: whether /tf can be listened to.
 
     Raises:
-        GdfeError: an entry is malformed, names no handle that can move, or a frame where tf2_msgs is not installed.
+        GdfeError: an entry is malformed, names nothing that can move, or a frame where tf2_msgs is not installed.
     """
     handles, found = {handle.name: handle for handle in scene.handles}, {}
     for entry in entries:
@@ -54,19 +55,23 @@ def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict
             raise GdfeError(f"{start}; allowed: handle=topic:/name or handle=frame:name")
         if name not in handles:
             raise GdfeError(f"{start}; the scene has no handle {name!r}, but {', '.join(handles) or 'none'}")
-        if handles[name].fixed:
-            raise GdfeError(f"{start}; handle {name!r} is fixed: put handles.{name}.fixed=false into scene_overrides")
+        if MOVED[(handle := handles[name]).section].target is None:
+            raise GdfeError(f"{start}; {handle.noun} {name!r} moves freely and follows nothing: make it an obstacle")
+        if handle.fixed:
+            remedy = f"put {handle.section}.{name}.fixed=false into scene_overrides"
+            raise GdfeError(f"{start}; {handle.noun} {name!r} is fixed: {remedy}")
         if kind == "frame" and not listening:
             raise GdfeError(f"{start}; frames need tf2_msgs, which is not installed: follow a topic, or install it")
         if name in found:
-            raise GdfeError(f"{start}; handle {name!r} follows {found[name]} already")
-        found[name] = Leader(handles[name], **{kind: source})
+            raise GdfeError(f"{start}; {handle.noun} {name!r} follows {found[name]} already")
+        found[name] = Leader(handle, **{kind: source})
     return found
 
 
 def refuse_followed(message: object, leader: Leader) -> PoseOrder:
     """Refuse a command to a handle that follows."""
-    raise Refusal(Reason.FOLLOWS, f"handle {leader.handle.name!r} follows {leader} and takes no commands")
+    handle = leader.handle
+    raise Refusal(Reason.FOLLOWS, f"{handle.noun} {handle.name!r} follows {leader} and takes no commands")
 
 
 def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames: Frames) -> PoseOrder:

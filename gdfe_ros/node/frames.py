@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.qos import installed, interface_class, qos_profile
@@ -143,23 +144,25 @@ class Frames:
     Attributes:
         frame_id: as given.
         positions: gives the present vertices (n, 3) [m].
+        poses: gives the present poses of the obstacles, relative to rest, by name.
     """
 
     def __init__(self, frame_id: str, scene: Scene | None = None, transforms: Transforms | None = None) -> None:
         self.frame_id, self._scene, self.transforms = frame_id, scene, transforms
         self._prefix = "/".join([*frame_id.split("/")[:-1], ""])
         self.positions: Callable[[], NDArray[np.float64]] = lambda: scene.mesh.vertices
+        self.poses: Callable[[], Mapping[str, Pose]] = dict
 
     def rest(self, handle: str) -> str:
-        """Name the frame at the centre of a handle at rest, in which its pose and its target are given."""
+        """Name the frame at the centre of a handle or obstacle at rest, in which its pose and target are given."""
         return f"{self._prefix}{handle}_rest"
 
     def centre(self, handle: str) -> str:
-        """Name the frame at the present centre of a handle, with the axes of the node's frame: that of its wrench."""
+        """Name the frame at the present centre of one, with the axes of the node's frame: that of its wrench."""
         return f"{self._prefix}{handle}_centre"
 
     def handle(self, handle: str) -> str:
-        """Name the frame that moves and turns with a handle, at its centre."""
+        """Name the frame that moves and turns with a handle or obstacle, at its centre."""
         return f"{self._prefix}{handle}"
 
     def probe(self, probe: str) -> str:
@@ -170,36 +173,45 @@ class Frames:
         """Name the frame that moves with a material point and turns with the mean deformation of its cell."""
         return f"{self._prefix}{probe}_imu"
 
+    def sensor(self, sensor: str) -> str:
+        """Name the frame at the present centre of a contact sensor, with the axes of the node's frame."""
+        return f"{self._prefix}{sensor}_sensor"
+
     @property
     def moving(self) -> list[str]:
         """Name the frames that ``places`` gives, in its order."""
         units = map(self.imu, self._scene.probes if self._scene.dynamics else ())
         handles = [name(handle.name) for handle in self._scene.handles for name in (self.centre, self.handle)]
-        return [*handles, *map(self.probe, self._scene.probes), *units]
+        return [*handles, *map(self.probe, self._scene.probes), *units, *map(self.sensor, self._scene.sensors)]
 
     def rests(self) -> dict[str, Placement]:
-        """Give where the centres of the handles are at rest, by frame."""
+        """Give where the centres of handles and obstacles are at rest, by frame."""
         vertices = self._scene.mesh.vertices
         return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._scene.handles}
 
     def places(
-        self, poses: Mapping[str, Pose], probes: Mapping[str, Pose], units: Mapping[str, ImuReading]
+        self,
+        poses: Mapping[str, Pose],
+        probes: Mapping[str, Pose],
+        units: Mapping[str, ImuReading],
+        positions: NDArray[np.float64],
     ) -> list[Placement]:
         """Give where the moving frames are.
 
         Args:
-            poses: of the handles, relative to rest.
+            poses: of handles and obstacles, relative to rest.
             probes: of the material points.
             units: what inertial units at these read; empty without dynamics.
+            positions: of the vertices (n, 3) [m].
         """
         found = []
         for handle in self._scene.handles:
-            pose = poses[handle.name]
-            origin = handle.centre(self._scene.mesh.vertices) + pose.translation
-            found += [Placement(origin), Placement(origin, Rotation.from_rotvec(pose.rotation))]
+            place = self._moved(handle, poses[handle.name])
+            found += [Placement(place.origin), place]
         points = [(np.array(probes[name].translation), name) for name in self._scene.probes]
         found += [Placement(origin, Rotation.from_rotvec(probes[name].rotation)) for origin, name in points]
-        return found + [Placement(origin, units[name].orientation) for origin, name in points if name in units]
+        found += [Placement(origin, units[name].orientation) for origin, name in points if name in units]
+        return found + [Placement(sensor.centre(positions)) for sensor in self._scene.sensors.values()]
 
     def place(self, frame: str) -> Placement | None:
         """Give where any frame is in the node's; None where no transforms lead there."""
@@ -219,7 +231,7 @@ class Frames:
         if self.transforms is None:
             text = (
                 f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r} or {rest!r}, as a target is relative "
-                "to the handle's rest pose in these axes: transform it before it is sent, or have tf2_msgs installed"
+                "to the rest pose in these axes: transform it before it is sent, or have tf2_msgs installed"
             )
             raise Refusal(Reason.FRAME, text)
         found = self.transforms.find(frame, rest, self._own())
@@ -232,15 +244,27 @@ class Frames:
         return found
 
     def _own(self) -> dict[str, tuple[str, Placement]]:
-        """Give what the node knows by itself; handles and points turn as their vertices did."""
-        rest, now = self._scene.mesh.vertices, self.positions()
+        """Give what the node knows by itself; handles turn as their vertices did."""
+        now, poses = self.positions(), self.poses()
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
         for handle in self._scene.handles:
-            centre = handle.centre(now)
-            arms = now[handle.vertices] - centre, rest[handle.vertices] - handle.centre(rest)
-            own[self.centre(handle.name)] = self.frame_id, Placement(centre)
-            own[self.handle(handle.name)] = self.frame_id, Placement(centre, Rotation.align_vectors(*arms)[0])
-        return own
+            obstacle = isinstance(handle, Obstacle)
+            place = self._moved(handle, poses.get(handle.name, Pose())) if obstacle else self._turned(handle, now)
+            own[self.centre(handle.name)] = self.frame_id, Placement(place.origin)
+            own[self.handle(handle.name)] = self.frame_id, place
+        centres = {name: sensor.centre(now) for name, sensor in self._scene.sensors.items()}
+        return own | {self.sensor(name): (self.frame_id, Placement(centre)) for name, centre in centres.items()}
+
+    def _moved(self, handle: Handle, pose: Pose) -> Placement:
+        """Give where the frame of a handle or obstacle is that was moved from rest by a pose."""
+        origin = handle.centre(self._scene.mesh.vertices) + pose.translation
+        return Placement(origin, Rotation.from_rotvec(pose.rotation))
+
+    def _turned(self, handle: Handle, now: NDArray[np.float64]) -> Placement:
+        """Give where the frame of a handle is whose vertices are ``now`` (n, 3) [m]."""
+        rest, centre = self._scene.mesh.vertices, handle.centre(now)
+        arms = now[handle.vertices] - centre, rest[handle.vertices] - handle.centre(rest)
+        return Placement(centre, Rotation.align_vectors(*arms)[0])
 
 
 def transforms_installed() -> bool:

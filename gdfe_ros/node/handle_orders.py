@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a message that commands a handle to an order, or a refusal that says why not."""
+"""From a message that commands a handle or obstacle to an order, or a refusal that says why not."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.node.frames import Frames, Placement
-from gdfe_ros.node.orders import PoseOrder, TwistOrder
+from gdfe_ros.node.orders import FARTHEST, PoseOrder, TwistOrder, require_near
 from gdfe_ros.node.refusals import Reason, Refusal
 
 UNIT_SLACK = 1e-3
-FARTHEST = 10.0
-"""Of the body's size: the farthest that a handle may be from rest, and the farthest that it may move in a second."""
 FASTEST_TURN = 1e3
 """Fastest turn [rad/s]."""
 
@@ -92,21 +90,6 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
     return TwistOrder(handle.name, linear, angular)
 
 
-def require_near(translation: tuple[float, float, float], size: float) -> None:
-    """Check that a target lies within reach of a body of this size [m].
-
-    Raises:
-        Refusal: it does not.
-    """
-    distance = math.hypot(*translation)
-    if distance > FARTHEST * size:
-        raise Refusal(
-            Reason.TOO_FAR,
-            f"position {translation} is {distance:.3g} m from rest; allowed: {FARTHEST * size:.3g} m, "
-            f"{FARTHEST:g} times the body's size",
-        )
-
-
 def _near(handle: Handle, place: Placement, size: float) -> PoseOrder:
     """Command a handle to a place relative to rest, if it is within reach."""
     translation = tuple(place.origin.tolist())
@@ -116,7 +99,9 @@ def _near(handle: Handle, place: Placement, size: float) -> PoseOrder:
 
 def _require_movable(handle: Handle) -> None:
     if handle.fixed:
-        raise Refusal(Reason.FIXED, f"handle {handle.name!r} is fixed in the scene and takes no commands")
+        text = f"{handle.noun} {handle.name!r} is fixed in the scene and takes no commands"
+        remedy = f"put {handle.section}.{handle.name}.fixed=false into scene_overrides"
+        raise Refusal(Reason.FIXED, f"{text}; remedy: {remedy}")
 
 
 def _require_finite(**vectors: tuple[float, ...]) -> None:

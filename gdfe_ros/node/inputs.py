@@ -51,7 +51,7 @@ class Inputs:
 
     Args:
         run: whose simulation is commanded.
-        leaders: of handles that follow, by handle.
+        leaders: of what follows, by handle or obstacle.
 
     Attributes:
         inbox: takes the commands; None while the node is not active.
@@ -76,7 +76,7 @@ class Inputs:
         return [*self._inputs, *(leader.key for leader in self._leaders.values() if leader.frame)]
 
     def led(self) -> dict[str, str]:
-        """Say what handles follow and whether it was heard, by handle."""
+        """Say what handles and obstacles follow and whether it was heard, by name."""
         leaders = self._leaders.items()
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
@@ -141,12 +141,14 @@ class Inputs:
 
 
 def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
-    """List what a scene can be commanded by; handles that are fixed or follow refuse by name."""
+    """List what a scene can be commanded by; handles and obstacles that are fixed or follow refuse by name."""
     scene, frames, size = run.scene, run.frames, run.scene.mesh.size
     for handle in scene.handles:
-        leader = leaders.get(handle.name)
-        for spec, check in ((topics.TARGET, pose_order), (topics.VELOCITY, twist_order)):
-            topic = spec.name.format(handle=handle.name)
+        leader, moved = leaders.get(handle.name), topics.MOVED[handle.section]
+        if moved.target is None:
+            continue
+        for spec, check in ((moved.target, pose_order), (moved.velocity, twist_order)):
+            topic = spec.name.format(**{handle.noun: handle.name})
             take = partial(check, handle=handle, size=size, frames=frames)
             if leader is not None:
                 take = partial(refuse_followed, leader=leader)

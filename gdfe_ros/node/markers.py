@@ -14,25 +14,10 @@ from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker
 
+from gdfe_ros.colour_map import colour
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.node.packing import Template
 
-# The colour map viridis at equal distances, from dark violet over green to yellow.
-_COLOURS = np.array(
-    [
-        [0.267, 0.005, 0.329],
-        [0.283, 0.141, 0.458],
-        [0.254, 0.265, 0.530],
-        [0.207, 0.372, 0.553],
-        [0.164, 0.471, 0.558],
-        [0.128, 0.567, 0.551],
-        [0.135, 0.659, 0.518],
-        [0.267, 0.749, 0.441],
-        [0.478, 0.821, 0.318],
-        [0.741, 0.873, 0.150],
-        [0.993, 0.906, 0.144],
-    ]
-)
 _PROBE = -1.2345678901234567e300
 _COLOUR_PROBE = -1.2345678e30
 
@@ -66,14 +51,6 @@ class SurfaceMarker:
         self._colours[:, :3] = colour(values)[self._cells]
         self._colours[:, 3] = 1.0
         return self._template.stamped(stamp)
-
-
-def colour(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give red, green and blue (m, 3), 0 to 1, of values (m,) between their least and their largest."""
-    low, span = values.min(), np.ptp(values)
-    place = (values - low) / span if span > 0.0 else np.zeros_like(values)
-    grid = np.linspace(0.0, 1.0, len(_COLOURS))
-    return np.stack([np.interp(place, grid, channel) for channel in _COLOURS.T], axis=1)
 
 
 def _marker(count: int, frame_id: str) -> Marker:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -47,11 +48,6 @@ def to_time(nanoseconds: int) -> Time:
     return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
-def to_nanoseconds(seconds: float) -> int:
-    """Round a time [s] to nanoseconds."""
-    return round(seconds * 1e9)
-
-
 def header(stamp: int, frame_id: str) -> Header:
     """Make a header with a stamp [ns]."""
     return Header(stamp=to_time(stamp), frame_id=frame_id)
@@ -78,6 +74,13 @@ def strain_cloud(head: Header, fields: ElementFields) -> PointCloud2:
     for column, name in enumerate(STRAIN_FIELDS[3:], start=3):
         values[:, column] = getattr(fields, name)
     return _cloud(head, STRAIN_FIELDS, values)
+
+
+def contact_cloud(head: Header, points: NDArray[np.void]) -> PointCloud2:
+    """Pack what touches, as `gdfe_ros.contacts.POINT`."""
+    kinds = {"f": PointField.FLOAT32, "i": PointField.INT32}
+    fields = [(name, kinds[points.dtype[name].kind]) for name in points.dtype.names]
+    return _cloud(head, fields, points)
 
 
 def pose_stamped(head: Header, pose: Pose) -> PoseStamped:
@@ -183,21 +186,22 @@ def _doubles(values: NDArray[np.float64]) -> array.array:
     return array.array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
 
 
-def _cloud(head: Header, names: Sequence[str], values: NDArray[np.float32]) -> PointCloud2:
+def _cloud(head: Header, fields: Sequence[str | tuple[str, int]], values: NDArray[Any]) -> PointCloud2:
+    """Pack a row (k, c) for each point; fields of four bytes by name, of another kind than float32 with it."""
     data = array.array("B")
     data.frombytes(values.tobytes())
-    count, width = values.shape
+    kinds = [(each, PointField.FLOAT32) if isinstance(each, str) else each for each in fields]
+    step = 4 * len(kinds)
     return PointCloud2(
         header=head,
         height=1,
-        width=count,
+        width=len(values),
         fields=[
-            PointField(name=name, offset=4 * place, datatype=PointField.FLOAT32, count=1)
-            for place, name in enumerate(names)
+            PointField(name=name, offset=4 * place, datatype=kind, count=1) for place, (name, kind) in enumerate(kinds)
         ],
         is_bigendian=False,
-        point_step=4 * width,
-        row_step=4 * width * count,
+        point_step=step,
+        row_step=step * len(values),
         data=data,
         is_dense=True,
     )

@@ -11,10 +11,10 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.materials import Linear, NeoHookean
 from gdfe_ros.node.bag import Bags
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.parameters import require_allowed
+from gdfe_ros.node.remodelling import moduli_of
 from gdfe_ros.scene.scene import Scene
 
 
@@ -87,11 +87,7 @@ def given_moduli(node: LifecycleNode, scene: Scene) -> dict[str, float]:
 
 def _materials(scene: Scene) -> dict[str, str]:
     """Name the materials that have a modulus, by parameter."""
-    return {
-        MODULUS.name.format(material=name): name
-        for name, material in scene.materials.items()
-        if isinstance(material, (Linear, NeoHookean))
-    }
+    return {MODULUS.name.format(material=name): name for name in moduli_of(scene)}
 
 
 def _require_modulus(name: str, value: object) -> None:

@@ -7,6 +7,7 @@ another actuator takes nothing away.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose, nearest_turn
+from gdfe_ros.node.refusals import Reason, Refusal
+
+FARTHEST = 10.0
+"""Of the body's size: the farthest that a handle may be from rest, and the farthest that it may move in a second."""
 
 
 @dataclass(frozen=True)
@@ -118,3 +123,18 @@ class TrajectoryOrder:
 
 
 Order = PoseOrder | TwistOrder | ActuatorOrder | TrajectoryOrder
+
+
+def require_near(translation: tuple[float, float, float], size: float) -> None:
+    """Check that a target lies within reach of a body of this size [m].
+
+    Raises:
+        Refusal: it does not.
+    """
+    distance = math.hypot(*translation)
+    if distance > FARTHEST * size:
+        raise Refusal(
+            Reason.TOO_FAR,
+            f"position {translation} is {distance:.3g} m from rest; allowed: {FARTHEST * size:.3g} m, "
+            f"{FARTHEST:g} times the body's size",
+        )

@@ -14,12 +14,13 @@ from std_msgs.msg import String
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
+from gdfe_ros.node.contact_outputs import ContactOutputs
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.markers import SurfaceMarker
 from gdfe_ros.node.motion_outputs import MotionOutputs
 from gdfe_ros.node.packing import MeshPacker, PosePacker, StrainPacker, TransformPacker, WrenchPacker
 from gdfe_ros.node.run import Run
-from gdfe_ros.node.step import Demand, Step
+from gdfe_ros.node.step import Demand, Step, to_nanoseconds
 from gdfe_ros.recording.recorder import Recorder
 
 
@@ -40,11 +41,14 @@ class Outputs:
         self._record, self._markers = each_step(topics.STEP_RECORD), each_step(topics.MARKERS)
         self._topology, self._scene_text = Channel(node, topics.TOPOLOGY), Channel(node, topics.SCENE)
         names = [handle.name for handle in scene.handles]
-        self._poses = {name: each_step(topics.HANDLE_POSE, handle=name) for name in names}
-        self._wrenches = {name: each_step(topics.HANDLE_WRENCH, handle=name) for name in names}
-        self._sensors = {name: each_step(topics.HANDLE_SENSOR, handle=name) for name in names}
+        braces = {handle.name: (topics.MOVED[handle.section], {handle.noun: handle.name}) for handle in scene.handles}
+        self._poses = {name: each_step(moved.pose, **brace) for name, (moved, brace) in braces.items()}
+        self._wrenches = {name: each_step(moved.wrench, **brace) for name, (moved, brace) in braces.items()}
+        held = [handle.name for handle in scene.handles if handle.section == "handles"]
+        self._sensors = {name: each_step(topics.HANDLE_SENSOR, handle=name) for name in held}
         self._probes = {name: each_step(topics.PROBE, probe=name) for name in scene.probes}
         self._motion = MotionOutputs(run, each_step) if scene.dynamics else None
+        self._contacts = ContactOutputs(run, each_step)
         self._joints = each_step(topics.JOINT_STATES) if scene.actuators else None
         self._jacobian = Channel(node, topics.JACOBIAN) if scene.actuators and scene.probes else None
         self._clock = each_step(topics.CLOCK) if run.parameters["publish_clock"] else None
@@ -53,7 +57,7 @@ class Outputs:
         self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
         self._pose_packers = {name: PosePacker(frames.rest(name)) for name in names}
         self._wrench_packers = {name: WrenchPacker(frames.centre(name)) for name in names}
-        self._sensor_packers = {name: WrenchPacker(frames.handle(name)) for name in names}
+        self._sensor_packers = {name: WrenchPacker(frames.handle(name)) for name in held}
         self._probe_packer = PosePacker(self._frame_id)
         self._transform_packer = TransformPacker(frames.moving, self._frame_id) if publish_tf else None
         self._strain_packer: StrainPacker | None = None
@@ -66,6 +70,7 @@ class Outputs:
         yield from (self._mesh, self._strain, self._record, self._topology, self._scene_text, self._markers)
         for group in (self._poses, self._wrenches, self._sensors, self._probes):
             yield from group.values()
+        yield from self._contacts.channels
         if self._motion is not None:
             yield from self._motion.channels
         for channel in (self._joints, self._jacobian, self._clock, self._tf, self._tf_static):
@@ -80,7 +85,7 @@ class Outputs:
         marker, motion = self._marker_due(), self._motion.wanted if self._motion else False
         told = any(channel is not None and channel.wanted for channel in (*each_step, *named))
         return Demand(
-            messages=marker or motion or told,
+            messages=marker or motion or told or self._contacts.wanted,
             fields=self._strain.wanted or marker,
             poses=any(channel.wanted for channel in turning),
             actuators=self._joints is not None and self._joints.wanted,
@@ -100,6 +105,7 @@ class Outputs:
         """Publish the latched topics; ``log_time`` is for the bag [ns]."""
         self._topology.send(messages.topology(self._run.scene.mesh.cells), log_time)
         self._scene_text.send(String(data=self._run.scene.source), log_time)
+        self._contacts.publish_names(log_time)
         if self._tf_static is not None:
             rests = self._frames.rests()
             packer = TransformPacker(list(rests), self._frame_id)
@@ -114,7 +120,7 @@ class Outputs:
         """Publish and record a step."""
         stamp = step.record.stamp
         if self._clock is not None and self._clock.due(step):
-            self._clock.send_step(step, Clock(clock=messages.to_time(messages.to_nanoseconds(step.record.time))))
+            self._clock.send_step(step, Clock(clock=messages.to_time(to_nanoseconds(step.record.time))))
         if self._mesh.due(step):
             self._mesh.send_step(step, self._mesh_packer.pack(stamp, step.result.positions))
         if self._record.due(step):
@@ -128,6 +134,7 @@ class Outputs:
         if step.actuators and self._joints.due(step):
             message = self._actuator_states.message(messages.header(stamp, self._frame_id), step)
             self._joints.send_step(step, message)
+        self._contacts.publish_step(step)
         if self._motion is not None:
             self._motion.publish_step(step)
         if step.fields is not None:
@@ -139,7 +146,7 @@ class Outputs:
             channel.destroy()
 
     def _publish_plates(self, step: Step) -> None:
-        """Publish what has to do with the present turn of the handles."""
+        """Publish what has to do with the present poses of handles and obstacles."""
         stamp = step.record.stamp
         for name, channel in _due(self._poses, step):
             channel.send_step(step, self._pose_packers[name].pack(stamp, step.poses[name]))
@@ -149,7 +156,8 @@ class Outputs:
             channel.send_step(step, self._sensor_packers[name].pack(stamp, felt.ravel()))
         if self._tf is not None and self._tf.due(step):
             probes = {name: self._probe(name, step) for name in self._run.scene.probes}
-            places = self._frames.places(step.poses, probes, step.imus() if step.imus else {})
+            units = step.imus() if step.imus else {}
+            places = self._frames.places(step.poses, probes, units, step.result.positions)
             self._tf.send_step(step, self._transform_packer.pack(stamp, places))
 
     def _probe(self, name: str, step: Step) -> Pose:

@@ -4,21 +4,21 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import JumpHandle, JumpThreshold
 from rclpy.duration import Duration
 
+from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.frames import Frames, Transforms
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.messages import to_nanoseconds
 from gdfe_ros.node.pace import Pace, Timing
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.step import Step
+from gdfe_ros.node.step import Step, to_nanoseconds
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
@@ -55,7 +55,7 @@ class Run:
         self.node, self.parameters, self.refusals, self.ending = node, parameters, refusals, ending
         self.simulation = simulation
         self.frames = Frames(parameters["frame_id"], self.scene, transforms)
-        self.frames.positions = self._positions
+        self.frames.positions, self.frames.poses = self._positions, self._obstacles
         self.last: Step | None = None
         self.log_time = 0
         self.pace: Pace | None = None
@@ -113,3 +113,7 @@ class Run:
     def _positions(self) -> NDArray[np.float64]:
         """Give the vertices after the last step (n, 3) [m]."""
         return self.scene.mesh.vertices if self.last is None else self.last.result.positions
+
+    def _obstacles(self) -> Mapping[str, Pose]:
+        """Give where the obstacles are after the last step, relative to rest."""
+        return {} if self.last is None else self.last.obstacles

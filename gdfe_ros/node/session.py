@@ -25,19 +25,15 @@ from gdfe_ros.node.outputs import Outputs
 from gdfe_ros.node.pace import ClockMode, make_pace
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.refusals import RefusalLog
+from gdfe_ros.node.remodelling import with_moduli
 from gdfe_ros.node.run import Run
 from gdfe_ros.node.step import Demand, Step, handle_error, observe
 from gdfe_ros.node.stepper import Stepper
 from gdfe_ros.node.strays import Strays
 from gdfe_ros.node.walk import Walk
 from gdfe_ros.recording.step_record import Begin
-from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.motion.carry import carried
-
-_LONG = 1e9
-"""Time [s] in which every rate limit lets every command through."""
+from gdfe_ros.simulation import Simulation
 
 
 class Session:
@@ -79,11 +75,11 @@ class Session:
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
         self._failed = failed
         self.outputs = Outputs(run, matched=self._tell_again)
-        self.stepper = Stepper(run, self.outputs, deliver=self._deliver, failed=failed)
+        self.stepper = Stepper(run, self.outputs.demand, deliver=self._deliver, failed=failed)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
-        self.strays = Strays(node, simulation.handle_names, refusals)
+        self.strays = Strays(node, self.scene.handles, refusals)
         self.mode = ClockMode.WALL
         self.courier: Courier | None = None
         self.walk: Walk | None = None
@@ -246,31 +242,16 @@ class Session:
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
         """Go on with a simulation of other moduli, under the commands in force; a body with mass moves on from here."""
-        overrides = {MODULUS.name.format(material=name): young for name, young in moduli.items()}
 
         def swap() -> None:
-            changed = Simulation(scene_from_text(self.scene.source, origin=self.scene.name, overrides=overrides))
-            old = self.simulation
-            if old.scene.dynamics:
-                changed.restore(carried(old.snapshot(), changed.snapshot()))
-            else:
-                self._equilibrate(changed, old)
-            self.run.simulation = changed
+            self.run.simulation = with_moduli(self.simulation, moduli, interrupted=self.stepper.must_end)
             self.outputs.publish_scene(self.run.log_time)
             self.stepper.resume()
 
         # Commands that come after this are consumed after it: the steps wait, the node's other callbacks do not.
-        what = f"going to the equilibrium with {', '.join(f'{key}={young:g}' for key, young in overrides.items())}"
+        parameters = ", ".join(f"{MODULUS.name.format(material=name)}={young:g}" for name, young in moduli.items())
+        what = f"going to the equilibrium with {parameters}"
         self.stepper.post(self.run.node.guarded(swap, "a change of moduli"), what)
-
-    def _equilibrate(self, changed: Simulation, old: Simulation) -> None:
-        """Bring a simulation of other moduli to the equilibrium of the commands that the old one follows."""
-        handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
-        actuators = {name: old.commands[name] for name in old.actuator_names}
-        loads = {load.name: old.commands[load.name] for load in old.scene.loads}
-        command = Command(handles=handles, actuators=actuators, loads=loads)
-        changed.step(command, dt=_LONG, interrupted=self.stepper.must_end)
-        changed.time = old.time
 
     def _command_set(self) -> list[str]:
         keys = self.run.parameters.entries("command_set")

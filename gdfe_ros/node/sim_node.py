@@ -125,15 +125,17 @@ class SimNode(ManagedNode):
         self._session = Session(
             self, self._settings, prepared, self._refusals, ending=self._interrupted, failed=self._fail
         )
-        mesh = self._session.scene.mesh
-        self.get_logger().info(
-            f"scene {self._session.scene.name!r}: {mesh.n_vertices} vertices, {mesh.n_cells} cells, "
-            f"handles {', '.join(self._session.simulation.handle_names)}"
-        )
+        scene = self._session.scene
+        named: dict[str, list[str]] = {"handles": []}
+        for handle in scene.handles:
+            named.setdefault(handle.section, []).append(handle.name)
+        parts = [f"{section} {', '.join(names) or 'none'}" for section, names in named.items()]
+        size = f"{scene.mesh.n_vertices} vertices, {scene.mesh.n_cells} cells"
+        self.get_logger().info(f"scene {scene.name!r}: {', '.join([size, *parts])}")
 
     def _activate(self) -> None:
         self._session.start()
-        fixed = tuple(f"handles/{handle.name}/" for handle in self._session.scene.handles if handle.fixed)
+        fixed = tuple(f"{each.section}/{each.name}/" for each in self._session.scene.handles if each.fixed)
         inputs = ", ".join(f"~/{key}" for key in self._session.inputs.keys if not key.startswith(fixed))
         self.get_logger().info(f"active, clock {self._session.mode.value}; takes commands on {inputs or 'no topic'}")
 

@@ -69,7 +69,7 @@ class ParameterSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class TopicSpec:
-    """One topic, or one for each handle or probe where the name holds ``{handle}`` or ``{probe}``.
+    """One topic; where its name holds ``{handle}``, ``{obstacle}`` or ``{probe}``, one for each of them.
 
     Attributes:
         name: as in rclpy: ``~/`` stands for the node's full name.
@@ -84,6 +84,10 @@ class TopicSpec:
     meaning: str
     delivery: Delivery = Delivery.STATE
     recorded: bool = True
+
+    def key(self, **names: str) -> str:
+        """Name the topic after the node's name, as bags and ``command_set`` do; ``names`` are for the braces."""
+        return self.name.removeprefix("~/").format(**names)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators import ActuatorState
 from gdfe_ros.constraints import Axis, Handle, Pose
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.elements.fields import ElementFields
@@ -31,7 +32,7 @@ class Demand:
     Attributes:
         messages: any message at all.
         fields: element fields.
-        poses: of the handles.
+        poses: of handles and obstacles.
         actuators: their states.
         imus: what inertial units read.
     """
@@ -56,7 +57,8 @@ class Step:
         again: told before; for those that have begun to listen since.
         wanted: whether anything of it is to be published or recorded.
         fields: evaluates the element fields, in the thread that publishes; None where nobody wants them.
-        poses: where each handle is; empty where nobody wants it, like the following.
+        obstacles: where each is, whether anybody wants it or not: commands may be given in their frames.
+        poses: where each handle and obstacle is; empty where nobody wants it, like the following.
         actuators: states by name.
         imus: evaluates what inertial units read, in the thread that publishes; None where nobody wants it, and without
             dynamics.
@@ -69,9 +71,15 @@ class Step:
     again: bool = False
     wanted: bool = True
     fields: Callable[[], ElementFields] | None = None
+    obstacles: Mapping[str, Pose] = field(default_factory=dict)
     poses: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, ActuatorState] = field(default_factory=dict)
     imus: Callable[[], Mapping[str, ImuReading]] | None = None
+
+
+def to_nanoseconds(seconds: float) -> int:
+    """Round a time [s] to nanoseconds."""
+    return round(seconds * 1e9)
 
 
 def make_record(result: StepResult, command: Command, *, step: int, begin: Begin, dt: float, stamp: int) -> StepRecord:
@@ -93,8 +101,10 @@ def make_record(result: StepResult, command: Command, *, step: int, begin: Begin
 def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
     """Evaluate what is wanted of the present state, as keywords of ``Step``."""
     imus = demand.imus and simulation.scene.dynamics is not None
+    obstacles = [handle.name for handle in simulation.scene.handles if isinstance(handle, Obstacle)]
     return {
         "wanted": demand.messages,
+        "obstacles": {name: simulation.handle_pose(name) for name in obstacles},
         "fields": simulation.later_fields() if demand.fields else None,
         "poses": {name: simulation.handle_pose(name) for name in simulation.handle_names if demand.poses},
         "actuators": simulation.actuator_states() if demand.actuators else {},
@@ -103,7 +113,12 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
 
 
 def handle_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
-    """Give how far a handle is from its target along the axes that it has not free [m]; vertices are all (n, 3) [m]."""
+    """Give how far a handle is from its target along the axes that it has not free [m]; vertices are all (n, 3) [m].
+
+    An obstacle is always where it is commanded to be.
+    """
+    if isinstance(handle, Obstacle):
+        return 0.0
     before, now = rest[handle.vertices], positions[handle.vertices]
     centre = before.mean(axis=0)
     wanted = Rotation.from_rotvec(target.rotation).apply(before - centre) + centre + target.translation

@@ -15,14 +15,12 @@ import numpy as np
 
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.node.drive import Drive
+from gdfe_ros.node.host import Host
 from gdfe_ros.node.inbox import Inbox
-from gdfe_ros.node.messages import to_nanoseconds
 from gdfe_ros.node.orders import Order
-from gdfe_ros.node.outputs import Outputs
 from gdfe_ros.node.pace import Pace
 from gdfe_ros.node.refusals import Reason, Refusal
-from gdfe_ros.node.run import Run
-from gdfe_ros.node.step import Demand, Step, make_record, observe
+from gdfe_ros.node.step import Demand, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.threads import STEPPER, show_name
@@ -40,7 +38,7 @@ class Stepper:
 
     Args:
         run: whose simulation is stepped.
-        outputs: tells what is wanted of a step.
+        demand: tells what is wanted of the next step.
         deliver: takes each step; it may block to hold the stepping back.
         failed: called in the thread with the exception that ended it.
 
@@ -55,9 +53,14 @@ class Stepper:
     """
 
     def __init__(
-        self, run: Run, outputs: Outputs, *, deliver: Callable[[Step], None], failed: Callable[[Exception], None]
+        self,
+        run: Host,
+        demand: Callable[[], Demand],
+        *,
+        deliver: Callable[[Step], None],
+        failed: Callable[[Exception], None],
     ) -> None:
-        self._run, self._outputs, self._deliver, self._failed = run, outputs, deliver, failed
+        self._run, self._demand, self._deliver, self._failed = run, demand, deliver, failed
         self._drive = Drive(run)
         self.changed = threading.Condition()
         self.count = 0
@@ -248,7 +251,7 @@ class Stepper:
         """Make one step and deliver it; ``early`` is the simulation time [s] that is left before that of the clock."""
         started = time.perf_counter()
         run, simulation = self._run, self._simulation
-        demand = Demand() if first else self._outputs.demand()
+        demand = Demand() if first else self._demand()
         orders = tuple(orders)
         command = Command()
         if not first:

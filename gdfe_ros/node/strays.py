@@ -3,47 +3,55 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from difflib import get_close_matches
 
 from rclpy.lifecycle import LifecycleNode
 
+from gdfe_ros.constraints import Handle
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
 
 
 class Strays:
-    """Looks for publishers on command topics of handles that do not exist; each is told and counted once.
+    """Looks for publishers on command topics of handles and obstacles that do not exist; each is told and counted once.
 
     Args:
         node: whose topics are looked at.
-        handles: names that exist.
+        handles: that exist, obstacles among them.
         refusals: counts and warns.
     """
 
-    def __init__(self, node: LifecycleNode, handles: Collection[str], refusals: RefusalLog) -> None:
-        self._node, self._handles, self._refusals = node, list(handles), refusals
+    def __init__(self, node: LifecycleNode, handles: Collection[Handle], refusals: RefusalLog) -> None:
+        self._node, self._refusals = node, refusals
+        self._sections = {handle.name: handle.section for handle in handles}
         self._patterns = [
-            tuple(node.resolve_topic_name(spec.name.replace("{handle}", "h")).rsplit("h/", 1))
-            for spec in topics.COMMANDS
-            if "{handle}" in spec.name
+            (section, *node.resolve_topic_name(re.sub("{.*}", "h", spec.name)).rsplit("h/", 1))
+            for section, moved in topics.MOVED.items()
+            for spec in (moved.target, moved.velocity)
+            if spec is not None
         ]
         self._told: set[str] = set()
 
     def look(self) -> None:
         """Look at the graph once."""
         for topic, _ in self._node.get_topic_names_and_types():
-            for before, after in self._patterns:
+            for section, before, after in self._patterns:
                 if topic.startswith(before) and topic.endswith(f"/{after}"):
-                    self._judge(topic, topic[len(before) : -len(after) - 1])
+                    self._judge(topic, section, topic[len(before) : -len(after) - 1])
 
-    def _judge(self, topic: str, name: str) -> None:
-        if name in self._handles or topic in self._told or not self._node.count_publishers(topic):
+    def _judge(self, topic: str, section: str, name: str) -> None:
+        there = self._sections.get(name)
+        if there == section or topic in self._told or not self._node.count_publishers(topic):
             return
         self._told.add(topic)
-        close = get_close_matches(name, self._handles, n=1)
+        known = [each for each, its in self._sections.items() if its == section]
+        close = get_close_matches(name, known, n=1)
         hint = f"did you mean {close[0]!r}? " if close else ""
-        text = f"the scene has no handle {name!r}; {hint}handles: {', '.join(self._handles) or 'none'}"
+        if there is not None:
+            hint = f"its topics are ~/{there}/{name}/...; "
+        text = f"the scene has no {name!r} among its {section}; {hint}{section}: {', '.join(known) or 'none'}"
         self._refusals.refuse(topic, Refusal(Reason.UNKNOWN, text))
 
 

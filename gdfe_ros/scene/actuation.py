@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to actuators, loads and probes."""
+"""From a scene file's sound parts to actuators, attached masses, loads, probes and contact sensors."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,16 +25,17 @@ from gdfe_ros.actuators import (
     embed,
 )
 from gdfe_ros.actuators.load import corner_areas
+from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
-from gdfe_ros.materials import Material
-from gdfe_ros.mesh import HexMesh, select_cells, select_faces
+from gdfe_ros.materials import Material, cell_densities, lacks_density
+from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cavities import find_cavities, open_edges
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.actuator_schema import CableModel, ChamberModel, DriveModel, GrowthModel, LoadModel
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import KeyPath
-from gdfe_ros.scene.report import NO_VALUE, Report
+from gdfe_ros.scene.report import NO_VALUE, Report, suggest
 from gdfe_ros.scene.schema import Draft
 
 #: Widest allowed range of a command.
@@ -59,6 +60,31 @@ def build_actuators(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple
         make = {"cable": _cable, "chamber": _chamber, "growth": _growth}[kind]
         built.append(make(value, mesh, common, path, report))
     return tuple(actuator for actuator in built if actuator is not None)
+
+
+def build_masses(
+    draft: Draft, mesh: HexMesh | None, probes: Mapping[str, Embedding], names: Sequence[str], report: Report
+) -> tuple[AttachedMass, ...]:
+    """Return the attached masses whose place in the body can be found.
+
+    Args:
+        draft: the file's sound parts.
+        mesh: the body.
+        probes: those that lie in it.
+        names: of all probes of the file.
+        report: takes the defects.
+    """
+    found = []
+    for name, model in draft.masses.items() if mesh is not None else ():
+        points = probes.get(model.probe)
+        if model.where is not None:
+            vertices = select(select_vertices, mesh, model.where, ("masses", name, "where"), "vertex", report)
+            points = None if vertices is None else Embedding.of_vertices(vertices)
+        elif model.probe not in names:
+            report.add(("masses", name, "probe"), f"there is no such probe{suggest(model.probe, names)}")
+        if points is not None:
+            found.append(AttachedMass(name=name, points=points, mass=model.mass))
+    return tuple(found)
 
 
 def build_loads(
@@ -86,6 +112,16 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str
         return {}
     found = {name: _embedded(mesh, [point], ("probes", name), report) for name, point in draft.probes.items()}
     return {name: point for name, point in found.items() if point is not None}
+
+
+def build_sensors(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str, ContactSensor]:
+    """Return the contact sensors whose faces can be found."""
+    found = {}
+    for name, model in draft.sensors.items() if mesh is not None else ():
+        quads = select(select_faces, mesh, model.where, ("sensors", name, "where"), "boundary face", report)
+        if quads is not None:
+            found[name] = ContactSensor(name=name, vertices=np.unique(quads).astype(np.int32))
+    return found
 
 
 def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tuple[Load, ...]) -> dict[str, float]:
@@ -191,14 +227,12 @@ def _gravity(
     path: KeyPath,
     report: Report,
 ) -> Gravity | None:
-    light = [key for key, material in materials.items() if material.density is None]
-    if light:
-        report.add(path, f"gravity needs a density: give `density` [kg/m^3] to {', '.join(light)}")
+    if text := lacks_density(materials, "gravity needs"):
+        report.add(path, text)
         return None
     if (cell_material < 0).any() or cell_material.max() >= len(materials):
         return None  # a material has defects, which are in the report
-    density = np.array([material.density for material in materials.values()])[cell_material]
-    return Gravity(name=name, acceleration=np.array(acceleration), density=density)
+    return Gravity(name=name, acceleration=np.array(acceleration), density=cell_densities(materials, cell_material))
 
 
 def _embedded(mesh: HexMesh, points: object, path: KeyPath, report: Report) -> Embedding | None:

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import HexMesh, check_mesh, select_cells, select_vertices
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.obstacle_schema import ObstacleModel
 from gdfe_ros.scene.program import Point, Program
 from gdfe_ros.scene.report import NO_VALUE, Report, suggest
 from gdfe_ros.scene.schema import Draft, HandleModel, KeyframeModel, PointModel, ProgramModel
@@ -95,6 +98,23 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[H
     return tuple(handles)
 
 
+def build_obstacles(draft: Draft, report: Report) -> tuple[Obstacle, ...]:
+    """Return the obstacles; no handle may have the name of one."""
+    for name in draft.obstacles:
+        if name in draft.handles:
+            report.add(("obstacles", name), "a handle has this name; remedy: another one", value=NO_VALUE)
+    return tuple(model.build(name) for name, model in draft.obstacles.items() if name not in draft.handles)
+
+
+def build_bodies(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[RigidBody, ...]:
+    """Return the rigid bodies; nothing else that moves may have the name of one."""
+    for name in draft.bodies:
+        if name in draft.handles or name in draft.obstacles:
+            report.add(("bodies", name), "a handle or an obstacle has this name; remedy: another one", value=NO_VALUE)
+    first = mesh.n_vertices if mesh is not None else 0
+    return tuple(model.build(name, first + 4 * i) for i, (name, model) in enumerate(draft.bodies.items()))
+
+
 def require_held(mesh: HexMesh, part: NDArray[np.int32], handles: tuple[Handle, ...], report: Report) -> None:
     """Note each piece of the body that nothing holds along an axis: its place would be undetermined."""
     for axis, letter in enumerate("xyz"):
@@ -114,37 +134,40 @@ def require_held(mesh: HexMesh, part: NDArray[np.int32], handles: tuple[Handle, 
 def build_program(
     model: ProgramModel,
     draft: Draft,
-    names: list[str],
+    movers: Mapping[str, list[str]],
     report: Report,
     *,
     actuators: Sequence[Actuator] = (),
     loads: Sequence[Load] = (),
     start: Mapping[str, float] | None = None,
 ) -> Program:
-    """Return the program; its handles must exist, be movable, and their times ascend within the duration.
+    """Return the program; what it moves must exist, be movable, and its times ascend within the duration.
 
     Args:
         model: the program of the file.
         draft: the file's sound parts.
-        names: names of all handles of the file.
+        movers: names of all handles and obstacles of the file, by section.
         report: takes the defects.
         actuators: those of the scene.
         loads: those of the scene.
         start: commands at time 0 of what is commanded later only.
     """
-    for name, frames in model.handles.items():
-        path = ("program", "handles", name)
-        if name not in names:
-            report.add(path, f"there is no such handle{suggest(name, names)}", value=NO_VALUE)
-        elif name in draft.handles:
-            _check_movable(draft.handles[name], frames, path, report)
-        if not frames:
-            report.add(path, "there is no keyframe; give e.g. [{time: 1.0, translation: [0, 0, 0.1]}]")
-        _check_times(frames, model.duration, path, report)
+    for section, names in movers.items():
+        known: Mapping[str, HandleModel | ObstacleModel] = getattr(draft, section)
+        for name, frames in getattr(model, section).items():
+            path = ("program", section, name)
+            if name not in names:
+                report.add(path, f"there is no such {section[:-1]}{suggest(name, names)}", value=NO_VALUE)
+            elif name in known:
+                _check_movable(known[name], section[:-1], frames, path, report)
+            if not frames:
+                report.add(path, "there is no keyframe; give e.g. [{time: 1.0, translation: [0, 0, 0.1]}]")
+            _check_times(frames, model.duration, path, report)
     ranges = {actuator.name: (actuator.low, actuator.high) for actuator in actuators}
     driven = _tracks(model.actuators, "actuators", list(draft.actuators), ranges, model.duration, report)
     factors = _tracks(model.loads, "loads", list(draft.loads), {}, model.duration, report)
-    keyframes = {name: tuple(frame.build() for frame in frames) for name, frames in model.handles.items()}
+    moved = {**model.handles, **model.obstacles}
+    keyframes = {name: tuple(frame.build() for frame in frames) for name, frames in moved.items()}
     own = {name: (start or {}).get(name, 0.0) for name in (*driven, *factors)}
     return Program(model.duration, keyframes, driven, factors, own)
 
@@ -180,9 +203,17 @@ def _tracks(
     return {name: tuple(Point(point.time, point.value) for point in points) for name, points in tracks.items()}
 
 
-def _check_movable(handle: HandleModel, frames: tuple[KeyframeModel, ...], path: KeyPath, report: Report) -> None:
+def _check_movable(
+    handle: HandleModel | ObstacleModel,
+    noun: str,
+    frames: tuple[KeyframeModel, ...],
+    path: KeyPath,
+    report: Report,
+) -> None:
     if handle.fixed:
-        report.add(path, "this handle is fixed; remedy: remove `fixed: true` or this entry", value=NO_VALUE)
+        report.add(path, f"this {noun} is fixed; remedy: remove `fixed: true` or this entry", value=NO_VALUE)
+    if isinstance(handle, ObstacleModel):
+        return
     for i, frame in enumerate(frames):
         for axis in handle.axes:
             if frame.translation[axis]:

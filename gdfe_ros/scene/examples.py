@@ -11,6 +11,7 @@ from gdfe_ros.scene import (
     material_schema,
     mesh_schema,
     motion_schema,
+    obstacle_schema,
     schema,
     where_schema,
 )
@@ -27,6 +28,10 @@ regions:
   - {material: stiff, where: {box: {x: [0.15, 0.20]}}}
 handles:
   base: {where: {face: x-}, fixed: true}
+obstacles:
+  table: {plane: [0, 0, 1], at: [0, 0, -0.10], friction: 0.5}
+bodies:
+  part: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.09], friction: 0.5}
 actuators:
   tendon: {cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: tension, range: [0.0, 20.0]}}
 loads:
@@ -35,9 +40,13 @@ masses:
   camera: {mass: 0.02, where: {face: x+}}
 probes:
   tip: [0.2, 0.0, 0.0]
+sensors:
+  pad: {where: {face: z-}}
 dynamics: {scheme: bdf2, step: 0.01}
 program:
   duration: 1.0
+  obstacles:
+    table: [{time: 1.0, translation: [0, 0, 0.02]}]
   actuators:
     tendon: [{time: 0.0, value: 0.0}, {time: 1.0, value: 5.0}]
 solver: {policy: energy, tolerance: 1.0e-4}
@@ -51,7 +60,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     ),
     motion_schema.DampingModel: ("{mass: 0.5, viscosity: 100.0}",),
     motion_schema.BranchModel: ("{share: 0.2, time: 0.05}",),
-    motion_schema.MassModel: ("{mass: 0.052, where: {face: x+}}",),
+    motion_schema.MassModel: ("{mass: 0.052, where: {face: x+}}", "{mass: 0.1, probe: tip}"),
     schema.SceneModel: (SCENE,),
     mesh_schema.MeshModel: (
         "bar: {size: [0.20, 0.05, 0.05], cells: [20, 5, 5]}",
@@ -106,6 +115,22 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{where: {face: x-}, fixed: true}",
         "{where: {face: x+}, free: [x, ry]}   # slides along x, turns about y",
     ),
+    obstacle_schema.ObstacleModel: (
+        "{plane: [0, 0, 1], at: [0, 0, -0.05], friction: 0.5, fixed: true}",
+        "{sphere: {radius: 0.04}, at: [0.1, 0, -0.09], gaps: vertices}",
+        "{box: {size: [0.1, 0.2, 0.02]}, at: [0.1, 0, -0.09], rotation_deg: [0, 30, 0]}",
+        "{capsule: {radius: 0.01, length: 0.1}}",
+        "{cylinder: {radius: 0.01, length: 0.1}}",
+    ),
+    obstacle_schema.BodyModel: (
+        "{box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.08], rotation_deg: [0, 0, 30], friction: 0.5}",
+        "{cylinder: {radius: 0.01, length: 0.1}, density: 800, gaps: vertices}",
+    ),
+    obstacle_schema.SensorModel: ("{where: {face: z-}}",),
+    obstacle_schema.SphereObstacleModel: ("{radius: 0.04}",),
+    obstacle_schema.BoxObstacleModel: ("{size: [0.1, 0.2, 0.02]}",),
+    obstacle_schema.CapsuleModel: ("{radius: 0.01, length: 0.1}",),
+    obstacle_schema.CylinderModel: ("{radius: 0.01, length: 0.1}",),
     actuator_schema.ActuatorModel: (
         "cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]]}",
         "chamber: {near: [0.1, 0.0, 0.0]}",
@@ -134,7 +159,8 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{where: {face: z+}, force: [0, 0, -1]}",
     ),
     schema.ProgramModel: (
-        "{duration: 1.0, handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0, 0, 0.1]}]}, actuators: {tendon: "
+        "{duration: 1.0, handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0, 0, 0.1]}]}, obstacles: {table: "
+        "[{time: 1.0, translation: [0, 0, 0.02]}]}, actuators: {tendon: "
         "[{time: 1.0, value: 5.0}]}, loads: {weight: [{time: 0.0, value: 0.0}, {time: 0.5, value: 1.0}]}}",
     ),
     schema.KeyframeModel: ("{time: 1.0, translation: [0, 0, 0.1], rotation_deg: [0, 90, 0]}",),

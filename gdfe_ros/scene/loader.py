@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.scene import actuation, builder, motion
+from gdfe_ros.scene import actuation, builder
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
 from gdfe_ros.scene.override import apply_override
 from gdfe_ros.scene.report import NO_VALUE, Report
@@ -71,6 +71,12 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
     return _scene(text, f"scene {origin}", None, overrides)
 
 
+_SECTIONS = (
+    "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses", "probes",
+    "sensors",
+)  # fmt: skip
+
+
 def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
     document = parse_document(text, heading=heading)
     report = Report(heading, document)
@@ -85,21 +91,25 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     handles = builder.build_handles(draft, mesh, report)
     if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
         builder.require_held(mesh, part, handles, report)
+    rigid = builder.build_bodies(draft, mesh, report)
+    handles = (*handles, *builder.build_obstacles(draft, report), *rigid)
     actuators = actuation.build_actuators(draft, mesh, report)
-    masses = motion.build_masses(draft, mesh, report)
-    loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     probes = actuation.build_probes(draft, mesh, report)
+    attached = actuation.build_masses(draft, mesh, probes, _names(document, "probes"), report)
+    masses = (*attached, *(item.attached for item in rigid))
+    loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
+    sensors = actuation.build_sensors(draft, mesh, report)
     program = None
     if draft.program is not None:
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
         driven = {"actuators": actuators, "loads": loads, "start": start}
-        program = builder.build_program(draft.program, draft, _names(document, "handles"), report, **driven)
-    solver = draft.solver.build()
-    if not (cell_material < 0).any() and len(materials) == len(_names(document, "materials")):
-        parts = {"handles": handles, "actuators": actuators, "loads": loads, "policy": solver.policy}
-        for key, text in unsolvable(materials=materials, cell_material=cell_material, **parts):
-            report.add(key, text, value=NO_VALUE)
-    dynamics = motion.build_dynamics(draft, materials, solver.policy, report)
+        movers = {section: _names(document, section) for section in ("handles", "obstacles")}
+        program = builder.build_program(draft.program, draft, movers, report, **driven)
+    solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
+    sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
+    parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
+    for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
+        report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
     data = document.data
     return Scene(
@@ -116,6 +126,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         actuators=actuators,
         loads=loads,
         probes=probes,
+        sensors=sensors,
         masses=masses,
         dynamics=dynamics,
     )
@@ -140,9 +151,9 @@ def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
 
 
 def _depth(path: KeyPath) -> int:
-    if path[0] == "program" and path[1:2] in (("handles",), ("actuators",), ("loads",)):
+    if path[0] == "program" and path[1:2] in (("handles",), ("obstacles",), ("actuators",), ("loads",)):
         return 3
-    return 2 if path[0] in ("materials", "regions", "handles", "actuators", "loads", "masses", "probes") else 1
+    return 2 if path[0] in _SECTIONS else 1
 
 
 def _drop(container: Any, path: KeyPath) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.quantity import Quantity
@@ -54,6 +54,17 @@ class DynamicsModel(Entry):
     velocity: Annotated[tuple[float, float, float], _VELOCITY] = (0.0, 0.0, 0.0)
     spin: Annotated[tuple[float, float, float], _SPIN] = (0.0, 0.0, 0.0)
 
+    @field_validator("rho_inf")
+    @classmethod
+    def _has_effect(cls, rho_inf: float, given: ValidationInfo) -> float:
+        scheme = given.data.get("scheme", Scheme.GENERALISED_ALPHA)
+        if scheme is not Scheme.GENERALISED_ALPHA:
+            raise ValueError(
+                f"belongs to the scheme generalised_alpha and would be ignored by {scheme.value}; remedy: leave it "
+                "out, or scheme: generalised_alpha"
+            )
+        return rho_inf
+
     @model_validator(mode="after")
     def _shares(self) -> DynamicsModel:
         total = sum(branch.share for branch in self.prony)
@@ -79,7 +90,14 @@ class DynamicsModel(Entry):
 
 
 class MassModel(Entry):
-    """A mass that is attached to vertices in equal parts: it weighs where there is gravity, and resists in motion."""
+    """A mass that is attached to vertices or to a probe: it weighs where there is gravity, and resists in motion."""
 
     mass: Annotated[float, _MASS]
-    where: WhereModel = Field(description="the vertices, e.g. {face: x+}")
+    where: WhereModel | None = Field(None, description="the vertices, in equal parts, e.g. {face: x+}")
+    probe: str | None = Field(None, description="name of one of the probes")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> MassModel:
+        if (self.where is None) == (self.probe is None):
+            raise ValueError("give either where or probe")
+        return self

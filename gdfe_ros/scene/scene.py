@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, AttachedMass, Embedding, Load
 from gdfe_ros.constraints import Handle
+from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.program import Program
@@ -38,6 +39,7 @@ class Scene:
         actuators: cables, chambers and growths, in the order of the file.
         loads: dead loads, in the order of the file.
         probes: material points by name, in the order of the file.
+        sensors: contact sensors by name, in the order of the file.
         masses: attached masses, in the order of the file.
         dynamics: inertia, damping and steps in time; None for a scene whose every step is an equilibrium.
     """
@@ -55,5 +57,6 @@ class Scene:
     actuators: tuple[Actuator, ...] = ()
     loads: tuple[Load, ...] = ()
     probes: Mapping[str, Embedding] = field(default_factory=dict)
+    sensors: Mapping[str, ContactSensor] = field(default_factory=dict)
     masses: tuple[AttachedMass, ...] = ()
     dynamics: Dynamics | None = None

@@ -15,6 +15,7 @@ from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.material_schema import MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
+from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SensorModel
 from gdfe_ros.scene.program import Keyframe
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
@@ -74,7 +75,7 @@ class HandleModel(Entry):
 
 
 class KeyframeModel(Entry):
-    """The complete pose of a handle relative to rest at a time; what is left out is zero."""
+    """The complete pose of a handle or obstacle relative to rest at a time; what is left out is zero."""
 
     time: Annotated[float, _TIME]
     translation: Annotated[tuple[float, float, float], _TRANSLATION] = (0.0, 0.0, 0.0)
@@ -98,6 +99,7 @@ class ProgramModel(Entry):
 
     duration: Annotated[float, _DURATION]
     handles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving handle")
+    obstacles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving obstacle")
     actuators: dict[str, tuple[PointModel, ...]] = Field({}, description="commands {time, value} of each actuator")
     loads: dict[str, tuple[PointModel, ...]] = Field({}, description="factors {time, value} of each load")
 
@@ -132,6 +134,12 @@ class SceneModel(Entry):
     handles: dict[Name, HandleModel] = Field(
         description="what holds and moves the body, by name, as base: {where: {face: x-}, fixed: true}"
     )
+    obstacles: dict[Name, ObstacleModel] = Field(
+        {}, description="what the body cannot enter, by name, as floor: {plane: [0, 0, 1], friction: 0.5}"
+    )
+    bodies: dict[Name, BodyModel] = Field(
+        {}, description="rigid bodies by name, as part: {box: {size: [0.02, 0.02, 0.02]}, density: 800}"
+    )
     actuators: dict[Name, ActuatorModel] = Field(
         {}, description="by name, as tendon: {cable: {points: [...], command: tension}}"
     )
@@ -140,6 +148,10 @@ class SceneModel(Entry):
         {}, description="attached masses by name, as payload: {mass: 0.05, where: ...}"
     )
     probes: dict[Name, Point3] = Field({}, description="material points by name, as tip: [0.1, 0, 0]")
+    sensors: dict[Name, SensorModel] = Field(
+        {},
+        description="contact sensors by name, as pad: {where: {face: x+}}: what touches these faces",
+    )
     dynamics: DynamicsModel | None = None
     program: ProgramModel | None = None
     solver: SolverModel = SolverModel()
@@ -152,10 +164,13 @@ class Draft(BaseModel):
     materials: dict[str, MaterialModel] = {}
     regions: tuple[RegionModel | None, ...] = ()
     handles: dict[str, HandleModel] = {}
+    obstacles: dict[str, ObstacleModel] = {}
+    bodies: dict[str, BodyModel] = {}
     actuators: dict[str, ActuatorModel] = {}
     loads: dict[str, LoadModel] = {}
     masses: dict[str, MassModel] = {}
     dynamics: DynamicsModel | None = None
     probes: dict[str, Point3] = {}
+    sensors: dict[str, SensorModel] = {}
     program: ProgramModel | None = None
     solver: SolverModel = SolverModel()

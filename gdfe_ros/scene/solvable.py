@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load, Mode
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import SceneError
-from gdfe_ros.materials import Material
-from gdfe_ros.scene.motion import lacks_inertia
+from gdfe_ros.materials import Material, lacks_density
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
@@ -33,10 +35,9 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
         handles=scene.handles,
         actuators=scene.actuators,
         loads=scene.loads,
+        dynamics=scene.dynamics,
         policy=settings.policy,
     )
-    if scene.dynamics is not None and (text := lacks_inertia(scene.materials, settings.policy)):
-        defects.append((("dynamics",), text))
     if defects:
         raise SceneError(f"scene {scene.name}", [text for _, text in defects])
 
@@ -57,14 +58,20 @@ def unsolvable(
     handles: Sequence[Handle],
     actuators: Sequence[Actuator],
     loads: Sequence[Load],
+    dynamics: Dynamics | None,
     policy: Policy,
 ) -> list[tuple[tuple[str, ...], str]]:
-    """Return why the parts of a scene do not go together: the key in a scene file, and a sentence."""
+    """Return why the parts of a scene do not go together: the key in a scene file, and a sentence.
+
+    ``cell_material`` (m,) are places among the materials; without any, as where one is defective, no two are compared.
+    """
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
         (("materials",), _contrast(materials, cell_material)),
         (("solver", "policy"), _forces(handles, actuators, loads, policy)),
         *((("actuators", name), text) for name, text in held.items()),
+        (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
+        (("bodies",), _still(handles) if dynamics is None else ""),
     ]
     return [(key, text) for key, text in found if text]
 
@@ -90,11 +97,26 @@ def _forces(handles: Sequence[Handle], actuators: Sequence[Actuator], loads: Seq
         return ""
     names = [item.name for item in actuators if not isinstance(item, Growth)]
     names += [load.name for load in loads]
-    names += [handle.name for handle in handles if handle.turning]
+    names += [handle.name for handle in handles if handle.turning or isinstance(handle, Obstacle)]
     if not names:
         return ""
     text = f"the policy 'relative' has no forces and cannot take {', '.join(names)}"
     return f"{text}; remedy: policy: energy (growth works in both)"
+
+
+def _inertia(materials: Mapping[str, Material], policy: Policy) -> str:
+    """Say why a body cannot move in time; empty where it can."""
+    if policy is not Policy.ENERGY:
+        return "the policy 'relative' has no forces and finds equilibria only; remedy: policy: energy"
+    return lacks_density(materials, "dynamics need")
+
+
+def _still(handles: Sequence[Handle]) -> str:
+    """Say that rigid bodies cannot move without dynamics; empty where there is none."""
+    names = ", ".join(repr(handle.name) for handle in handles if isinstance(handle, RigidBody))
+    if not names:
+        return ""
+    return f"{names} can only move in time; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
 
 
 def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:

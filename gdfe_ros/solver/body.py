@@ -26,7 +26,7 @@ class Body:
     """Rest shape, operators, packed materials and the numbering of the unknowns.
 
     Attributes:
-        rest: (n, 3) float64 rest vertices [m].
+        rest: (n, 3) float64 rest vertices [m], behind those of the mesh those that rigid bodies are.
         shape: operators of the elements.
         blocks: the elements as the kernels take them.
         materials: in the order of their index.
@@ -68,8 +68,13 @@ class Body:
             table,
             tuple(handles),
             number_unknowns(rest, cells, handles),
-            float(np.linalg.norm(np.ptp(rest, axis=0))),
+            float(np.linalg.norm(np.ptp(rest[: cells.max() + 1], axis=0))),
         )
+
+    @property
+    def count(self) -> int:
+        """Number of the mesh's vertices; behind them come those that rigid bodies are."""
+        return int(self.cells.max()) + 1
 
     @property
     def cells(self) -> NDArray[np.int32]:

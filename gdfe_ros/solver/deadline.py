@@ -20,6 +20,7 @@ class Deadline:
 
     Attributes:
         after: number of answers "not yet" before the first "up"; None while there was none.
+        reason: what ended the solve; empty while nothing did.
     """
 
     def __init__(
@@ -31,20 +32,31 @@ class Deadline:
     ) -> None:
         self._moment, self._planned, self._interrupted, self._asked = moment, after, interrupted, 0
         self.after: int | None = None
+        self.reason = ""
 
     def passed(self) -> bool:
         """Tell whether the time is up; once it is, it stays so."""
         if self.after is not None:
             return True
-        if self._planned is not None:
-            up = self._asked >= self._planned
-        else:
-            up = self._moment is not None and time.perf_counter() >= self._moment
-            up = (self._interrupted is not None and self._interrupted()) or up
-        if up:
+        self.reason = self._ended()
+        if self.reason:
             self.after = self._asked
         self._asked += 1
-        return up
+        return bool(self.reason)
+
+    def _ended(self) -> str:
+        """Say what ends the solve now; empty where nothing does."""
+        if self._planned is not None:
+            return "the deadline passed" if self._asked >= self._planned else ""
+        if self._interrupted is not None and self._interrupted():
+            return "interrupted"
+        up = self._moment is not None and time.perf_counter() >= self._moment
+        return "the deadline passed" if up else ""
+
+    @property
+    def interruption(self) -> Deadline | None:
+        """What ends work that the clock may not: who interrupts; None for nobody."""
+        return None if self._interrupted is None else Deadline(interrupted=self._interrupted)
 
     @classmethod
     def of(

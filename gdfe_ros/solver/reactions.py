@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.matrix.unknowns import vertex_force
 
 
@@ -16,20 +19,25 @@ def handle_reactions(
     positions: NDArray[np.float64],
     force: NDArray[np.float64],
     outside: NDArray[np.float64] | None = None,
+    contacts: Sequence[Contact] = (),
 ) -> dict[str, NDArray[np.float64]]:
-    """Sum the corner forces at each handle.
+    """Sum the corner forces at each handle, and what each obstacle exerts.
 
     Args:
         body: the discretised body.
         positions: (n, 3) [m].
         force: corner forces dE/dx (m, 8, 3) [N] at these positions.
         outside: dE/dx (n, 3) [N] of what acts from outside; None for nothing.
+        contacts: with the body's obstacles.
 
     Returns:
-        By handle (6,): force [N], then moment [N m] about the mean of the handle's current vertices.
+        By handle (6,): force [N], then moment [N m] about the mean of the handle's current vertices; by obstacle the
+        same, about its origin.
     """
-    reactions = {}
+    reactions = {contact.name: contact.wrench(positions) for contact in contacts if contact.on_body}
     for handle in body.handles:
+        if handle.name in reactions:
+            continue
         forces = vertex_forces(body, handle.vertices, force)
         if outside is not None:
             forces += outside[handle.vertices]

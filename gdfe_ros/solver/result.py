@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState
+from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.settings import Policy
 
 
@@ -27,8 +28,9 @@ class StepResult:
         energy: strain energy [J].
         min_det: least volume ratio at a corner of an element, det F there; not positive where one is folded or
             inverted.
-        reactions: by handle (6,) float64: the force [N] and the moment [N m] about the handle's deformed centre that
-            the handle exerts on the body.
+        reactions: by handle and obstacle (6,) float64: the force [N] and the moment [N m] about the handle's deformed
+            centre, or the obstacle's origin, that it exerts on the body.
+        contacts: by obstacle, the vertices that touch it and the forces there.
         skipped: work that was not needed, by name.
         substeps: increments that the step was cut into.
         wall_time: time spent [s].
@@ -59,6 +61,7 @@ class StepResult:
     factorisation: str
     message: str = ""
     cut_after: int | None = None
+    contacts: dict[str, Touch] = field(default_factory=dict)
     actuators: dict[str, ActuatorState] = field(default_factory=dict)
     terms: dict[str, dict[str, float]] = field(default_factory=dict)
     restarts: int = 0

@@ -177,18 +177,38 @@ class Summary:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Failure:
+    """A step in time that fails from where a body is, however short its first internal step is made.
+
+    Attributes:
+        poses, commands: that it was to reach.
+        duration: of the step [s].
+        length: of its internal steps, before one is cut [s].
+        reason: why it fails.
+    """
+
+    poses: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    duration: float
+    length: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Ledger:
-    """What a moving body was given and lost since the start.
+    """What a moving body was given and lost since the start, and what it owes.
 
     Attributes:
         work: done on it by handles and by changing commands [J].
         lost: to damping [J].
         owed: time [s] that has passed without a step, too short for one.
+        failure: the step that was tried last, where it led nowhere; None where it did not.
     """
 
     work: float
     lost: float
     owed: float = 0.0
+    failure: Failure | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -247,6 +267,11 @@ class State:
     def change_to(self, commands: Mapping[str, float]) -> Array:
         """Return by how much each command changes to ``commands``, (c,), each in its own unit."""
         return np.array([commands[name] - value for name, value in self.commands.items()])
+
+    @property
+    def dissipated(self) -> float:
+        """What terms have turned to heat so far [J]: each keeps it as `lost`."""
+        return sum(float(saved["lost"][0]) for saved in self.terms.values() if "lost" in saved)
 
     def with_(self, **changes: object) -> State:
         """Return a state that differs in the named attributes.

@@ -21,6 +21,7 @@ from gdfe_ros.solver.tangent.level import Tangent
 _VALUES = (
     states.Balance,
     states.ElementState,
+    states.Failure,
     states.Known,
     states.Ledger,
     states.Motion,

@@ -23,11 +23,52 @@ Example, a test of a controller that holds the tip of a bar at a height:
         assert tracking_error(heights[20:], np.array([0.0, 0.0, 0.1])).largest < 1e-3
 
 Every run of such a test is the same to the last bit.
+
+`make_env` makes a scene an environment of Gymnasium, in this process and without ROS: names are fetched on first use.
 """
 
-from gdfe_ros.testing.process import NodeProcess
-from gdfe_ros.testing.simulator import Simulator
-from gdfe_ros.testing.state import State
-from gdfe_ros.testing.tracking import TrackingError, tracking_error
+from __future__ import annotations
 
-__all__ = ["NodeProcess", "Simulator", "State", "TrackingError", "tracking_error"]
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gdfe_ros.testing.environment import make_env, make_vector_env
+    from gdfe_ros.testing.process import NodeProcess
+    from gdfe_ros.testing.simulator import Simulator
+    from gdfe_ros.testing.state import State
+    from gdfe_ros.testing.tracking import TrackingError, tracking_error
+
+__all__ = [
+    "NodeProcess",
+    "Simulator",
+    "State",
+    "TrackingError",
+    "make_env",
+    "make_vector_env",
+    "tracking_error",
+]
+
+_HOMES = {
+    "NodeProcess": "process",
+    "Simulator": "simulator",
+    "State": "state",
+    "TrackingError": "tracking",
+    "make_env": "environment",
+    "make_vector_env": "environment",
+    "tracking_error": "tracking",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it offers {__all__}")
+    try:
+        value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    except ModuleNotFoundError as error:
+        if error.name != "gymnasium":
+            raise
+        raise ModuleNotFoundError(f"{name} needs gymnasium; install it: pip install 'gdfe_ros[gym]'") from error
+    globals()[name] = value
+    return value

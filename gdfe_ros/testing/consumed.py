@@ -14,7 +14,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.orders import PoseOrder, TwistOrder
 from gdfe_ros.recording.step_record import StepRecord
@@ -23,9 +24,14 @@ ACTUATION = "actuation"
 Quaternion = tuple[float, float, float, float]
 
 
-def target_key(handle: str) -> str:
-    """Name the target topic of a handle, after the node's name."""
-    return f"handles/{handle}/target"
+def is_commanded(handle: Handle) -> bool:
+    """Tell whether a handle or obstacle takes commands."""
+    return not handle.fixed and MOVED[handle.section].target is not None
+
+
+def target_key(handle: Handle) -> str:
+    """Name the target topic of a handle or obstacle, after the node's name."""
+    return MOVED[handle.section].target.key(**{handle.noun: handle.name})
 
 
 class Consumed:
@@ -46,11 +52,12 @@ class Consumed:
     """
 
     def __init__(self, run: BagRun) -> None:
-        handles = list(dict.fromkeys(name for record in run.records for name in record.handles))
+        known = {handle.name: handle for handle in run.scene.handles}
+        handles = [known[name] for name in dict.fromkeys(name for record in run.records for name in record.handles)]
         driven = {name for record in run.records for name in record.actuators}
         self._actuators = {item.name: item for item in run.scene.actuators if item.name in driven}
         self.inputs = [*map(target_key, handles), *([ACTUATION] if driven else [])]
-        self._handles = {name: _SentTurns(run, name) for name in handles}
+        self._handles = {handle.name: (target_key(handle), _SentTurns(run, handle)) for handle in handles}
         self._poses: dict[str, Pose] = {}
         self._values: dict[str, float] = {}
         self.inexact = 0
@@ -67,8 +74,9 @@ class Consumed:
         poses = self._poses | dict(record.handles)
         messages: dict[str, PoseStamped | JointState] = {}
         for name, pose in poses.items():
-            turn = self._handles[name].find(self._poses[name], pose, record.dt)
-            messages[target_key(name)] = _target(pose, turn)
+            key, sent = self._handles[name]
+            turn = sent.find(self._poses[name], pose, record.dt)
+            messages[key] = _target(pose, turn)
             self.inexact += turn is None
         self._poses = poses
         if self._actuators:
@@ -78,17 +86,18 @@ class Consumed:
 
 
 class _SentTurns:
-    """The targets and velocities of one handle in a bag."""
+    """The targets and velocities of one handle or obstacle in a bag."""
 
-    def __init__(self, run: BagRun, handle: str) -> None:
-        self._handle = handle
+    def __init__(self, run: BagRun, handle: Handle) -> None:
+        self._handle = handle.name
         self._sent: dict[tuple[float, float, float], list[Quaternion]] = {}
         for message in _messages(run, target_key(handle)):
             place, turn = message.pose.position, message.pose.orientation
             self._sent.setdefault((place.x, place.y, place.z), []).append((turn.x, turn.y, turn.z, turn.w))
-        twists = [message.twist for message in _messages(run, f"handles/{handle}/velocity")]
+        velocity = MOVED[handle.section].velocity.key(**{handle.noun: handle.name})
+        twists = [message.twist for message in _messages(run, velocity)]
         rates = dict.fromkeys((twist.angular.x, twist.angular.y, twist.angular.z) for twist in twists)
-        self._twists = [TwistOrder(handle, (0.0, 0.0, 0.0), rate) for rate in rates]
+        self._twists = [TwistOrder(handle.name, (0.0, 0.0, 0.0), rate) for rate in rates]
         self._stride = float(run.reader.run.settings.get("node", {}).get("dt", math.inf))
 
     def find(self, last: Pose, target: Pose, dt: float) -> Quaternion | None:

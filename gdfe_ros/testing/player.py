@@ -13,6 +13,7 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.messages import actuation, pose_stamped
@@ -77,14 +78,19 @@ def play_program(
 def _topics(scene: Scene) -> dict[str, type]:
     """Give the types of the topics that play the scene's program, by name after the node's."""
     program = scene.program
-    topics: dict[str, type] = {target_key(name): PoseStamped for name in program.keyframes}
+    topics: dict[str, type] = {target_key(_handle(scene, name)): PoseStamped for name in program.keyframes}
     return topics | ({ACTUATION: JointState} if program.actuators or program.loads else {})
 
 
 def _messages(scene: Scene, moment: float) -> dict[str, Any]:
     """Give one message for each topic, with what the program commands at a moment [s]."""
     program, head = scene.program, Header()
-    messages = {target_key(name): pose_stamped(head, pose) for name, pose in program.handle_poses(moment).items()}
+    poses = program.handle_poses(moment).items()
+    messages = {target_key(_handle(scene, name)): pose_stamped(head, pose) for name, pose in poses}
     if values := program.actuator_values(moment) | program.load_factors(moment):
         messages[ACTUATION] = actuation({actuator.name: actuator for actuator in scene.actuators}, values)
     return messages
+
+
+def _handle(scene: Scene, name: str) -> Handle:
+    return next(handle for handle in scene.handles if handle.name == name)

@@ -25,12 +25,13 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN
-from gdfe_ros.node.interface.topics import ACTUATOR_COMMANDS, JACOBIAN, TARGET
+from gdfe_ros.node.interface.topics import ACTUATOR_COMMANDS, JACOBIAN
 from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
+from gdfe_ros.testing.consumed import is_commanded, target_key
 from gdfe_ros.testing.process import NodeProcess
 from gdfe_ros.testing.state import Moment, State, moment_of, state_topics, unpack
 
@@ -69,7 +70,7 @@ class Simulator:
         patience: float = PATIENCE,
     ) -> None:
         self.scene = load_scene(scene, overrides=overrides)
-        self._movable = [handle.name for handle in self.scene.handles if not handle.fixed]
+        self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
         self._patience = patience
         namespace = f"/gdfe_test_{os.getpid()}_{next(_numbers)}"
         self.name = f"{namespace}/{NODE_NAME}"
@@ -181,8 +182,8 @@ class Simulator:
         make = partial(self._node.create_publisher, qos_profile=1000)
         self._targets, self._commands = {}, None
         if self._own:
-            for name in self._movable:
-                self._targets[name] = make(PoseStamped, TARGET.name.format(handle=name).replace("~", self.name))
+            for name, key in self._movable.items():
+                self._targets[name] = make(PoseStamped, f"{self.name}/{key}")
             if self.scene.actuators:
                 self._commands = make(Float64MultiArray, ACTUATOR_COMMANDS.name.replace("~", self.name))
 
@@ -195,8 +196,7 @@ class Simulator:
         self._client.meet([self._differentiate])
 
     def _inputs(self) -> list[str]:
-        inputs = [TARGET.name.removeprefix("~/").format(handle=name) for name in self._movable]
-        return inputs + ([ACTUATOR_COMMANDS.name.removeprefix("~/")] if self.scene.actuators else [])
+        return [*self._movable.values()] + ([ACTUATOR_COMMANDS.name.removeprefix("~/")] if self.scene.actuators else [])
 
     def _receive(self, topic: str, message: Any) -> None:
         """Collect one message of each topic: every step publishes them all."""

@@ -4,20 +4,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import Imu, PointCloud2
 
-from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.contacts import POINT, contact_names
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.messages import to_time
 from gdfe_ros.node.specification import TopicSpec
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.motion.imu import ImuReading
 
 Moment = tuple[int, int]
 
@@ -31,10 +34,14 @@ class State:
         positions: (n, 3) float32 vertices [m].
         displacements: (n, 3) float32 [m].
         strain: (m, 8) float32, columns as in ``~/strain``.
-        poses: of the handles, relative to rest.
-        wrenches: of the handles (6,), force [N] then moment [N m].
+        poses: of handles and obstacles, relative to rest.
+        wrenches: that handles and obstacles exert on the body (6,), force [N] then moment [N m].
         probes: of the material points.
         joints: of the actuators: position, velocity, effort, as in ``~/joint_states``.
+        contacts: (k,) what touches, as `gdfe_ros.contacts.POINT`; empty without obstacles and rigid bodies.
+        sensors: what contact sensors feel (6,), force [N] then moment [N m].
+        velocities: (n, 3) float32 of the vertices [m/s]; None where the scene has no dynamics.
+        imus: what inertial units at the probes read, as `Simulation.imus` has it; empty without dynamics.
     """
 
     record: StepRecord
@@ -45,6 +52,10 @@ class State:
     wrenches: Mapping[str, NDArray[np.float64]]
     probes: Mapping[str, Pose]
     joints: Mapping[str, tuple[float, float, float]]
+    contacts: NDArray[np.void]
+    sensors: Mapping[str, NDArray[np.float64]]
+    velocities: NDArray[np.float32] | None = None
+    imus: Mapping[str, ImuReading] = field(default_factory=dict)
 
     @property
     def time(self) -> float:
@@ -54,13 +65,19 @@ class State:
 
 def state_topics(scene: Scene) -> dict[str, str]:
     """List the topics that make up a state, relative to the node, with their types."""
-    found = {_key(spec): spec.type for spec in (topics.MESH, topics.STRAIN, topics.STEP_RECORD)}
+    found = {spec.key(): spec.type for spec in (topics.MESH, topics.STRAIN, topics.STEP_RECORD)}
     for handle in scene.handles:
-        for spec in (topics.HANDLE_POSE, topics.HANDLE_WRENCH):
-            found[_key(spec, handle=handle.name)] = spec.type
-    found |= {_key(topics.PROBE, probe=name): topics.PROBE.type for name in scene.probes}
+        for spec in _specs(handle):
+            found[spec.key(**{handle.noun: handle.name})] = spec.type
+    found |= {topics.PROBE.key(probe=name): topics.PROBE.type for name in scene.probes}
+    if contact_names(scene.handles):
+        found[topics.CONTACTS.key()] = topics.CONTACTS.type
+    found |= {topics.SENSOR_WRENCH.key(sensor=name): topics.SENSOR_WRENCH.type for name in scene.sensors}
+    if scene.dynamics is not None:
+        found[topics.VERTEX_VELOCITY.key()] = topics.VERTEX_VELOCITY.type
+        found |= {topics.IMU.key(probe=name): topics.IMU.type for name in scene.probes}
     if scene.actuators:
-        found[_key(topics.JOINT_STATES)] = topics.JOINT_STATES.type
+        found[topics.JOINT_STATES.key()] = topics.JOINT_STATES.type
     return found
 
 
@@ -72,31 +89,55 @@ def moment_of(message: Any) -> Moment:
 
 def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
     """Make a state of one message of each topic of ``state_topics``."""
-    mesh = np.frombuffer(messages[_key(topics.MESH)].data, "<f4").reshape(-1, 6)
-    joints = messages.get(_key(topics.JOINT_STATES))
-    names = [handle.name for handle in scene.handles]
+    mesh, moving = _vertices(messages[topics.MESH.key()]), scene.dynamics is not None
+    joints = messages.get(topics.JOINT_STATES.key())
+    poses, wrenches = {}, {}
+    for handle in scene.handles:
+        pose, wrench = (messages[spec.key(**{handle.noun: handle.name})] for spec in _specs(handle))
+        poses[handle.name], wrenches[handle.name] = _pose(pose), _wrench(wrench)
+    points, felt = messages.get(topics.CONTACTS.key()), topics.SENSOR_WRENCH
     return State(
-        record=StepRecord.from_json(messages[_key(topics.STEP_RECORD)].data),
+        record=StepRecord.from_json(messages[topics.STEP_RECORD.key()].data),
         positions=mesh[:, :3],
         displacements=mesh[:, 3:],
-        strain=np.frombuffer(messages[_key(topics.STRAIN)].data, "<f4").reshape(-1, 8),
-        poses={name: _pose(messages[_key(topics.HANDLE_POSE, handle=name)]) for name in names},
-        wrenches={name: _wrench(messages[_key(topics.HANDLE_WRENCH, handle=name)]) for name in names},
-        probes={name: _pose(messages[_key(topics.PROBE, probe=name)]) for name in scene.probes},
+        strain=np.frombuffer(messages[topics.STRAIN.key()].data, "<f4").reshape(-1, 8),
+        poses=poses,
+        wrenches=wrenches,
+        probes={name: _pose(messages[topics.PROBE.key(probe=name)]) for name in scene.probes},
+        contacts=np.frombuffer(b"" if points is None else points.data, POINT),
+        sensors={name: _wrench(messages[felt.key(sensor=name)]) for name in scene.sensors},
         joints={}
         if joints is None
         else dict(zip(joints.name, zip(joints.position, joints.velocity, joints.effort, strict=True), strict=True)),
+        velocities=_vertices(messages[topics.VERTEX_VELOCITY.key()])[:, 3:] if moving else None,
+        imus={name: _imu(messages[topics.IMU.key(probe=name)]) for name in scene.probes if moving},
     )
 
 
-def _key(spec: TopicSpec, **names: str) -> str:
-    return spec.name.removeprefix("~/").format(**names)
+def _specs(handle: Handle) -> tuple[TopicSpec, TopicSpec]:
+    """Give the topics of a handle's or obstacle's pose and wrench."""
+    moved = topics.MOVED[handle.section]
+    return moved.pose, moved.wrench
+
+
+def _vertices(message: PointCloud2) -> NDArray[np.float32]:
+    """Return the columns (n, 6) of a cloud of vertices."""
+    return np.frombuffer(message.data, "<f4").reshape(-1, 6)
 
 
 def _pose(message: PoseStamped) -> Pose:
     position, turn = message.pose.position, message.pose.orientation
     rotation = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_rotvec()
     return Pose((position.x, position.y, position.z), tuple(rotation))
+
+
+def _imu(message: Imu) -> ImuReading:
+    turn, rate, push = message.orientation, message.angular_velocity, message.linear_acceleration
+    return ImuReading(
+        orientation=Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]),
+        angular_velocity=np.array([rate.x, rate.y, rate.z]),
+        linear_acceleration=np.array([push.x, push.y, push.z]),
+    )
 
 
 def _wrench(message: Any) -> NDArray[np.float64]:

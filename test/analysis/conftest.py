@@ -15,6 +15,7 @@ from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node import messages
+from gdfe_ros.node.step import to_nanoseconds
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.recording.topic import TopicInfo
@@ -24,6 +25,7 @@ from gdfe_ros.simulation import Command, Simulation
 
 COARSE = {"mesh.bar.cells": [10, 1, 1], "solver.tolerance": 1e-8}
 _OUTCOMES = ["converged", "iterations", "substeps", "residual", "energy", "min_det", "wall_time", "skipped", "message"]
+_OUTCOMES += ["energies"]
 
 
 class BagMaker:
@@ -61,7 +63,7 @@ class BagMaker:
             step=self._count, begin=self._begin, time=result.time, dt=dt, handles=handles, cut=False, **outcome
         )
         self._count, self._begin = self._count + 1, Begin.LAST
-        moment = messages.to_nanoseconds(result.time)
+        moment = to_nanoseconds(result.time)
         head = messages.header(moment, "base_link")
         self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)
         self._send("step_record", String(data=record.to_json()), moment)
@@ -78,7 +80,7 @@ class BagMaker:
             outcome = {name: getattr(result, name) for name in _OUTCOMES}
             record = StepRecord(step=self._count, begin=Begin.LAST, time=time, dt=dt, **outcome)
             self._count += 1
-            moment = messages.to_nanoseconds(time)
+            moment = to_nanoseconds(time)
             head = messages.header(moment, "base_link")
             self._send("step_record", String(data=record.to_json()), moment)
             self._send("mesh", messages.mesh_cloud(head, result.positions, self.scene.mesh.vertices), moment)

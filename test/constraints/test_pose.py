@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
 
@@ -65,8 +66,19 @@ def test_poses_are_values_of_plain_floats() -> None:
 
 
 @pytest.mark.parametrize("name", ["translation", "rotation"])
-@pytest.mark.parametrize("bad", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0), (0, 0, 0, 1), 1.0])
+@pytest.mark.parametrize("bad", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0), (0, 0, 0, 1), 1.0, "abc", np.eye(3)])
 def test_poses_are_checked(name: str, bad: object) -> None:
     """Refuse what is not three finite numbers; name the field and the value."""
     with pytest.raises(ValueError, match=f"{name} must be three finite numbers, got"):
         Pose(**{name: bad})
+
+
+def test_a_quaternion_is_told_how_to_become_a_rotation_vector() -> None:
+    """Give one, and follow the remedy that the refusal names: a pose."""
+    quaternion = (0.0, 0.0, math.sin(0.3), math.cos(0.3))
+    with pytest.raises(
+        ValueError, match=r"a rotation vector, axis times angle in rad; remedy for a quaternion"
+    ) as error:
+        Pose(rotation=quaternion)
+    assert "Rotation.from_quat([x, y, z, w]).as_rotvec()" in str(error.value)
+    assert Pose(rotation=Rotation.from_quat(quaternion).as_rotvec()).rotation == pytest.approx((0.0, 0.0, 0.6))

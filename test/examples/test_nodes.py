@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import String
 
 from gdfe_ros.examples.tip_tracking import TipTracking
 from gdfe_ros.testing import Simulator
@@ -34,9 +35,9 @@ class Forgetful(TipTracking):
         self._counts: Counter[str] = Counter()
         super().__init__(**options)
 
-    def _take_pose(self, message: PoseStamped) -> None:
-        if self._keep("pose", 3):
-            super()._take_pose(message)
+    def _take_state(self, message: PoseStamped | JointState) -> None:
+        if isinstance(message, JointState) or self._keep("pose", 3):
+            super()._take_state(message)
 
     def _send(self, command: Any) -> None:
         if self._keep("command", 5):
@@ -104,6 +105,29 @@ def test_the_controller_bears_lost_messages() -> None:
     assert node.lost > 5
     # Where something is lost, the tip falls some steps behind its goal, and makes up for it.
     assert _keeps_up(node.errors)
+
+
+class LateScene(TipTracking):
+    """Hears of the scene only after the first state."""
+
+    def _take_scene(self, message: String) -> None:
+        if any(len(parts) == 2 for parts in self._parts.values()):
+            super()._take_scene(message)
+        else:
+            self.executor.create_task(self._take_scene, message)
+
+
+def test_the_controller_starts_with_messages_in_any_order() -> None:
+    """Hold the scene back until a state came, which in lockstep never comes again by itself: the node still starts."""
+    with Simulator("three_chamber_arm", inputs=[]) as simulator:
+        own = {"simulation": simulator.name, "radius": 0.005, "patience": PATIENT}
+        node = LateScene(
+            context=simulator.context,
+            parameter_overrides=[Parameter(name, value=value) for name, value in own.items()],
+        )
+        simulator.spin(node, steps=2)
+        node.destroy_node()
+    assert node.errors
 
 
 def test_two_robots_publish_from_one_process(ros: Any) -> None:

@@ -18,7 +18,11 @@ from gdfe_ros.node.interface.topics import OUTPUTS
 from gdfe_ros.node.specification import Delivery
 
 CONFIG = Path(__file__).parents[2] / "config"
-TYPES = {"Marker": "visualization_msgs/msg/Marker", "PointCloud2": "sensor_msgs/msg/PointCloud2"}
+TYPES = {
+    "Marker": "visualization_msgs/msg/Marker",
+    "MarkerArray": "visualization_msgs/msg/MarkerArray",
+    "PointCloud2": "sensor_msgs/msg/PointCloud2",
+}
 COLUMNS = {"mesh": ("x", "y", "z", "ux", "uy", "uz"), "strain": ("x", "y", "z", *STRAIN_FIELDS)}
 
 
@@ -35,7 +39,7 @@ def test_rviz_shows_topics_of_the_node() -> None:
     """Compare each display's topic, type, column and durability with the node's own table."""
     manager = yaml.safe_load((CONFIG / "rviz" / "sim.rviz").read_text(encoding="utf-8"))["Visualization Manager"]
     displays = [display for display in manager["Displays"] if "Topic" in display]
-    assert len(displays) == 3
+    assert len(displays) == 4
     for display in displays:
         topic = display["Topic"]
         spec = _spec(topic["Value"])

@@ -6,16 +6,31 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from visualization_msgs.msg import Marker
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
 
+from gdfe_ros.colour_map import colour
+from gdfe_ros.constraints import Pose
 from gdfe_ros.mesh.generators import bar
-from gdfe_ros.node.markers import SurfaceMarker, colour
+from gdfe_ros.node.markers import SurfaceMarker
+from gdfe_ros.node.messages import pose_stamped
 
+CUBE = """
+name: cube
+mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [4, 4, 4]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4}}
+regions: [{material: soft}]
+handles: {top: {where: {face: z+}, fixed: true}}
+obstacles:
+  rod: {capsule: {radius: 0.04, length: 0.04}, at: [0.05, 0, -0.1], rotation_deg: [0, 90, 0]}
+  wall: {plane: [-1, 0, 0], at: [0.2, 0.3, 0], fixed: true}
+"""
 MESH = bar((0.3, 0.1, 0.1), (3, 1, 1))
 
 
@@ -67,3 +82,36 @@ def test_markers_are_throttled(client: Any, start: Callable, coarse: dict) -> No
     assert len(markers) <= 2.0 * (time.monotonic() - begin) + 2
     assert len(markers[-1].points) == 6 * (4 * 2 * 20 + 2 * 4)
     assert client.set(marker_field="strength")[0].reason.startswith("parameter marker_field is 'strength'; allowed")
+
+
+def test_obstacles_and_forces_are_shown(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Press a capsule into a cube beside a wall: shapes are where the obstacles are, arrows show a force."""
+    path, arrays = tmp_path / "cube.yaml", []
+    path.write_text(CUBE)
+    client.node.create_subscription(MarkerArray, client.full("contact_markers"), arrays.append, 10)
+    start(scene=str(path), clock="lockstep", marker_rate=100.0)
+    client.publish("obstacles/rod/target", pose_stamped(Header(), Pose((0.0, 0.0, 0.015))))
+    client.wait(lambda: arrays and arrays[-1].markers[-1].ns == "forces")
+    first, *markers = arrays[-1].markers
+    assert first.action == Marker.DELETEALL
+    assert len({(marker.ns, marker.id) for marker in markers}) == len(markers)
+    rod = [marker for marker in markers if marker.ns == "obstacles"][:3]
+    assert [marker.type for marker in rod] == [Marker.CYLINDER, Marker.SPHERE, Marker.SPHERE]
+    places = np.array([_place(marker.pose.position) for marker in rod])
+    # The rod lies along x: its ends are half its length from its middle.
+    np.testing.assert_allclose(places, np.add([0.05, 0.0, -0.085], [[0, 0, 0], [-0.02, 0, 0], [0.02, 0, 0]]), atol=1e-9)
+    assert (rod[0].scale.x, rod[0].scale.z, rod[1].scale.y) == (0.08, 0.04, 0.08)
+    wall = markers[3]
+    assert (wall.type, wall.scale.z) == (Marker.CUBE, pytest.approx(0.005 * 0.1 * np.sqrt(3.0)))
+    # Its outer side is the plane x = 0.2, beside the cube's middle.
+    np.testing.assert_allclose(_place(wall.pose.position), [0.2 + 0.5 * wall.scale.z, 0.0, 0.0], atol=1e-9)
+    arrows = np.array([[_place(point) for point in marker.points] for marker in markers if marker.ns == "forces"])
+    total = (arrows[:, 1] - arrows[:, 0]).sum(axis=0)
+    assert total[2] > 0.99 * np.linalg.norm(total)
+    assert np.linalg.norm(arrows[:, 1] - arrows[:, 0], axis=1).max() == pytest.approx(
+        0.3 * 0.1 * np.sqrt(3.0), rel=1e-3
+    )
+
+
+def _place(point: Any) -> list[float]:
+    return [point.x, point.y, point.z]

@@ -110,7 +110,7 @@ def test_a_long_solve_is_ended_where_somebody_waits_for_its_end(client: Any, sta
 
     def keep_busy() -> None:
         for number in range(20):
-            client.target(0.2, turn=(3.0 * (-1) ** number, 0.0, 0.0))
+            client.target(0.2, turn=(1.5 * (-1) ** number, 0.0, 0.0))
         client.wait(is_solving)
 
     keep_busy()

@@ -18,7 +18,7 @@ def test_all_keys_are_read() -> None:
     """Give every key: the scene has it."""
     given = {
         "dynamics": {
-            "scheme": "bdf2",
+            "scheme": "generalised_alpha",
             "rho_inf": 0.5,
             "step": 0.001,
             "damping": {"mass": 0.1, "viscosity": 20.0},
@@ -30,15 +30,16 @@ def test_all_keys_are_read() -> None:
     }
     scene = load_scene("drop", overrides=given)
     found = scene.dynamics
-    assert (found.scheme, found.rho_inf, found.step) == (Scheme.BDF2, 0.5, 0.001)
+    assert (found.scheme, found.rho_inf, found.step) == (Scheme.GENERALISED_ALPHA, 0.5, 0.001)
     assert (found.mass_damping, found.viscosity, found.prony) == (0.1, 20.0, (Branch(0.2, 0.1),))
     assert (found.velocity, found.spin) == ((0, 0, 1), (1, 0, 0))
-    assert [(item.name, item.mass, len(item.vertices)) for item in scene.masses] == [("camera", 0.1, 9)]
+    assert [(item.name, item.mass, len(item.points.corners)) for item in scene.masses] == [("camera", 0.1, 9)]
 
 
-def test_attached_masses_weigh() -> None:
+@pytest.mark.parametrize("place", [{"where": {"face": "x+"}}, {"probe": "tip"}], ids=["vertices", "probe"])
+def test_attached_masses_weigh(place: dict[str, Any]) -> None:
     """Hang 100 g on a bar of 80 g, without dynamics: its clamp carries both."""
-    weights = {"masses": {"camera": {"mass": 0.1, "where": {"face": "x+"}}}, "dynamics": None}
+    weights = {"masses": {"camera": {"mass": 0.1, **place}}, "dynamics": None}
     result = Simulation(load_scene("drop", overrides=weights)).step()
     assert result.reactions["base"][2] == pytest.approx(0.18 * 9.81, rel=1e-3)
 
@@ -50,6 +51,7 @@ def test_attached_masses_weigh() -> None:
         ("dynamics.step", 0.0, "longest internal step in time"),
         ("dynamics.step", 11.0, "longest internal step in time"),
         ("dynamics.rho_inf", 1.1, "rho_inf"),
+        ("dynamics", {"scheme": "bdf2", "rho_inf": 0.8}, "rho_inf = 0.8 (override): belongs to the scheme generalised"),
         ("dynamics.damping.viscosity", -1.0, "viscosity"),
         ("dynamics.damping.mass", -0.1, "mass"),
         ("dynamics.prony", [{"share": 0.6, "time": 1}, {"share": 0.5, "time": 2}], "sum to 1.1; allowed: less than 1"),
@@ -60,6 +62,9 @@ def test_attached_masses_weigh() -> None:
         ("materials.rubber.density", -3, "density"),
         ("masses", {"camera": {"mass": 0.0, "where": {"face": "x+"}}}, "mass"),
         ("masses", {"camera": {"mass": 0.1, "where": {"box": {"x": [5, 6]}}}}, "camera"),
+        ("masses", {"camera": {"mass": 0.1}}, "give either where or probe"),
+        ("masses", {"camera": {"mass": 0.1, "probe": "tip", "where": {"face": "x+"}}}, "give either where or probe"),
+        ("masses", {"camera": {"mass": 0.1, "probe": "tipp"}}, "no such probe; did you mean 'tip'? allowed: tip"),
     ],
 )
 def test_bad_input_is_named(key: str, value: Any, said: str) -> None:

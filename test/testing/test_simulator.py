@@ -15,7 +15,8 @@ from sensor_msgs.msg import PointCloud2
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.simulation import Command
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.testing import Simulator, State, tracking_error
 
 COARSE = {"mesh.bar.cells": [20, 2, 2]}
@@ -42,6 +43,25 @@ def test_a_controller_reaches_its_goal_the_same_way_every_time() -> None:
         assert np.array_equal(first.strain, second.strain)
         assert first.wrenches["tip"].tolist() == second.wrenches["tip"].tolist()
         assert first.time == second.time
+
+
+def test_a_controller_of_a_body_in_motion_reads_velocities_and_inertial_units() -> None:
+    """Shake a bar by its base: each state has what a simulation here finds; none without dynamics."""
+    overrides = {"mesh.bar.cells": [10, 1, 1], "handles.base.fixed": False}
+    commands = [Command(handles={"base": Pose((0.0, 0.0, 1e-3 * np.sin(0.5 * step)))}) for step in range(10)]
+    same = Simulation(load_scene("drop", overrides=overrides))
+    with Simulator("drop", overrides=overrides, parameters={"dt": 0.005}) as simulator:
+        assert not simulator.state.velocities.any()
+        for command in commands:
+            state, result = simulator.step(command), same.step(command, dt=0.005)
+            reading, expected = state.imus["tip"], same.imus()["tip"]
+            np.testing.assert_array_equal(state.velocities, result.velocities.astype(np.float32))
+            np.testing.assert_allclose(reading.angular_velocity, expected.angular_velocity, atol=1e-12)
+            np.testing.assert_allclose(reading.linear_acceleration, expected.linear_acceleration, atol=1e-12)
+            assert (reading.orientation.inv() * expected.orientation).magnitude() < 1e-12
+    with Simulator("bend5", overrides=COARSE) as simulator:
+        assert simulator.state.velocities is None
+        assert simulator.state.imus == {}
 
 
 class _Follower(Node):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gdfe_ros.analysis.bag_steps import RECORD, BagStep
+from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.export.columns import Columns
 from gdfe_ros.scene import Scene
 
@@ -21,7 +21,8 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     """Write steps (t) and return their number.
 
     Keys: ``time`` (t,) [s]; ``X`` (n, 3) rest vertices [m]; ``cells`` (m, 8); ``positions`` (t, n, 3) float32 [m];
-    ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for everything else.
+    ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for everything else, but
+    ``contacts/<field>`` (p,) of all points that touched, with ``contacts/row`` (p,): of which of the t steps each is.
     A step that lacks a message has NaN there. ``joint_names`` names the k entries of joint states; ``units`` is JSON
     text: the SI unit of each array that has one and the same throughout.
 
@@ -34,7 +35,12 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
         times.append(step.record.time)
         for name, values in _named(step):
             columns[name][number] = values
-    arrays = {name: _stack(found, len(times)) for name, found in columns.items()}
+        if points := step.samples.get(CONTACTS):
+            columns[f"{CONTACTS}/row"][number] = np.full(len(points["x"]), number)
+    arrays = {
+        name: np.concatenate(list(found.values())) if name.startswith(f"{CONTACTS}/") else _stack(found, len(times))
+        for name, found in columns.items()
+    }
     known = Columns(scene.actuators)
     arrays |= {"time": np.array(times), "X": scene.mesh.vertices, "cells": scene.mesh.cells}
     units = {name: _LENGTHS.get(name) or known.unit(name) for name in arrays if not name.startswith("joint_states/")}

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gdfe_ros.analysis.bag_steps import RECORD, BagStep
+from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.export.columns import JOINTS, Columns
 
 Row = dict[str, Any]
@@ -74,6 +74,8 @@ def columns(rows: Iterable[Mapping[str, Any]]) -> list[str]:
 
 def _cells(topic: str, field: str, values: np.ndarray, known: Columns) -> Row:
     """Give the numbers of a message that holds few; arrays over the mesh are left out."""
+    if topic == CONTACTS:
+        return {f"{topic}.points": len(values)} if field == "x" else {}
     if topic == JOINTS and len(values) == len(known.joints):
         return {f"{topic}.{name}.{field}": value.item() for name, value in zip(known.joints, values, strict=True)}
     if values.size == 1:

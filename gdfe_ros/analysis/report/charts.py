@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Mode
 from gdfe_ros.analysis.bag_steps import RECORD
 from gdfe_ros.analysis.difference_table import unit_of
+from gdfe_ros.analysis.report.energies import energy_balance
 from gdfe_ros.analysis.report.history import JOINTS, History
 from gdfe_ros.scene import Scene
 
@@ -42,13 +43,17 @@ def all_charts(history: History, scene: Scene, *, dt: float) -> list[Chart]:
         dt: simulation time of most steps [s], shown beside the wall times; 0: not shown.
     """
     charts = [
-        *_motion(history),
+        *_motion(history, scene),
         _vector_chart(history, "Reaction forces", "wrench.force"),
         _vector_chart(history, "Reaction moments", "wrench.torque"),
+        _vector_chart(history, "Forces on contact sensors", "wrench.force", sensors=True),
+        _vector_chart(history, "Moments on contact sensors", "wrench.torque", sensors=True),
         *_actuators(history, scene),
         *_others(history),
         _strain(history),
         _lines(history, "Strain energy", "J", {"strain energy": history.responses["step_record", "energy"]}),
+        _lines(history, "Energies of the motion", "J", history.energies),
+        _lines(history, "Balance of energy", "J", energy_balance(history)),
         _lines(history, "Least det F", "", {"least det F": history.responses["step_record", "min_det"]}),
         _cost(history, "Solver iterations", "a step", {"iterations": history.costs["iterations"]}),
         _residuals(history, scene.solver.tolerance),
@@ -69,15 +74,14 @@ def thinning(history: History) -> str:
     )
 
 
-def _motion(history: History) -> list[Chart]:
-    """Commanded and found position, and commanded rotation, of each handle that was commanded."""
-    charts = []
+def _motion(history: History, scene: Scene) -> list[Chart]:
+    """Commanded and found position, and commanded rotation, of each handle and obstacle that was commanded."""
+    charts, sections = [], {handle.name: handle.section for handle in scene.handles}
     for name, targets in history.targets.items():
         table = np.array(targets)
         series = {f"commanded {axis}": table[:, place] for place, axis in enumerate(_AXES)}
-        found = {
-            f"found {axis}": history.responses.get((f"handles/{name}/pose", f"pose.position.{axis}")) for axis in _AXES
-        }
+        topic = f"{sections[name]}/{name}/pose"
+        found = {f"found {axis}": history.responses.get((topic, f"pose.position.{axis}")) for axis in _AXES}
         series |= {label: values for label, values in found.items() if values is not None}
         charts.append(_lines(history, f"Position of {name}, from rest", "m", series))
         if np.any(table[:, 3:]):
@@ -88,11 +92,11 @@ def _motion(history: History) -> list[Chart]:
     return charts
 
 
-def _vector_chart(history: History, title: str, stem: str) -> Chart:
+def _vector_chart(history: History, title: str, stem: str, *, sensors: bool = False) -> Chart:
     series = {
         f"{topic.split('/')[1]} {field[-1]}": values
         for (topic, field), values in history.responses.items()
-        if field.startswith(f"{stem}.")
+        if field.startswith(f"{stem}.") and topic.startswith("sensors/") == sensors
     }
     return _lines(history, title, unit_of(f"{stem}.x"), series)
 

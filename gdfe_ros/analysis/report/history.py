@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gdfe_ros.analysis.bag_steps import RECORD, BagStep
+from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, BagStep
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
+from gdfe_ros.recording.step_record import Begin
 
 JOINTS = "joint_states"
 COSTS = ("iterations", "substeps", "residual", "wall_time")
@@ -30,6 +31,8 @@ class History:
         commands: other commands in force, by name; NaN before the first.
         costs: of each solve: ``iterations, substeps, residual, wall_time`` [s] and ``skipped.<name>``.
         responses: numbers that were published once a step, by topic and field; NaN where none was.
+        energies: of a body in motion [J], by name; empty for a run without dynamics.
+        starts: places of the steps that begin from another state than the last step's.
         not_converged: times of the steps that did not converge [s].
         cut: number of steps that a deadline cut.
     """
@@ -40,6 +43,8 @@ class History:
     commands: dict[str, list[float]] = field(default_factory=dict)
     costs: dict[str, list[float]] = field(default_factory=dict)
     responses: dict[tuple[str, str], list[float]] = field(default_factory=dict)
+    energies: dict[str, list[float]] = field(default_factory=dict)
+    starts: list[int] = field(default_factory=list)
     not_converged: list[float] = field(default_factory=list)
     cut: int = 0
 
@@ -56,6 +61,9 @@ class History:
             if topic != RECORD:
                 numbers |= _numbers(topic, values)
         _extend(self.responses, numbers, count, np.nan)
+        _extend(self.energies, record.energies, count, np.nan)
+        if record.begin is not Begin.LAST:
+            self.starts.append(count)
         strain = step.samples.get("strain", {}).get("eps_eq")
         if strain is not None:
             self.strain.add(count, record.time, strain)
@@ -77,8 +85,13 @@ class History:
 
 
 def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
-    """Give the numbers of a message that holds only a few; entries of joint states by their place, as ``effort.0``."""
+    """Give the numbers of a message that holds only a few; entries of joint states by their place, as ``effort.0``.
+
+    Of what touches: how many points do.
+    """
     found = {}
+    if topic == CONTACTS:
+        return {(topic, "points"): float(len(values["x"])), (topic, "slipping"): float(values["slips"].sum())}
     for name, array in values.items():
         if topic == JOINTS:
             found |= {(topic, f"{name}.{place}"): float(value) for place, value in enumerate(array)}

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.report.energies import balance_text
 from gdfe_ros.analysis.report.history import History
+from gdfe_ros.scene import Scene
 
 Rows = list[tuple[str, str]]
 
@@ -19,7 +21,7 @@ def run_rows(run: BagRun, history: History) -> Rows:
     solving = float(costs["wall_time"].sum())
     solved = costs["wall_time"][costs["iterations"] > 0]
     times = 1e3 * (solved if solved.size else costs["wall_time"])
-    return [
+    rows = [
         ("steps", f"{len(history.time)}, of which {int((costs['iterations'] > 0).sum())} needed a solve"),
         ("simulation time", f"{span:.6g} s"),
         ("solve time", f"{solving:.4g} s, {_ratio(span, solving)}"),
@@ -28,8 +30,10 @@ def run_rows(run: BagRun, history: History) -> Rows:
         ("largest residual", f"{costs['residual'].max():.3g} of the body's size"),
         ("converged", _convergence(history)),
         ("least det F", f"{np.nanmin(history.responses['step_record', 'min_det']):.4g}"),
+        ("balance of energy", balance_text(history)),
         ("messages", _messages(run)),
     ]
+    return [(name, text) for name, text in rows if text]
 
 
 def scene_rows(run: BagRun) -> Rows:
@@ -40,7 +44,7 @@ def scene_rows(run: BagRun) -> Rows:
         ("scene", scene.name),
         ("mesh", f"{scene.mesh.n_vertices} vertices, {scene.mesh.n_cells} cells"),
         ("materials", ", ".join(f"{name} ({type(m).__name__})" for name, m in scene.materials.items())),
-        ("handles", ", ".join(f"{h.name}{' (fixed)' if h.fixed else ''}" for h in scene.handles)),
+        *_movable(scene),
         ("policy, tolerance", f"{scene.solver.policy.value}, {scene.solver.tolerance:g}"),
     ]
     if node:
@@ -56,6 +60,14 @@ def scene_rows(run: BagRun) -> Rows:
         ("machine", ", ".join(place)),
         ("libraries", ", ".join(libraries)),
     ]
+
+
+def _movable(scene: Scene) -> Rows:
+    """Name handles and obstacles, a row for each kind that there is."""
+    rows: dict[str, list[str]] = {}
+    for handle in scene.handles:
+        rows.setdefault(handle.section, []).append(f"{handle.name}{' (fixed)' if handle.fixed else ''}")
+    return [(section, ", ".join(names)) for section, names in rows.items()]
 
 
 def _times(times: NDArray[np.float64]) -> str:

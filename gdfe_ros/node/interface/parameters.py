@@ -68,20 +68,21 @@ PARAMETERS = (
     ParameterSpec(
         name="frame_id",
         default="base_link",
-        meaning="REP-105 frame of the rest shape, in the header of every output but poses and wrenches of handles",
+        meaning="REP-105 frame of the rest shape, in the header of every output but poses and wrenches of handles and "
+        "obstacles",
         change=Change.UNCONFIGURED,
     ),
     ParameterSpec(
         name="publish_tf",
         default=True,
-        meaning="publish frames of handles and probes on /tf and /tf_static, where tf2_msgs is installed",
+        meaning="publish frames of handles, obstacles and probes on /tf and /tf_static, where tf2_msgs is installed",
         change=Change.UNCONFIGURED,
     ),
     ParameterSpec(
         name="follow",
         default=[""],
-        meaning="handles that are held where something else is, as handle=topic:/arm/tool_pose (PoseStamped) or "
-        "handle=frame:tool0 (TF, needs tf2_msgs); such a handle takes no other commands",
+        meaning="handles and obstacles that are held where something else is, as handle=topic:/arm/tool_pose "
+        "(PoseStamped) or handle=frame:tool0 (TF, needs tf2_msgs); such a handle takes no other commands",
         change=Change.UNCONFIGURED,
     ),
     ParameterSpec(name="record", default=False, meaning="write a bag while active", change=Change.INACTIVE),

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from gdfe_ros.node.specification import Delivery, TopicSpec
 
 TARGET = TopicSpec(
@@ -17,6 +19,20 @@ VELOCITY = TopicSpec(
     type="geometry_msgs/msg/TwistStamped",
     meaning="velocity of the handle's target [m/s], [rad/s], axes of the node's frame, in force for "
     "`velocity_timeout`; turns add up beyond 180 degrees; `frame_id` as for the target",
+    delivery=Delivery.COMMAND,
+)
+OBSTACLE_TARGET = TopicSpec(
+    name="~/obstacles/{obstacle}/target",
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="target of the obstacle relative to its rest pose [m], rotation about its own origin by the nearest turn, "
+    "axes of the node's frame, as in a program; `frame_id` empty, the node's or `<obstacle>_rest`; in any other, which "
+    "is looked up on TF, it is where the frame `<obstacle>` is to be",
+    delivery=Delivery.COMMAND,
+)
+OBSTACLE_VELOCITY = TopicSpec(
+    name="~/obstacles/{obstacle}/velocity",
+    type="geometry_msgs/msg/TwistStamped",
+    meaning="velocity of the obstacle's target [m/s], [rad/s]; as of handles",
     delivery=Delivery.COMMAND,
 )
 ACTUATION = TopicSpec(
@@ -42,10 +58,10 @@ TRAJECTORY = TopicSpec(
 FOLLOWED = TopicSpec(
     name="",  # the parameter names it
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where a handle that follows a topic is held: pose of its frame in the header's; empty: the node's",
+    meaning="where a handle or obstacle that follows a topic is held: its frame in the header's; empty: the node's",
     delivery=Delivery.FOLLOWED,
 )
-COMMANDS = (TARGET, VELOCITY, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
+COMMANDS = (TARGET, VELOCITY, OBSTACLE_TARGET, OBSTACLE_VELOCITY, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
 
 CLOCK = TopicSpec(
     name="/clock",
@@ -90,6 +106,51 @@ HANDLE_SENSOR = TopicSpec(
     "the body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with it; not recorded",
     recorded=False,
 )
+OBSTACLE_POSE = TopicSpec(
+    name="~/obstacles/{obstacle}/pose",
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="where the obstacle is, relative to its rest pose [m]: `frame_id` is `<obstacle>_rest`, the origin of its "
+    "shape at rest with the axes of the node's frame",
+)
+OBSTACLE_WRENCH = TopicSpec(
+    name="~/obstacles/{obstacle}/wrench",
+    type="geometry_msgs/msg/WrenchStamped",
+    meaning="force [N] and moment [N m] that the obstacle exerts on the body, about the present origin of its shape: "
+    "`frame_id` is `<obstacle>_centre`, which moves with it and keeps the axes of the node's frame",
+)
+BODY_POSE = TopicSpec(
+    name="~/bodies/{body}/pose",
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="where the rigid body is, relative to its rest pose [m]: `frame_id` is `<body>_rest`, its middle at rest "
+    "with the axes of the node's frame",
+)
+BODY_WRENCH = TopicSpec(
+    name="~/bodies/{body}/wrench",
+    type="geometry_msgs/msg/WrenchStamped",
+    meaning="force [N] and moment [N m] that the rigid body exerts on the elastic one, about its own present middle: "
+    "`frame_id` is `<body>_centre`, which moves with it and keeps the axes of the node's frame",
+)
+CONTACTS = TopicSpec(
+    name="~/contacts",
+    type="sensor_msgs/msg/PointCloud2",
+    meaning="each point that touches: x, y, z [m], normal nx, ny, nz out of what it touches, gap [m], force along the "
+    "normal fx, fy, fz and by friction tx, ty, tz [N] on what touches, float32; slips (1, else 0), vertex (-1: corner "
+    "of a rigid body), contact (place in `~/contact_names`), int32; only of scenes with `obstacles` or `bodies`",
+    delivery=Delivery.CLOUD,
+)
+CONTACT_NAMES = TopicSpec(
+    name="~/contact_names",
+    type="std_msgs/msg/String",
+    meaning="JSON: the names that `contact` of `~/contacts` counts from 0: obstacles and bodies in the scene's order, "
+    "which the elastic body touches, then `<body> on <obstacle>`",
+    delivery=Delivery.LATCHED,
+)
+SENSOR_WRENCH = TopicSpec(
+    name="~/sensors/{sensor}/wrench",
+    type="geometry_msgs/msg/WrenchStamped",
+    meaning="force [N] and moment [N m] of all that touches the faces of a contact sensor on these, about the present "
+    "mean of their vertices: `frame_id` is `<sensor>_sensor`, which moves with it, with the axes of the node's frame",
+)
 PROBE = TopicSpec(
     name="~/probe/{probe}",
     type="geometry_msgs/msg/PoseStamped",
@@ -126,11 +187,21 @@ MARKERS = TopicSpec(
     recorded=False,
     delivery=Delivery.CLOUD,
 )
+CONTACT_MARKERS = TopicSpec(
+    name="~/contact_markers",
+    type="visualization_msgs/msg/MarkerArray",
+    meaning="shapes of obstacles and rigid bodies, and forces as arrows from the points that touch, green where they "
+    "stick and red where they slip, the largest so far 0.3 of the body's size long; at most `marker_rate`; not "
+    "recorded; only of scenes with `obstacles` or `bodies`",
+    recorded=False,
+    delivery=Delivery.CLOUD,
+)
 TF = TopicSpec(
     name="/tf",
     type="tf2_msgs/msg/TFMessage",
     meaning="with `publish_tf`, in the node's frame: `<handle>`, which moves and turns with the handle, "
-    "`<handle>_centre`, which keeps the axes, `<probe>_probe` and, of scenes with `dynamics`, "
+    "`<handle>_centre`, which keeps the axes, the same of obstacles and rigid bodies, `<probe>_probe`, "
+    "`<sensor>_sensor` and, of scenes with `dynamics`, "
     "`<probe>_imu`; not recorded",
     recorded=False,
     delivery=Delivery.TRANSFORMS,
@@ -138,7 +209,7 @@ TF = TopicSpec(
 TF_STATIC = TopicSpec(
     name="/tf_static",
     type="tf2_msgs/msg/TFMessage",
-    meaning="with `publish_tf`: `<handle>_rest` in the node's frame; not recorded",
+    meaning="with `publish_tf`: `<handle>_rest`, `<obstacle>_rest`, `<body>_rest` in the node's frame; not recorded",
     recorded=False,
     delivery=Delivery.LATCHED,
 )
@@ -162,6 +233,25 @@ DIAGNOSTICS = TopicSpec(
     recorded=False,
 )
 OUTPUTS = (
-    MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, PROBE, IMU, JOINT_STATES,
-    JACOBIAN, STEP_RECORD, MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
+    MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, OBSTACLE_POSE, OBSTACLE_WRENCH,
+    BODY_POSE, BODY_WRENCH, CONTACTS, CONTACT_NAMES, SENSOR_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN, STEP_RECORD,
+    MARKERS, CONTACT_MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Moved:
+    """The topics of a handle, obstacle or rigid body; ``target`` and ``velocity`` of those that are commanded."""
+
+    pose: TopicSpec
+    wrench: TopicSpec
+    target: TopicSpec | None = None
+    velocity: TopicSpec | None = None
+
+
+MOVED = {
+    "handles": Moved(HANDLE_POSE, HANDLE_WRENCH, TARGET, VELOCITY),
+    "obstacles": Moved(OBSTACLE_POSE, OBSTACLE_WRENCH, OBSTACLE_TARGET, OBSTACLE_VELOCITY),
+    "bodies": Moved(BODY_POSE, BODY_WRENCH),
+}
+"""By the section of a scene that it stands in."""

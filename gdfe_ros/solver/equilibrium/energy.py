@@ -79,7 +79,9 @@ class EnergyEquilibrium:
         stiffness = 2.0 * parameters[:, SHEAR] + parameters[:, PENALTY] + parameters[:, LAME]
         bending = parameters[:, YOUNG] * np.cbrt(body.shape.volume) / 6.0
         shares = [term.stiffness() for term in self.actuation.terms]
-        assembled = sum((share for share in shares if share is not None), assemble(body.shape, stiffness, bending))
+        assembled = sum(
+            (share for share in shares if share is not None), assemble(body.shape, stiffness, bending, len(body.rest))
+        )
         self.matrix = ConstantMatrix(assembled.tocsc(), body.rest, body.unknowns, library=library)
         self.actuation.fit(self.matrix)
         self.handles = HandleMotions(body)

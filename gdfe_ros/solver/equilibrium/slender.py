@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.certified import CertifiedMinimiser
 from gdfe_ros.solver.descent.products import TangentProducts
+from gdfe_ros.solver.descent.tangent import TangentMinimiser
 from gdfe_ros.solver.equilibrium.solve import Model, Solve
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
@@ -72,8 +73,8 @@ def for_slender(
         field = found.reshape(-1, 3) / np.abs(found).max()
     if least < MECHANISM:
         return model
-    minimiser = CertifiedMinimiser(body, weight, bending, level, least, trusting=moving)
-    return replace(model, minimiser=minimiser, level=level)
+    minimiser = TangentMinimiser if moving else CertifiedMinimiser
+    return replace(model, minimiser=minimiser(body, weight, bending, level, least), level=level)
 
 
 def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> NDArray[np.float64]:

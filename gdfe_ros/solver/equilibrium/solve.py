@@ -108,7 +108,8 @@ class Solve:
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
         self._scale = start.elements.hourglass_scale.copy()
-        self._actuation.begin(self.problem.commands, start.terms, here.positions, ratio=here.ratio)
+        given = here.positions, self.problem.poses, start
+        self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
     def go_on_from(self, state: State) -> None:
         """Begin at what was found, with the multipliers as they are."""
@@ -151,12 +152,14 @@ class Solve:
             active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
         self._settled, self.iterations = not updates, 0
         for _ in range(MOST_UPDATES):
-            left = limit - self.iterations
-            went = self._minimiser.descend(task, tolerance=inner, final=tolerance, least=least, limit=left)
+            fine, left = self._actuation.resolution, limit - self.iterations
+            asked = {"tolerance": min(inner, fine), "final": min(tolerance, fine), "limit": left}
+            went = self._minimiser.descend(task, **asked, least=max(0, least - self.iterations))
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
-            least = max(0, least - went.iterations)
             runaway = status["ended"] == End.RUNAWAY or (status["ended"] != End.NONE and status["blocked"] > 0)
-            if went.cut or runaway or self._minimiser.lost or not updates:
+            failed = went.cut or runaway or self._minimiser.lost
+            updates |= not failed and self._actuation.reached(active.workspace.x)
+            if failed or not updates:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
             last = inner == tolerance or status["ended"] != End.NONE
@@ -203,7 +206,7 @@ class Solve:
             residual=residual,
             energy=float(stored.sum()),
             min_det=float(least.min()),
-            reactions=handle_reactions(self._body, positions, work.force, outside),
+            reactions=handle_reactions(self._body, positions, work.force, outside, self._actuation.contacts),
             actuators=self._actuation.states(positions, problem.commands, self._operators),
             terms=self._actuation.reports(positions),
             message=message,
@@ -269,11 +272,8 @@ class Solve:
         if residual <= tolerance and self._settled and (self._warm or not self._cut):
             return True, residual, ""
         if self._cut:
-            reason = (
-                "the deadline passed"
-                if past(self.problem.deadline)
-                else f"stopped after {self.problem.limit} iterations"
-            )
+            late = past(self.problem.deadline)
+            reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
             far = float(active.status["distance"]) / self._body.size
             text = (
                 f"{reason}: how far from equilibrium is not known yet, the last step was {far:.3g} of the body's size"

@@ -33,17 +33,20 @@ class Factorisation(str, Enum):
     SCIPY = "scipy splu"
 
 
-def assemble(shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64]) -> sparse.csc_matrix:
+def assemble(
+    shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64], count: int | None = None
+) -> sparse.csc_matrix:
     """Assemble sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T, (n, n).
 
     Args:
         shape: the elements.
         weight: w_e (m,) [Pa].
         hourglass: c_e (m,) [N/m].
+        count: number n of vertices; None for those of the elements.
     """
     blocks = np.einsum("e,eai,ebi->eab", weight * shape.volume, shape.gradient, shape.gradient)
     blocks += np.einsum("e,eka,ekb->eab", hourglass, shape.hourglass, shape.hourglass)
-    return _scatter(blocks, shape)
+    return _scatter(blocks, shape, count)
 
 
 def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
@@ -51,9 +54,10 @@ def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
     return _scatter(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape)
 
 
-def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators) -> sparse.csc_matrix:
+def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators, count: int | None = None) -> sparse.csc_matrix:
     rows, columns = np.repeat(shape.cells, 8, axis=1).ravel(), np.tile(shape.cells, (1, 8)).ravel()
-    return sparse.coo_matrix((blocks.ravel(), (rows, columns))).tocsc()
+    size = None if count is None else (count, count)
+    return sparse.coo_matrix((blocks.ravel(), (rows, columns)), shape=size).tocsc()
 
 
 class ConstantMatrix:

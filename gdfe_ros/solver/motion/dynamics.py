@@ -40,7 +40,7 @@ class Dynamics:
     Attributes:
         scheme: ``bdf2`` damps what a step does not resolve, ``newmark`` keeps the energy, ``generalised_alpha`` damps
             as much as ``rho_inf`` says.
-        rho_inf: spectral radius of ``generalised_alpha`` at infinite frequency, 0 to 1.
+        rho_inf: spectral radius of ``generalised_alpha`` at infinite frequency, 0 to 1; other schemes have none.
         step: longest internal step [s]; a step of a simulation is cut into equal ones no longer than it.
         mass_damping: force over mass and velocity, against the world [1/s].
         viscosity: second Piola-Kirchhoff stress over the rate of the Green strain [Pa s].
@@ -67,6 +67,8 @@ class Dynamics:
             raise ValueError(f"step must lie in {SHORTEST_STEP:g} .. {LONGEST_STEP:g} s, got {self.step!r}")
         if not 0.0 <= self.rho_inf <= 1.0:
             raise ValueError(f"rho_inf must lie in 0 .. 1, got {self.rho_inf!r}")
+        if self.scheme is not Scheme.GENERALISED_ALPHA and self.rho_inf != Dynamics.rho_inf:
+            raise ValueError(f"rho_inf belongs to generalised_alpha, got {self.rho_inf!r} with {self.scheme.value}")
         for name in ("mass_damping", "viscosity"):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f"{name} must not be negative, got {getattr(self, name)!r}")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.solution import Solution
-from gdfe_ros.solver.state import State
+from gdfe_ros.solver.state import Failure, State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.value import changed
 
@@ -57,6 +57,14 @@ class Flight:
         count = max(1, math.ceil(duration / longest - ROUNDING))
         return cls(state=state, began=state, poses=poses, commands=commands, duration=duration, total=WHOLE * count)
 
+    def repeats(self, failure: Failure) -> bool:
+        """Tell whether nothing has changed since this failed: a body that is driven on may get there in more time."""
+        if (self.poses, self.commands) != (failure.poses, failure.commands):
+            return False
+        if (self.state.poses, self.state.commands) == (self.poses, self.commands):
+            return self.longest >= failure.length
+        return (self.duration, self.longest) == (failure.duration, failure.length)
+
     @property
     def arrived(self) -> bool:
         """Whether the whole is behind."""
@@ -66,6 +74,11 @@ class Flight:
     def length(self) -> float:
         """Length [s] of the next internal step, to nine digits: each other length asks for a factor of its own."""
         return float(f"{self.duration / (self.total / self.size):.9g}")
+
+    @property
+    def longest(self) -> float:
+        """Length [s] of an internal step that is not cut."""
+        return self.duration / (self.total / WHOLE)
 
     @property
     def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
@@ -116,15 +129,26 @@ class Flight:
             simulated=self.simulated,
         )
 
-    def withdrawn(self, solution: Solution, skipped: dict[str, int]) -> March:
-        """Return the march to the last sound state before an internal step that failed."""
-        reason = solution.message
+    def withdrawn(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
+        """Return the march to the state before an internal step that failed; unless ``hurried``, it remembers that."""
+        reason, least = solution.message, self.state.summary.min_det
         if not solution.diverged:
             reason = f"elements would fold or turn inside out (least volume ratio {solution.min_det:.3g}); {reason}"
         text = f"an internal step of {self.length:.3g} s failed: {reason}".rstrip("; ")
         text = f"{text}; positions and velocities are those before it"
-        text = f"{text}; remedy: slower commands, a smaller dynamics.step, or a reset"
-        return changed(self, flaw=text).march(skipped)
+        if least > 0.0:
+            text = f"{text}; remedy: slower commands, a smaller dynamics.step, or a reset"
+        else:
+            text = f"{text}, where elements are inside out already (least volume ratio {least:.3g}); remedy: a reset"
+        failure = None
+        if not (self.done or self.can_halve or hurried):
+            asked = {"poses": self.poses, "commands": self.commands}
+            failure = Failure(**asked, duration=self.duration, length=self.longest, reason=text)
+        state = self.state.with_(
+            ledger=changed(self.state.ledger, failure=failure),
+            summary=changed(self.state.summary, residual=math.inf),
+        )
+        return changed(self, state=state, flaw=text).march(skipped)
 
     @property
     def simulated(self) -> float:

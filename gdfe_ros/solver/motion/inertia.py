@@ -10,13 +10,19 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.compiled import kernel
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+from gdfe_ros.solver.value import changed
 
 NAME = "(inertia)"
 """No actuator or load of a scene can be called that."""
+
+
+PUSHED = "pushed"
+"""What a state keeps of the acceleration (n, 3) [m/s^2] by contacts at its end, where the next step must not see it."""
 
 
 @kernel
@@ -71,6 +77,8 @@ class Inertia(Term):
         for handle in body.handles:
             if not handle.turning:
                 self._driven[np.ix_(handle.vertices, [axis for axis in range(3) if axis not in handle.free])] = True
+        rigid = [handle.vertices for handle in body.handles if isinstance(handle, RigidBody)]
+        self._rigid = np.array(rigid, dtype=np.int32).reshape(-1, 4)
         self._rule: Rule | None = None
         numbers = np.concatenate([np.zeros(1 + 3 * len(body.rest)), mass.data])
         super().__init__(NAME, numbers, np.concatenate([mass.indptr, mass.indices]).astype(np.int32))
@@ -78,6 +86,14 @@ class Inertia(Term):
     def stiffness(self) -> sparse.spmatrix:
         """Return kappa M, and what damping against the world adds."""
         return (self._factor * self._mass).tocsc()
+
+    def couplings(self) -> NDArray[np.int32]:
+        """Return the vertices that rigid bodies are, which no element couples (r, 4)."""
+        return self._rigid
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return nothing (r, 12, 12): all of it is in the stiffness."""
+        return np.zeros((len(self._rigid), 12, 12))
 
     def neutral(self) -> Saved:
         """Return that nothing has begun yet."""
@@ -94,11 +110,12 @@ class Inertia(Term):
             self.reals[0] = 0.0
             return
         now, x = kinematics_of(saved), saved["positions"]
+        if PUSHED in saved:
+            now = changed(now, acceleration=now.acceleration - saved[PUSHED])
         if saved["h"][0] != self._h:
             now = Kinematics.started(x, now.velocity, now.acceleration, self._h, first=now.first)
         rule, damping = Rule.of(self._dynamics, self._h, x, now), self._dynamics.mass_damping
-        velocity = (positions - x) / self._h
-        acceleration = (velocity - now.velocity) / self._h
+        velocity, acceleration = self._followed(positions, x, now.velocity)
         factor = rule.kappa + damping * rule.theta
         resisted = rule.kappa * rule.aim + damping * rule.theta * rule.drift
         driven = factor * positions - acceleration - damping * velocity
@@ -113,15 +130,11 @@ class Inertia(Term):
             return saved
         now, rule = kinematics_of(saved), self._rule
         velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
-        balanced = rule.balanced(positions)
-        given = (positions - self._last) / self._h
-        change = (given - now.velocity) / self._h
-        velocity = np.where(self._driven, given, velocity)
-        acceleration = np.where(self._driven, change, acceleration)
+        given, change = self._followed(positions, self._last, now.velocity)
         after = Kinematics(
-            velocity=velocity,
-            acceleration=acceleration,
-            balanced=np.where(self._driven, change, balanced),
+            velocity=np.where(self._driven, given, velocity),
+            acceleration=np.where(self._driven, change, acceleration),
+            balanced=np.where(self._driven, change, rule.balanced(positions)),
             before=self._last,
             velocity_before=now.velocity,
         )
@@ -130,6 +143,13 @@ class Inertia(Term):
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return nothing: what inertia stores is kinetic."""
         return 0.0
+
+    def _followed(
+        self, positions: NDArray[np.float64], last: NDArray[np.float64], velocity: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return velocity and acceleration (n, 3) of what is driven from ``last`` to ``positions`` (n, 3) [m]."""
+        given = (positions - last) / self._h
+        return given, (given - velocity) / self._h
 
 
 def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64] | None = None) -> Saved:
@@ -145,5 +165,5 @@ def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64]
 
 def kinematics_of(saved: Saved) -> Kinematics:
     """Return the kinematics that a state keeps."""
-    arrays = {name: array for name, array in saved.items() if name not in ("positions", "h", "first")}
+    arrays = {name: array for name, array in saved.items() if name not in ("positions", "h", "first", PUSHED)}
     return Kinematics(**arrays, first=bool(saved["first"][0]))

@@ -12,7 +12,6 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.inertia import kinematics_of
-from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.state import Ledger, State
 
 
@@ -27,7 +26,6 @@ class Accounts:
 
     def __init__(self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics) -> None:
         self._body, self._mass, self._dynamics = body, mass, dynamics
-        self._branches = Viscosity(body, dynamics, dynamics.step) if dynamics.damps else None
 
     def opened(self) -> Ledger:
         """Return the ledger of the start."""
@@ -35,8 +33,9 @@ class Accounts:
 
     def velocity_at_start(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the velocity (n, 3) [m/s] that a scene gives vertices at ``positions`` (n, 3) [m]; handles stand."""
-        weights = np.asarray(self._mass.sum(axis=0)).ravel()
-        centre = weights @ positions / weights.sum()
+        own = slice(self._body.count)
+        weights = np.asarray(self._mass.sum(axis=0)).ravel()[own]
+        centre = weights @ positions[own] / weights.sum()
         velocity = np.array(self._dynamics.velocity) + np.cross(self._dynamics.spin, positions - centre)
         for handle in self._body.handles:
             velocity[handle.vertices] = 0.0
@@ -54,16 +53,16 @@ class Accounts:
             0.5 * (before.balance.slopes.get(name, 0.0) + now.balance.slopes.get(name, 0.0)) for name in now.commands
         )
         commanded = sum(slope * change for slope, change in zip(slopes, changes, strict=True))
-        mean = 0.5 * (self._velocity(before) + self._velocity(now))
-        drag = self._dynamics.mass_damping * h * np.vdot(mean, self._mass @ mean)
-        viscous = 0.0
-        if self._branches is not None:
-            viscous = now.terms[viscosity.NAME]["lost"][0] - before.terms[viscosity.NAME]["lost"][0]
-        return Ledger(work=ledger.work + float(moved + commanded), lost=ledger.lost + float(drag + viscous))
+        drag = 0.0
+        if self._dynamics.mass_damping:
+            mean = 0.5 * (self._velocity(before) + self._velocity(now))
+            drag = self._dynamics.mass_damping * h * np.vdot(mean, self._mass @ mean)
+        lost = ledger.lost + float(drag) + now.dissipated - before.dissipated
+        return Ledger(work=ledger.work + float(moved + commanded), lost=lost)
 
     def energies(self, state: State, velocity: NDArray[np.float64]) -> dict[str, float]:
         """Return the energies [J] at a state with a velocity (n, 3) [m/s], by name."""
-        stored = self._branches.stored(state.terms[viscosity.NAME]) if self._branches is not None else 0.0
+        stored = float(state.terms[viscosity.NAME]["stored"][0]) if self._dynamics.damps else 0.0
         return {
             "kinetic": 0.5 * float(np.vdot(velocity, self._mass @ velocity)),
             "elastic": state.summary.energy + stored,

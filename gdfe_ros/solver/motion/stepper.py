@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
@@ -29,7 +30,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.placing import placed, require_own
 from gdfe_ros.solver.terms.actuation import Actuation
-from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.solver.terms.term import Saved, Term
 from gdfe_ros.solver.value import changed
 
 ACCURACY = 3.0
@@ -71,6 +72,7 @@ class MotionStepper:
     ) -> None:
         self.body, self._settings, self._dynamics, self._mass, self._acting = body, settings, dynamics, mass, acting
         self._made: dict[float, EnergyEquilibrium] = {}
+        self._free_mass: SuperLU | None = None
         self.equilibrium = self._equilibrium(dynamics.step)
         self.actuation = self.equilibrium.actuation
         self._accounts = Accounts(body, mass, dynamics)
@@ -85,9 +87,15 @@ class MotionStepper:
         same = state.poses == targets and state.commands == commands and state.summary.converged
         if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
             return False
-        now, near = kinematics_of(state.terms[inertia.NAME]), self._settings.tolerance * self.body.size
+        now, near = self._kinematics(state), self._settings.tolerance * self.body.size
         slow = self._calm * _largest(now.velocity) <= near
         return slow and self._calm**2 * _largest(now.acceleration) <= near
+
+    def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
+        """Tell whether a state stays as it is at these commands: at rest, or where every step fails."""
+        failure = state.ledger.failure
+        stuck = failure is not None and (failure.poses, failure.commands) == (targets, commands)
+        return stuck or self.rests(state, targets, commands)
 
     def step(
         self,
@@ -100,24 +108,36 @@ class MotionStepper:
     ) -> March:
         """Follow the commands, which change evenly, for ``duration`` [s] from ``state``, which stays as it is.
 
-        What is too short for a step is made up for by the next one.
+        What is too short for a step is made up for by the next one. A deadline ends it between two internal steps: one
+        that is begun is finished, since what is half solved has no velocity. Who interrupts has it dropped.
         """
         due = state.ledger.owed + duration
         if due < SHORTEST * self._dynamics.step:
             return _noted(state.with_(ledger=changed(state.ledger, owed=due)), duration)
         began = state if self._began(state) else self._started(state, commands)
         flight = Flight.over(due, self._dynamics.step, began, targets, commands)
+        failure = state.ledger.failure if Skip.SOLVE in self._settings.skip else None
+        if failure is not None and flight.repeats(failure):
+            march = changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
+            return _told(march, state.ledger.owed)
+        interruption = deadline.interruption if deadline else None
         while not flight.arrived:
             h = flight.length
-            solution = self._solve(flight, h, deadline)
+            solution = self._solve(flight, h, interruption)
             flight = flight.tried(solution)
+            if solution.cut and past(interruption):
+                flight = changed(flight, flaw=solution.message)
+                past(deadline)
+                break
             if _failed(solution) and flight.can_halve and not past(deadline):
                 flight = flight.halved()
                 continue
             if solution.diverged or not solution.min_det > 0.0:
-                return _told(flight.withdrawn(solution, self.equilibrium.skipped(solution)), state.ledger.owed)
+                skipped = self.equilibrium.skipped(solution)
+                return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
             flight = flight.went(self._accepted(flight.state, solution, h))
-            if solution.cut and past(deadline):
+            if not flight.arrived and past(deadline):
+                flight = changed(flight, flaw=flight.flaw or deadline.reason)
                 break
         return _told(flight.march(self.equilibrium.skipped(solution)), state.ledger.owed)
 
@@ -132,8 +152,8 @@ class MotionStepper:
         return state.with_(operators=growths.at(state.commands, growths.ungrown))
 
     def velocities(self, state: State) -> NDArray[np.float64]:
-        """Return the velocity (n, 3) [m/s] of every vertex."""
-        return self._kinematics(state).velocity
+        """Return the velocity (n, 3) [m/s] of every vertex, a copy."""
+        return self._kinematics(state).velocity.copy()
 
     def accelerations(self, state: State) -> NDArray[np.float64]:
         """Return the acceleration (n, 3) [m/s^2] of every vertex."""
@@ -157,10 +177,8 @@ class MotionStepper:
         loads = {name: commands[name] for name in self.actuation.loaded}
         state = state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
-        free = self.body.unknowns.free
-        acceleration = np.zeros_like(velocity)
         pull = -self.equilibrium.forces(state) - self._dynamics.mass_damping * (self._mass @ velocity)
-        acceleration[free] = splu(self._mass[free][:, free].tocsc()).solve(pull[free])
+        acceleration = self._accelerated(pull)
         kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
         terms = {**state.terms, inertia.NAME: saved_of(kinematics, h=h, positions=state.positions)}
         balance = self.actuation.balance(state.positions, state.commands)
@@ -169,7 +187,7 @@ class MotionStepper:
     def _solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
         """Find the end of an internal step of length ``h`` [s]."""
         state, (poses, commands) = flight.state, flight.aim
-        reach = h * h * _largest(kinematics_of(state.terms[inertia.NAME]).acceleration) / self.body.size
+        reach = h * h * _largest(self.accelerations(state)) / self.body.size
         tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * reach))
         problem = Increment(
             poses=poses,
@@ -185,7 +203,32 @@ class MotionStepper:
         accepted = self._equilibrium(h).accept(solution, state)
         balance = accepted.balance or state.balance
         accepted = accepted.with_(unfinished=None, balance=balance, sound=True)
+        if self._impulsive:
+            accepted = accepted.with_(terms={**accepted.terms, inertia.NAME: self._struck(accepted, h)})
         return accepted.with_(ledger=self._accounts.after(state, accepted, h))
+
+    @property
+    def _impulsive(self) -> bool:
+        """Whether forces of contact act at the end of steps only: the trapezoidal rule would make energy of them."""
+        return self._dynamics.scheme is Scheme.NEWMARK and bool(self.actuation.contacts)
+
+    def _struck(self, state: State, h: float) -> Saved:
+        """Return what inertia keeps of a step, in which contacts pushed twice as hard for half of the time."""
+        saved, forces = state.terms[inertia.NAME], np.zeros_like(state.positions)
+        for contact in self._equilibrium(h).actuation.contacts:
+            contact.add_forces(state.positions, forces)
+        pushed = self._accelerated(0.5 * forces)
+        return {**saved, "acceleration": saved["acceleration"] - pushed, inertia.PUSHED: pushed}
+
+    def _accelerated(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the acceleration (n, 3) [m/s^2] of what is free by forces (n, 3) [N]."""
+        if self._free_mass is None:
+            rigid = [handle.vertices for handle in self.body.handles if isinstance(handle, RigidBody)]
+            self._free = np.concatenate([self.body.unknowns.free, *rigid])
+            self._free_mass = splu(self._mass[self._free][:, self._free].tocsc())
+        acceleration = np.zeros_like(forces)
+        acceleration[self._free] = self._free_mass.solve(forces[self._free])
+        return acceleration
 
     def _equilibrium(self, h: float) -> EnergyEquilibrium:
         """Return what solves internal steps of length ``h`` [s]."""
@@ -204,6 +247,8 @@ class MotionStepper:
             predictor=lambda handles: FlightPredictor(self.body, handles, h),
             softening=self._dynamics.scheme is not Scheme.NEWMARK,
         )
+        for contact in self._made[h].actuation.contacts:
+            contact.share = 0.5 if self._dynamics.scheme is Scheme.NEWMARK else 1.0
         return self._made[h]
 
 

@@ -134,8 +134,8 @@ class Viscosity(Term):
     def __init__(self, body: Body, dynamics: Dynamics, h: float) -> None:
         self._body, self._dynamics, self._h = body, dynamics, h
         shape, shear = body.shape, body.table.parameters[body.material][:, SHEAR]
-        modulus = 2.0 * shear / dynamics.slow_share
-        self._moduli = [branch.share * modulus / (1.0 + 0.5 * h / branch.time) for branch in dynamics.prony]
+        self._modulus = 2.0 * shear / dynamics.slow_share
+        self._moduli = [branch.share * self._modulus / (1.0 + 0.5 * h / branch.time) for branch in dynamics.prony]
         self._dash = np.full(len(shear), 1.5 * dynamics.viscosity / h)
         self._sum = self._dash + sum(self._moduli, np.zeros(len(shear)))
         self._bend = BEND * np.cbrt(shape.volume)
@@ -148,13 +148,19 @@ class Viscosity(Term):
 
     def stiffness(self) -> sparse.spmatrix:
         """Return what resists at rest, as the constant matrix takes it."""
-        return assemble(self._body.shape, self._sum, self._sum * self._bend)
+        return assemble(self._body.shape, self._sum, self._sum * self._bend, len(self._body.rest))
 
     def neutral(self) -> Saved:
         """Return strains and branches at rest."""
         rest = self._strains(self._body.rest)
-        branches = np.repeat(rest[None], len(self._dynamics.prony), axis=0)
-        return {"strain": rest, "before": rest, "branches": branches, "h": np.array([0.0]), "lost": np.zeros(1)}
+        return {
+            "strain": rest,
+            "before": rest,
+            "branches": np.repeat(rest[None], len(self._dynamics.prony), axis=0),
+            "h": np.zeros(1),
+            "stored": np.zeros(1),
+            "lost": np.zeros(1),
+        }
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Aim at the strains that follow from the steps before."""
@@ -166,33 +172,30 @@ class Viscosity(Term):
         self.reals.reshape(-1, _WIDTH)[:, 2 : 2 + STRAINS] = total / self._sum[:, None]
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return strains, branches, and the energy [J] that was lost so far."""
+        """Return strains, branches, the energy [J] in the springs of these, and what was lost so far."""
         now, new, h = saved["strain"], self._strains(positions), self._h
         rate = 1.5 / h * (new - (4.0 * now - self._before(saved)) / 3.0)
         power = self._dynamics.viscosity * self._squared(rate)
-        branches, slow = [], self._dynamics.slow_share
-        modulus = 2.0 * self._body.table.parameters[self._body.material][:, SHEAR] / slow
+        branches, stored = [], 0.0
         for branch, held in zip(self._dynamics.prony, saved["branches"], strict=True):
             ratio = 0.5 * h / branch.time
             after = (held + ratio * (new + now - held)) / (1.0 + ratio)
             mean = 0.5 * (new - after + now - held)
-            power += branch.share * modulus / branch.time * self._squared(mean)
+            power += branch.share * self._modulus / branch.time * self._squared(mean)
+            stored += (0.5 * branch.share * self._modulus * self._squared(new - after)).sum()
             branches.append(after)
-        kept = np.array(branches).reshape(saved["branches"].shape)
-        lost = saved["lost"] + h * power.sum()
-        return {"strain": new, "before": now, "branches": kept, "h": np.array([h]), "lost": lost}
+        return {
+            "strain": new,
+            "before": now,
+            "branches": np.array(branches).reshape(saved["branches"].shape),
+            "h": np.array([h]),
+            "stored": np.array([stored]),
+            "lost": saved["lost"] + h * power.sum(),
+        }
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return nothing: what branches store fades, and counts with what is lost."""
         return 0.0
-
-    def stored(self, saved: Saved) -> float:
-        """Return the energy [J] in the springs of the branches."""
-        modulus = 2.0 * self._body.table.parameters[self._body.material][:, SHEAR] / self._dynamics.slow_share
-        held = zip(self._dynamics.prony, saved["branches"], strict=True)
-        return float(
-            sum((0.5 * b.share * modulus * self._squared(saved["strain"] - strain)).sum() for b, strain in held)
-        )
 
     def _before(self, saved: Saved) -> NDArray[np.float64]:
         """Return the strains a step of today's length before."""

@@ -110,7 +110,7 @@ class RelativeEquilibrium:
             # Kept as it would be without growth, so that it grows and shrinks with the element.
             shapes = ShapeState(captured=self._stretched(captured, operators, back=True), strain=strain, omega=omega)
         else:
-            reason = "the deadline passed" if late else f"stopped after {problem.limit} iterations"
+            reason = problem.deadline.reason if late else f"stopped after {problem.limit} iterations"
             message = (
                 f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {problem.tolerance:.3g}"
             )

@@ -55,7 +55,8 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
         return False
     work, doubt = work_between(old, new, handles)
     before, after = old.summary.energy, new.state.summary.energy
-    lost = before + old.balance.potential + work - after - new.balance.potential
+    rubbed = new.state.dissipated - old.dissipated
+    lost = before + old.balance.potential + work - after - new.balance.potential - rubbed
     scale = max(before, after, abs(work), abs(new.balance.potential - old.balance.potential))
     if not (lost > LOST * scale or lost > doubt + PROVEN * scale):
         return False

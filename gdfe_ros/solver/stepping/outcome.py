@@ -40,16 +40,17 @@ def step_result(
         started: ``time.perf_counter`` when it began [s].
         limit: what may have ended it.
     """
-    summary, moving = state.summary, isinstance(stepper, MotionStepper)
+    summary, velocities, own = state.summary, stepper.velocities(state), slice(stepper.body.count)
     return StepResult(
         time=time,
-        positions=state.positions + origin,
+        positions=state.positions[own] + origin,
         converged=summary.converged,
         iterations=march.iterations if march else 0,
         residual=summary.residual,
         energy=summary.energy,
         min_det=summary.min_det,
         reactions={name: wrench.copy() for name, wrench in summary.reactions.items()},
+        contacts={contact.name: contact.touch(state, origin) for contact in stepper.actuation.contacts},
         actuators=dict(summary.actuators),
         terms={name: dict(report) for name, report in summary.terms.items()},
         skipped=march.skipped if march else {Skip.SOLVE.value: 1},
@@ -60,6 +61,6 @@ def step_result(
         factorisation=stepper.equilibrium.matrix.kind.value,
         message=summary.message,
         cut_after=limit.after if limit else None,
-        velocities=stepper.velocities(state).copy() if moving else None,
-        energies=stepper.energies(state) if moving else {},
+        velocities=None if velocities is None else velocities[own],
+        energies=stepper.energies(state),
     )

@@ -121,6 +121,13 @@ class Stepper:
         anchor = None if state.anchor is None else self.completed(state.anchor)
         return state.with_(operators=growths.at(state.commands, growths.ungrown), anchor=anchor)
 
+    def velocities(self, state: State) -> None:
+        """Return nothing: equilibria have no velocity."""
+
+    def energies(self, state: State) -> dict[str, float]:
+        """Return nothing beside what the summary has."""
+        return {}
+
     def _unreachable(self, state: State, goal: Goal) -> str:
         """Say which command no shape of the body can follow; empty where none is known."""
         if not self.actuation.strung:

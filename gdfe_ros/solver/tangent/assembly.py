@@ -44,8 +44,9 @@ class Assembly:
     def __init__(self, groups: Sequence[NDArray[np.int32]], unknowns: Unknowns) -> None:
         self.free, self.members = len(unknowns.free), len(unknowns.members)
         rows = self.free + self.members
-        number = np.full(max(int(group.max(initial=0)) for group in groups) + 1, -1)
-        number[np.concatenate([unknowns.free, unknowns.members])] = np.arange(rows)
+        moving = np.concatenate([unknowns.free, unknowns.members])
+        number = np.full(max(int(group.max(initial=0)) for group in (*groups, moving)) + 1, -1)
+        number[moving] = np.arange(rows)
         names = [_names(number[group], rows) for group in groups]
         pairs, slots = np.unique(np.concatenate(names), return_inverse=True)
         # What does not move has the name -1, which comes first where there is any.

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Chamber, Growth, Mode
 from gdfe_ros.actuators.load import Load
+from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.pairs import contacts_of
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.state import Balance
+from gdfe_ros.solver.state import Balance, State
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
 from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
@@ -22,6 +24,8 @@ from gdfe_ros.solver.terms.term import Saved, Term, TermTable
 
 LOAD_FACTOR = 1.0
 """Command of every load that nobody commands."""
+FINEST = 1e-9
+"""Least distance over the body's size that contact forces ask for."""
 ROUNDING = 1e-9
 """Share of a cable's length that is none."""
 
@@ -42,6 +46,7 @@ class Actuation:
         growths: what changes the elements' rest shape.
         neutral: command of every actuator and load at which it does nothing.
         loaded: names of the loads.
+        contacts: one for each obstacle.
     """
 
     def __init__(
@@ -56,8 +61,9 @@ class Actuation:
         self._cables = [CableTerm(item, body) for item in self.actuators if isinstance(item, Cable)]
         self.strung = [cable for cable in self._cables if cable.strung]
         self._chambers = [ChamberTerm(item, body) for item in self.actuators if isinstance(item, Chamber)]
+        self.contacts = contacts_of(body)
         self._more = tuple(terms)
-        self.terms: tuple[Term, ...] = (*self._loads, *self._cables, *self._chambers, *self._more)
+        self.terms: tuple[Term, ...] = (*self._loads, *self._cables, *self._chambers, *self.contacts, *self._more)
         self.table = TermTable.pack(self.terms)
         self.growths = Growths(body, self.actuators)
         self._driven = {term.name: term for term in (*self._cables, *self._chambers)}
@@ -67,8 +73,8 @@ class Actuation:
 
     @property
     def drives(self) -> bool:
-        """Whether anything acts on the body beside its handles."""
-        return bool(self.terms or self.growths)
+        """Whether anything acts on the body beside its handles and what it may touch."""
+        return len(self.terms) > len(self.contacts) or bool(self.growths)
 
     @property
     def updates(self) -> bool:
@@ -89,17 +95,33 @@ class Actuation:
         commands: Mapping[str, float],
         saved: Mapping[str, Saved],
         positions: NDArray[np.float64],
+        poses: Mapping[str, Pose] | None = None,
+        last: State | None = None,
         *,
         ratio: float = 0.0,
     ) -> None:
-        """Prepare all terms for a solve; arguments as in `Term.begin`, with what each term saved by its name."""
+        """Prepare all terms for a solve; arguments as in `Term.begin`, with what each term saved by its name.
+
+        Where ``poses`` are given, handles and obstacles are there, and the state before was ``last``.
+        """
         for term in self.terms:
+            if poses is not None:
+                term.aim(poses, last)
             term.begin(commands, saved[term.name], positions, ratio)
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers; return the largest miss of what they keep over the body's size."""
         misses = [term.update(positions) for term in self.terms if term.updates]
         return max(misses, default=0.0) / self._body.size
+
+    @property
+    def resolution(self) -> float:
+        """To what share of the body's size descents must go for contact forces to be known; infinite without any."""
+        return max(FINEST, min((contact.resolution for contact in self.contacts), default=np.inf) / self._body.size)
+
+    def reached(self, positions: NDArray[np.float64]) -> bool:
+        """Tell whether a descent came upon what a term had left out."""
+        return any([term.reached(positions) for term in self.contacts])
 
     def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
         """Return what all terms save of a solve that ended at ``positions`` (n, 3) [m]."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -21,7 +21,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+
+if TYPE_CHECKING:
+    from gdfe_ros.solver.state import State
 
 Saved = Mapping[str, NDArray[np.float64]]
 """What a term keeps from one accepted step to the next, by name; a value: its arrays are never written again."""
@@ -114,6 +118,9 @@ class Term:
         """Return what is saved at rest."""
         return {}
 
+    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+        """Take where handles and obstacles are commanded to be, and the state before, before a solve begins."""
+
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a solve.
 
@@ -127,6 +134,10 @@ class Term:
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers between descents; return the largest miss [m] of what they keep."""
         return 0.0
+
+    def reached(self, positions: NDArray[np.float64]) -> bool:
+        """Tell after a descent whether it came upon what the term had left out, and take that in."""
+        return False
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return what is to be saved of a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""

@@ -3,15 +3,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
+from benchmarks.drop import path_error
 from gdfe_ros import Command, Simulation, load_scene
-
-REFERENCE = Path(__file__).parents[2] / "data" / "reference" / "motion_drop.npz"
 
 
 def tip_path(**overrides: object) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
@@ -29,24 +25,16 @@ def tip_path(**overrides: object) -> tuple[np.ndarray, np.ndarray, dict[str, np.
     return np.array(times), np.array(path), {name: np.array([each[name] for each in energies]) for name in names}
 
 
-def error(times: np.ndarray, path: np.ndarray) -> float:
-    """Return the rms distance to the reference over its largest displacement."""
-    reference = np.load(REFERENCE)
-    tip = reference["tip_centre"]
-    away = path - CubicSpline(reference["t"], tip)(times)
-    return float(np.sqrt((away**2).sum(axis=1).mean()) / np.linalg.norm(tip - tip[0], axis=1).max())
-
-
 def test_a_coarse_bar_in_long_steps() -> None:
     """Move 80 cells in steps of 10 ms: at most 2 % off."""
     times, path, _ = tip_path()
-    assert error(times, path) < 0.02
+    assert path_error(times, path) < 0.02
 
 
 def test_a_finer_bar_in_shorter_steps() -> None:
     """Move 640 cells in steps of 2 ms: at most 0.5 % off."""
     times, path, _ = tip_path(mesh__bar__cells=[40, 4, 4], dynamics__step=0.002)
-    assert error(times, path) < 0.005
+    assert path_error(times, path) < 0.005
 
 
 def test_newmark_keeps_the_energy() -> None:

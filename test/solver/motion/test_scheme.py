@@ -84,6 +84,7 @@ def test_newmark_keeps_the_amplitude_and_the_others_damp() -> None:
     [
         ({"step": 0.0}, "step"),
         ({"rho_inf": 1.5}, "rho_inf"),
+        ({"scheme": "newmark", "rho_inf": 0.5}, "rho_inf belongs to generalised_alpha"),
         ({"viscosity": -1.0}, "viscosity"),
         ({"mass_damping": float("nan")}, "mass_damping"),
         ({"prony": (Branch(0.6, 0.1), Branch(0.4, 1.0))}, "less than 1"),

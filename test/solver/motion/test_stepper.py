@@ -83,6 +83,27 @@ def test_a_deadline_tells_how_far_it_came(moving: Callable) -> None:
     assert result.message.startswith(f"simulated {result.time:.6g} of 0.2 s")
     np.testing.assert_array_equal(again.step(dt=0.2, cut_after=7).positions, result.positions)
     assert cut.step(dt=0.002).converged
+    assert "0.2 s: interrupted: " in cut.step(dt=0.2, interrupted=lambda: True).message
+
+
+def test_a_cut_step_goes_on_from_a_checkpoint_to_the_last_bit(moving: Callable) -> None:
+    """End a step before its end, save, and go on here and elsewhere: what its descent had learned is the same."""
+    first, second = (moving(handles=HELD, loads=WEIGHT, dynamics__step=0.02) for _ in range(2))
+    first.step()
+    assert not first.step(dt=0.08, cut_after=1).converged
+    load_state(second, save_state(first))
+    for _ in range(3):
+        np.testing.assert_array_equal(first.step().positions, second.step().positions)
+
+
+def test_a_deadline_makes_no_energy(moving: Callable) -> None:
+    """Cut every step as early as can be: each makes one internal step, and all ends as without a deadline."""
+    hurried, calm = (moving(handles=HELD, loads=WEIGHT) for _ in range(2))
+    for _ in range(20):
+        result = hurried.step(dt=0.01, cut_after=0)
+        assert not result.converged
+        assert "simulated 0.002 of 0.01 s: the deadline passed" in result.message
+        np.testing.assert_array_equal(result.positions, calm.step().positions)
 
 
 def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
@@ -101,6 +122,52 @@ def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
     assert result.converged
     assert np.isfinite(result.positions).all()
     assert np.abs(before).max() < 1.0
+
+
+def test_a_stuck_body_is_tried_again_only_when_something_changes(moving: Callable) -> None:
+    """Keep jerking: one try in vain is enough, here and from a checkpoint; with more time, or let go, it is tried."""
+    ends = {"base": {"where": {"face": "x-"}}, "tip": {"where": {"face": "x+"}}}
+    bar, other = moving(handles=ends), moving(handles=ends)
+    bar.step()
+    tried = bar.step(Command(handles={"tip": Pose((-0.5, 0.0, 0.0))}))
+    while not bar.settled:
+        before, tried = bar.snapshot(), bar.step()
+        assert bar.time < 0.01
+    load_state(other, save_state(bar))
+    for stuck in (bar.step(), other.step(), bar.step()):
+        assert tried.iterations > stuck.iterations == stuck.substeps == 0
+        assert stuck.skipped == {"solve": 1}
+        assert stuck.message == tried.message
+        assert (stuck.converged, stuck.residual) == (False, np.inf)
+        np.testing.assert_array_equal(stuck.positions, tried.positions)
+    assert bar.settled
+    assert bar.step(dt=0.004).iterations > 0
+    assert bar.step(Command(handles={"tip": Pose()})).iterations > 0
+    for place in range(0, 400, 10):  # what a deadline cut short was not tried to its end
+        bar.restore(before)
+        cut = bar.step(dt=0.002, cut_after=place).cut_after is not None
+        assert bar.settled != cut
+
+
+@pytest.mark.parametrize("scheme", ["bdf2", "newmark", "generalised_alpha"])
+@pytest.mark.parametrize("shape", ["mirrored", "crumpled"])
+def test_positions_inside_out_end_finite_and_are_told(moving: Callable, scheme: str, shape: str) -> None:
+    """Start from elements inside out: what fails says why and is not tried again, a reset helps."""
+    bar = moving(handles=HELD, dynamics__scheme=scheme)
+    given = bar.mesh.vertices * [1.0, -1.0, 1.0]
+    if shape == "crumpled":
+        given = bar.mesh.vertices + np.random.default_rng(0).normal(scale=0.01, size=given.shape)
+    bar.set_positions(given)
+    results = [bar.step() for _ in range(5)]
+    for result in results:
+        assert np.isfinite(result.positions).all()
+        assert np.isfinite(result.velocities).all()
+        assert result.converged == (result.min_det > 0.0) == (result.message == "")
+    if not results[-1].converged:
+        assert "where elements are inside out already" in results[-1].message
+        assert results[-1].iterations == 0
+    bar.reset()
+    assert bar.step().converged
 
 
 def test_given_positions_start_without_velocity(moving: Callable) -> None:

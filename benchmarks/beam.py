@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The measured silicone beam: recorded, simulated, and what linear beam theory says of both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.signal import find_peaks
+
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+
+MEASURED = Path(__file__).parents[1] / "test" / "data" / "measured"
+LOADS = (0, 52, 101)
+"""Attached to the measured beam [g]."""
+DAMPINGS = {
+    "viscosity": {"viscosity": 420.0},
+    "viscosity and mass": {"viscosity": 260.0, "mass": 2.0},
+    "one Prony branch": None,
+}
+"""Fits to the decay of the beam without load; the pair needs a second frequency, and takes those of all three."""
+SHOWN = "viscosity and mass"
+"""Of these, what the picture shows."""
+PRONY = [{"share": 0.25, "time": 0.035}]
+LASTS = 2.2
+"""Of a recording, and of a simulation [s]."""
+TARGETS = (0.05, 0.03, 0.20)
+"""Largest differences of sag, frequency and damping ratio that were aimed at."""
+LENGTH, SIDE, DENSITY, POISSON, GRAVITY = 0.10, 0.03, 1070.0, 0.49, 9.81
+SHEAR_AREA = 5.0 / 6.0
+"""Of a rectangle, over its area."""
+
+Curve = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Times [s] and heights [mm]."""
+
+
+def swings(times: NDArray[np.float64], height: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return sag, frequency [Hz] and damping ratio of the first swings; the sag is the mean of the last half second."""
+    sag = -float(height[times > times[-1] - 0.5].mean())
+    away = height + sag
+    extremes = np.sort(np.concatenate([find_peaks(sign * away, prominence=0.2)[0] for sign in (1, -1)]))[:9]
+    before, here, after = (away[extremes + shift] for shift in (-1, 0, 1))
+    offset = 0.5 * (before - after) / (before - 2.0 * here + after)
+    moments = times[extremes] + offset * (times[1] - times[0])
+    count = np.arange(len(extremes))
+    decay = np.polyfit(count, np.log(np.abs(here - 0.25 * (before - after) * offset)), 1)[0] / np.pi
+    return sag, float(0.5 / np.polyfit(count, moments, 1)[0]), float(-decay / np.sqrt(1.0 + decay**2))
+
+
+def measured_beam(load: int) -> Curve:
+    """Return the swing of a recording: the mean of its markers."""
+    data = np.genfromtxt(MEASURED / f"beam_{load}g.csv", delimiter=",", names=True)
+    first = data["t_s"] < LASTS
+    height = np.mean([data[f"m{number}_up_mm"] for number in (1, 2, 3)], axis=0)
+    return data["t_s"][first], height[first]
+
+
+def simulated_beam(load: int, damping: Mapping[str, float] | None) -> Curve:
+    """Return the same of the scene `silicone_beam`: the mean of its end face; None takes the Prony branch."""
+    given: dict[str, Any] = {"dynamics": {"step": 0.005, **({"damping": damping} if damping else {"prony": PRONY})}}
+    if load:
+        given["masses"] = {"load": {"mass": 1e-3 * load, "where": {"face": "x+"}}}
+    simulation = Simulation(load_scene("silicone_beam", overrides=given))
+    end = simulation.mesh.vertices[:, 0] > 0.0999
+    height, times = [], []
+    while simulation.time < LASTS:
+        result = simulation.step()
+        height.append(1e3 * result.positions[end, 2].mean())
+        times.append(result.time)
+    return np.array(times), np.array(height)
+
+
+def measure_beam() -> dict[str, Any]:
+    """Return rows of sag [mm], frequency [Hz] and damping ratio, and the simulated swings that are shown."""
+    rows, shown = [], {}
+    for name, damping in DAMPINGS.items():
+        for load in LOADS:
+            curve = simulated_beam(load, damping)
+            found = {"measured": swings(*measured_beam(load)), "simulated": swings(*curve)}
+            rows.append({"damping": name, "load": load, **found})
+            if name == SHOWN:
+                shown[f"{load}"] = [[round(float(value), 4) for value in values] for values in curve]
+    return {"rows": rows, "swings": shown, "theory": beam_theory()}
+
+
+def beam_theory() -> list[dict[str, float]]:
+    """Return recorded sag and frequency beside linear theory, with the modulus that the sag without load asks for.
+
+    ``lever`` [m] is how far beyond the end a load would have to hang, and ``softer`` the share of the modulus that
+    would have to be left, for the recorded sag; with either goes the frequency that theory then has.
+    """
+    recorded = {load: swings(*measured_beam(load))[:2] for load in LOADS}
+    young = brentq(lambda value: 1e3 * deflection(value, 0.0)[0][-1] - recorded[0][0], 1e4, 1e7)
+    rows = []
+    for load, (sag, frequency) in recorded.items():
+        mass = 1e-3 * load
+        row = {"load": load, "young": young, "sag": sag, "frequency": frequency}
+        row |= {"sag_theory": 1e3 * deflection(young, mass)[0][-1], "frequency_theory": first_frequency(young, mass)}
+        if load:
+            lever = brentq(lambda e: 1e3 * deflection(young, mass, e)[0][-1] - sag, -0.05, 0.05)  # noqa: B023
+            left = brentq(lambda share: 1e3 * deflection(share * young, mass)[0][-1] - sag, 0.1, 10.0)  # noqa: B023
+            row |= {"lever": lever, "frequency_lever": first_frequency(young, mass, lever)}
+            row |= {"softer": left, "frequency_softer": first_frequency(left * young, mass)}
+        rows.append({name: float(value) for name, value in row.items()})
+    return rows
+
+
+def deflection(young: float, mass: float, lever: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return sag [m] and slope of a Timoshenko beam along its length under its weight and that of a mass [kg].
+
+    Args:
+        young: modulus [Pa].
+        mass: at the end [kg].
+        lever: how far beyond the end it hangs [m].
+    """
+    x, area = np.linspace(0.0, LENGTH, 1001), SIDE * SIDE
+    bend, shear = young * SIDE**4 / 12.0, SHEAR_AREA * area * young / (2.0 * (1.0 + POISSON))
+    weight, load = DENSITY * area * GRAVITY, mass * GRAVITY
+    sag = weight * x**2 * (6.0 * LENGTH**2 - 4.0 * LENGTH * x + x**2) / (24.0 * bend)
+    sag += load * x**2 * (3.0 * LENGTH - x + 3.0 * lever) / (6.0 * bend)
+    sag += (weight * (LENGTH * x - 0.5 * x**2) + load * x) / shear
+    slope = weight * (3.0 * LENGTH**2 * x - 3.0 * LENGTH * x**2 + x**3) / (6.0 * bend)
+    slope += load * (LENGTH * x - 0.5 * x**2 + lever * x) / bend
+    return sag, slope
+
+
+def first_frequency(young: float, mass: float, lever: float = 0.0) -> float:
+    """Return the first frequency [Hz] of that beam by Rayleigh's quotient of its sag."""
+    sag, slope = deflection(young, mass, lever)
+    end, line = sag[-1] + lever * slope[-1], DENSITY * SIDE * SIDE * LENGTH / (len(sag) - 1)
+    inner = np.ones(len(sag))
+    inner[[0, -1]] = 0.5
+    work = line * (inner @ sag) + mass * end
+    return float(np.sqrt(GRAVITY * work / (line * (inner @ sag**2) + mass * end**2)) / (2.0 * np.pi))
+
+
+def draw_swings(path: Path, shown: Mapping[str, Sequence[Sequence[float]]]) -> None:
+    """Draw recorded and simulated swings, one above the other."""
+    figure = Figure(figsize=(9.0, 6.0), dpi=120, layout="constrained")
+    axes = figure.subplots(len(LOADS), 1, sharex=True)
+    for axis, load in zip(axes, LOADS, strict=True):
+        axis.plot(*measured_beam(load), ".", ms=3.0, color="#6b6f76", label="recorded")
+        axis.plot(*shown[f"{load}"], color="#1b6ca8", lw=1.3, label="simulated")
+        axis.set_title(f"{load} g at the end", loc="left", fontsize=10)
+        axis.set_ylabel("tip [mm]", fontsize=9)
+        axis.grid(color="0.92")
+    axes[0].legend(fontsize=9, frameon=False, loc="upper right", ncols=2)
+    axes[-1].set_xlabel("time since the release [s]", fontsize=9)
+    figure.savefig(path)

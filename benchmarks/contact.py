@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact beside finite elements of others and theory: a cube on a ball, a ball between plates, a slab on a slope.
+
+``make bench-contact`` writes runs/contact/contact.json and prints the tables of docs/theory/contact.md.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from benchmarks.markdown import markdown_table
+from gdfe_ros.command import Command
+from gdfe_ros.constraints import Pose
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.generators import bar
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.simulation import Simulation
+
+REFERENCE = Path(__file__).parents[1] / "test" / "data" / "reference" / "contact_block_on_ball.npz"
+QUADRATIC = {0.006: 30.3, 0.008: 45.1, 0.01: 64.4, 0.012: 84.8, 0.014: 106.7, 0.016: 128.9, 0.018: 153.0, 0.02: 178.8}
+"""Force [N] on the cube over the ball's move [m], quadratic elements on 16^3 cells, by the makers of the reference."""
+CUBE = """
+name: cube
+mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [16, 16, 16]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {top: {where: {face: z+}, fixed: true}}
+obstacles: {ball: {sphere: {radius: 0.04}, at: [0.05, 0, -0.09]}}
+solver: {tolerance: 1.0e-5}
+"""
+BALL = """
+name: ball
+mesh: {bar: {size: [2, 2, 2], cells: [16, 16, 16]}}
+materials: {soft: {law: linear, young: 1.0e5, poisson: 0.3}}
+regions: [{material: soft}]
+handles: {centre: {where: {sphere: {center: [1, 0, 0], radius: 0.01}}, fixed: true}}
+obstacles:
+  top: {plane: [0, 0, -1], at: [0, 0, 0.05]}
+  bottom: {plane: [0, 0, 1], at: [0, 0, -0.05]}
+"""
+RADIUS, YOUNG, POISSON = 0.05, 1.0e5, 0.3
+"""Of the ball [m], [Pa]."""
+GRADING = 1.3
+"""Its cells are smaller about the poles: those in the middle of a face have a width as their distance to this power."""
+SLIDER = """
+name: slider
+mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [5, 5, 2]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02], fixed: true}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
+"""
+GRIP = """
+name: grip
+mesh: {bar: {size: [0.10, 0.03, 0.03], cells: [20, 3, 3], cut: [{box: {x: [0.0375, 0.0625]}}]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {left: {where: {face: x-}}, right: {where: {face: x+}}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+bodies: {part: {box: {size: [0.02, 0.05, 0.05]}, density: 640, at: [0.05, 0, 0]}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 300}}
+"""
+WEIGHT, SQUEEZE = 640 * 0.02 * 0.05 * 0.05 * 9.81, 0.0065
+"""Of what is gripped [N], and by how far each pad comes nearer [m]."""
+HELD = {1.02: 60.0, 0.98: 1.0}
+"""For how long [s], by friction over the least that holds it."""
+SLOPE, GRAVITY = math.radians(30.0), 9.81
+FRICTIONS = (0.1, 0.3, 0.57, 0.7, 1.0)
+
+
+def press_cube(cells: int, gaps: str) -> list[dict[str, Any]]:
+    """Press a cube of ``cells``^3 cells onto a ball; return move [m], force [N], work and time of each step."""
+    overrides = {"mesh.bar.cells": [cells] * 3, "obstacles.ball.gaps": gaps}
+    simulation, rows = Simulation(scene_from_text(CUBE, overrides=overrides)), []
+    simulation.warm_up()
+    with np.load(REFERENCE) as reference:
+        moves = np.round(reference["moves"], 6).tolist()
+    for move in moves:
+        began = time.process_time()
+        result = simulation.step(Command(handles={"ball": Pose((0.0, 0.0, move))}))
+        assert result.converged, result.message
+        rows.append(
+            {
+                "move": move,
+                "force": float(result.reactions["ball"][2]),
+                "deepest": float(-result.contacts["ball"].gaps.min(initial=0.0)),
+                "iterations": result.iterations,
+                "seconds": time.process_time() - began,
+            }
+        )
+    return rows
+
+
+def ball_between_plates(*, cells: int, approaches: Sequence[float]) -> dict[float, float]:
+    """Return the force [N] of each of two plates that approach a ball's centre by so much [m]."""
+    scene = scene_from_text(BALL)
+    cube = bar([2.0, 2.0, 2.0], [cells] * 3)
+    even = cube.vertices - [1.0, 0.0, 0.0]
+    x, y, z = (np.sign(even) * np.abs(even) ** GRADING).T
+    round_ones = [a * np.sqrt(1 - b * b / 2 - c * c / 2 + b * b * c * c / 3) for a, b, c in
+                  ((x, y, z), (y, z, x), (z, x, y))]  # fmt: skip
+    mesh = HexMesh(RADIUS * np.stack(round_ones, axis=1), cube.cells)
+    middle = np.flatnonzero(np.linalg.norm(mesh.vertices, axis=1) < 1e-9).astype(np.int32)
+    handles = [replace(handle, vertices=middle) if handle.name == "centre" else handle for handle in scene.handles]
+    made = replace(scene, mesh=mesh, cell_material=np.zeros(mesh.n_cells, np.int32), handles=tuple(handles))
+    simulation, forces = Simulation(made), {}
+    for approach in approaches:
+        plates = {"top": Pose((0.0, 0.0, -approach)), "bottom": Pose((0.0, 0.0, approach))}
+        result = simulation.step(Command(handles=plates))
+        assert result.converged, result.message
+        forces[approach] = float(result.reactions["bottom"][2])
+    return forces
+
+
+def hertz(approach: float) -> float:
+    """Return the force [N] at which a half space of the ball's curvature gives way by so much [m]."""
+    return 4.0 / 3.0 * YOUNG / (1.0 - POISSON**2) * math.sqrt(RADIUS) * approach**1.5
+
+
+def tatara(approach: float) -> float:
+    """Return the same of a ball, whose other side is pressed, too (Tatara 1991, first order)."""
+
+    def too_far(force: float) -> float:
+        contact = (0.75 * (1.0 - POISSON**2) * force * RADIUS / YOUNG) ** (1.0 / 3.0)
+        local = 0.75 * (1.0 - POISSON**2) * force / (YOUNG * contact)
+        far = math.hypot(contact, 2.0 * RADIUS)
+        back = 2.0 * (1.0 + POISSON) * RADIUS**2 / far**3 + (1.0 - POISSON**2) / far
+        return local - back * force / (math.pi * YOUNG) - approach
+
+    return brentq(too_far, 1e-9, 10.0 * hertz(approach))
+
+
+def slide(friction: float) -> dict[str, Any]:
+    """Let a slab go on a slope; return its acceleration [m/s^2] and speed [m/s] once it has settled."""
+    gravity = [GRAVITY * math.sin(SLOPE), 0.0, -GRAVITY * math.cos(SLOPE)]
+    overrides = {"obstacles.floor.friction": friction, "loads": {"weight": {"gravity": gravity}}}
+    simulation, path, iterations = Simulation(scene_from_text(SLIDER, overrides=overrides)), [], 0
+    for _ in range(400):
+        result = simulation.step()
+        iterations += result.iterations
+        path.append(float(result.positions[:, 0].mean()))
+    late = np.arange(200, 400) * 0.005
+    fit = np.polyfit(late, path[200:], 2)
+    wanted = max(0.0, GRAVITY * (math.sin(SLOPE) - friction * math.cos(SLOPE)))
+    return {"friction": friction, "acceleration": float(2.0 * fit[0]), "wanted": wanted, "iterations": iterations / 400}
+
+
+def grip(friction: float, *, seconds: float) -> dict[str, float]:
+    """Squeeze a box between two soft pads, let it weigh, and hold it for so long.
+
+    Returns:
+        ``press`` [N] of a pad, ``sunk`` [m] once it is held, ``drift`` [m] from then on.
+    """
+    simulation = Simulation(scene_from_text(GRIP, overrides={"bodies.part.friction": friction}))
+    simulation.step(Command(loads={"weight": 0.0}))
+    for share in np.linspace(0.0, 1.0, 60):
+        way = share * SQUEEZE
+        simulation.step(Command(handles={"left": Pose((way, 0.0, 0.0)), "right": Pose((-way, 0.0, 0.0))}))
+    for factor in [0.0] * 40 + np.linspace(0.0, 1.0, 160).tolist() + [1.0] * 60:
+        result = simulation.step(Command(loads={"weight": float(factor)}))
+    press, sunk = float(result.contacts["part"].presses.sum()) / 2.0, simulation.handle_pose("part").translation[2]
+    for _ in range(round(seconds / 0.005)):
+        simulation.step()
+    return {"press": press, "sunk": -sunk, "drift": sunk - simulation.handle_pose("part").translation[2]}
+
+
+def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
+    """Return the tables of a report by name."""
+    with np.load(REFERENCE) as reference:
+        same = dict(zip(np.round(reference["moves"], 6).tolist(), reference["force_16"].tolist(), strict=True))
+    vertices, faces, coarse = (report["cube"][name] for name in ("16 vertices", "16 faces", "8 faces"))
+    pressed = [
+        [f"{1e3 * row['move']:g}", f"{same[row['move']]:.2f}", f"{row['force']:.2f}", f"{QUADRATIC[row['move']]:.1f}",
+         f"{fine['force']:.2f}", f"{rough['force']:.2f}", f"{row['iterations']} / {fine['iterations']}"]
+        for row, fine, rough in zip(vertices, faces, coarse, strict=True) if row["move"] in QUADRATIC
+    ]  # fmt: skip
+    balls = [
+        [f"{row['approach'] / RADIUS:g}", f"{row['hertz']:.3f}", f"{row['tatara']:.3f}", f"{row['force']:.3f}"]
+        for row in report["ball"]
+    ]
+    slopes = [
+        [f"{row['friction']:g}", f"{row['wanted']:.4f}", f"{row['acceleration']:.4f}", f"{row['iterations']:.1f}"]
+        for row in report["slope"]
+    ]
+    grips = [
+        [f"{row['demand']:g}", f"{1e6 * row['sunk']:.0f}", f"{HELD[row['demand']]:g}", f"{1e6 * row['drift']:.3g}"]
+        for row in report["grip"]
+    ]
+    return {
+        "grip": markdown_table(
+            ("friction over the least", "sunk when loaded [um]", "held for [s]", "drift [um]"), grips
+        ),
+        "pressing": markdown_table(
+            ("move [mm]", "same cells, other code", "gaps: vertices", "quadratic", "gaps: faces", "on 8^3 cells",
+             "iterations"), pressed),
+        "plates": markdown_table(("approach over radius", "Hertz [N]", "Tatara [N]", "here [N]"), balls),
+        "slope": markdown_table(("friction", "theory [m/s^2]", "here [m/s^2]", "iterations a step"), slopes),
+    }  # fmt: skip
+
+
+def main(out: Path) -> None:
+    """Measure, keep, print."""
+    approaches = [share * RADIUS for share in (0.02, 0.04, 0.06, 0.08, 0.1)]
+    least = WEIGHT / (2.0 * grip(0.02, seconds=0.0)["press"])
+    report = {
+        "cube": {f"{cells} {gaps}": press_cube(cells, gaps) for cells, gaps in
+                 ((16, "vertices"), (16, "faces"), (8, "faces"))},
+        "ball": [
+            {"approach": approach, "force": force, "hertz": hertz(approach), "tatara": tatara(approach)}
+            for approach, force in ball_between_plates(cells=20, approaches=approaches).items()
+        ],
+        "slope": [slide(friction) for friction in FRICTIONS],
+        "grip": [{"demand": demand, **grip(demand * least, seconds=held)} for demand, held in HELD.items()],
+    }  # fmt: skip
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "contact.json").write_text(json.dumps(report, indent=1))
+    print("\n\n".join(all_tables(report).values()))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/contact"))

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page costs the solver, and what viewers leave behind: in one process, without a browser."""
+
+from __future__ import annotations
+
+import os
+import statistics
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+
+from benchmarks.live.viewer import Viewer
+from gdfe_ros.live.page import Page
+from gdfe_ros.live.session import LiveSession
+from gdfe_ros.node.pace import ClockMode
+from gdfe_ros.scene import Scene
+from gdfe_ros.simulation import Simulation
+
+_STEPS = 60
+"""Of the program, in each play."""
+
+
+@contextmanager
+def page_of(scene: Scene) -> Iterator[tuple[Page, LiveSession]]:
+    """Give a page of a scene that is stepped as fast as it goes."""
+    page = Page(host="127.0.0.1", port=8700, frames=30.0)
+    simulation = Simulation(scene)
+    simulation.warm_up()
+    session = LiveSession(simulation, clock=ClockMode.FAST, told=page.take)
+    page.show(session)
+    session.start()
+    try:
+        yield page, session
+    finally:
+        session.stop()
+        page.close()
+
+
+def shares(scene: Scene, *, rounds: int) -> dict[str, float]:
+    """Play the same steps without viewers, with one, and with one that hangs, in turn.
+
+    Returns:
+        By case, the median of its wall time over that without viewers; ``processor`` is the time that the page's
+        threads had over the stepper's, while one viewer looked.
+    """
+    with page_of(scene) as (page, session):
+        _play(session)
+        ratios: dict[str, list[float]] = {"one viewer": [], "a viewer that hangs": []}
+        processor = []
+        for _ in range(rounds):
+            alone = _play(session)[0]
+            with _watched(page.port, hangs=False):
+                wall, own, others = _play(session)
+            ratios["one viewer"].append(wall / alone)
+            processor.append(others / own)
+            with _watched(page.port, hangs=True):
+                ratios["a viewer that hangs"].append(_play(session)[0] / alone)
+        return {**{case: statistics.median(each) for case, each in ratios.items()}, "processor": min(processor)}
+
+
+def leftovers(scene: Scene, *, reloads: int, at_once: int) -> dict[str, tuple[float, float]]:
+    """Let viewers come and go; give threads and memory [MiB] of this process before and after."""
+    with page_of(scene) as (page, session):
+        _visit(page, session, 10, at_once)
+        before = threading.active_count(), _memory()
+        _visit(page, session, reloads, at_once)
+        after = threading.active_count(), _memory()
+    return {"threads": (before[0], after[0]), "memory": (before[1], after[1])}
+
+
+def _visit(page: Page, session: LiveSession, reloads: int, at_once: int) -> None:
+    session.play()
+    viewers = [Viewer(page.port) for _ in range(at_once)]
+    for viewer in viewers:
+        viewer.wait(lambda viewer=viewer: viewer.frames, "a frame")
+        viewer.__exit__(None, None, None)
+    for _ in range(reloads):
+        with Viewer(page.port) as viewer:
+            viewer.wait(lambda viewer=viewer: "least det F" in viewer.text(), "the page")
+    while page.viewers:
+        time.sleep(0.05)
+
+
+def _play(session: LiveSession) -> tuple[float, float, float]:
+    """Play the program's first steps from rest: wall time, processor time of the stepper and of all others [s]."""
+    session.pause(True)
+    session.reset()
+    session.stepper.call(lambda: None)
+    first = session.stepper.count
+    own, everything = session.stepper.call(time.thread_time), time.process_time()
+    started = time.perf_counter()
+    session.play()
+    while session.stepper.count < first + _STEPS:
+        time.sleep(0.002)
+    wall = time.perf_counter() - started
+    session.pause(True)
+    own = session.stepper.call(time.thread_time) - own
+    return wall, own, time.process_time() - everything - own
+
+
+@contextmanager
+def _watched(port: int, *, hangs: bool) -> Iterator[None]:
+    """Have a viewer look from another process."""
+    context = get_context("spawn")
+    ready, over = context.Event(), context.Event()
+    process = context.Process(target=_look, args=(port, hangs, ready, over))
+    process.start()
+    if not ready.wait(120.0):
+        raise TimeoutError("the viewer does not see the page")
+    try:
+        yield
+    finally:
+        over.set()
+        process.join()
+
+
+def _look(port: int, hangs: bool, ready: threading.Event, over: threading.Event) -> None:
+    with Viewer(port) as viewer:
+        viewer.wait(lambda: viewer.nodes, "the page")
+        ready.set()
+        while not over.is_set():
+            if hangs:
+                over.wait(0.1)
+            else:
+                viewer.receive(0.1)
+
+
+def _memory() -> float:
+    """Give the memory of this process that is not shared or swapped [MiB]."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1])
+    return pages * os.sysconf("SC_PAGESIZE") / 2**20

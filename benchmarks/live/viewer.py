@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A viewer without a browser: speaks viser's protocol, so that ten of them cost less than one Chromium."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+import msgspec
+import numpy as np
+import viser
+import zstandard
+from numpy.typing import NDArray
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
+
+_HEAD = 20
+"""Bytes of a glTF before its text."""
+
+
+class Viewer:
+    """Looks at a live page; a context manager.
+
+    Args:
+        port: of the page, on this machine.
+
+    Attributes:
+        controls: what can be moved or pressed, by label: the message that made it.
+        content: texts of the page by uuid, e.g. the state.
+        nodes: properties of the nodes in space, by name.
+        frames: frames of the body received so far.
+    """
+
+    def __init__(self, port: int) -> None:
+        protocol = Subprotocol(f"viser-v{viser.__version__}")
+        address = f"ws://127.0.0.1:{port}"
+        patience = {"open_timeout": 60.0, "close_timeout": 0.1}
+        self._socket = connect(address, subprotocols=[protocol], max_size=None, compression=None, **patience)
+        self._unpack = zstandard.ZstdDecompressor()
+        self.controls: dict[str, dict[str, Any]] = {}
+        self.content: dict[str, str] = {}
+        self.values: dict[str, Any] = {}
+        self.nodes: dict[str, dict[str, Any]] = {}
+        self.notes: list[str] = []
+        self.frames = 0
+        eye = {"fov": 1.0, "near": 0.01, "far": 100.0, "image_height": 600, "image_width": 800}
+        looks = {"wxyz": (1.0, 0.0, 0.0, 0.0), "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0)}
+        self._send("ViewerCameraMessage", position=(1.0, 1.0, 1.0), **eye, **looks)
+
+    def __enter__(self) -> Viewer:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._socket.close()
+
+    def wait(self, done: Callable[[], Any], what: str, *, patience: float = 120.0) -> Any:
+        """Receive until ``done`` gives something true, and return that.
+
+        Raises:
+            TimeoutError: it took too long.
+        """
+        end = time.monotonic() + patience
+        while not (found := done()):
+            if time.monotonic() > end:
+                raise TimeoutError(f"waited {patience:g} s for {what} in vain")
+            self.receive(0.1)
+        return found
+
+    def receive(self, patience: float) -> bool:
+        """Take one window of messages, if it comes in time [s]."""
+        try:
+            data = self._socket.recv(timeout=patience)
+        except TimeoutError:
+            return False
+        size, packed = struct.unpack("<QQ", data[:16])
+        window = msgspec.msgpack.decode(self._unpack.decompress(data[16 : 16 + packed], max_output_size=size))
+        for message in window["messages"]:
+            self._take(message)
+        return True
+
+    def move(self, label: str, value: Any) -> None:
+        """Move a slider, change a number, choose from a list, tick a box."""
+        self._send("GuiUpdateMessage", uuid=self.controls[label]["uuid"], updates={"value": value})
+
+    def press(self, label: str) -> None:
+        """Press a button."""
+        self.move(label, True)
+
+    def drag(self, handle: str, position: Any, wxyz: Any = (1.0, 0.0, 0.0, 0.0)) -> None:
+        """Drag the control of a handle to a place in the units of the picture."""
+        place, turn = [float(value) for value in position], [float(value) for value in wxyz]
+        self._send("TransformControlsUpdateMessage", name=f"/handles/{handle}", position=place, wxyz=turn, owner="")
+
+    def place(self, handle: str) -> tuple[float, float, float]:
+        """Give where the control of a handle is, in the units of the picture."""
+        return tuple(self.nodes[f"/handles/{handle}"]["position"])
+
+    def surface(self) -> NDArray[np.float32]:
+        """Give the vertices of the frame received last (k, 3), in the units of the picture."""
+        data = self.nodes["/body/0" if self.last == 0 else "/body/1"]["glb_data"]
+        length = struct.unpack("<I", data[12:16])[0]
+        count = msgspec.json.decode(data[_HEAD : _HEAD + length])["accessors"][0]["count"]
+        return np.frombuffer(data, "<f4", count=3 * count, offset=_HEAD + length + 8).reshape(-1, 3)
+
+    def text(self) -> str:
+        """Give the texts of the page, the state among them."""
+        return " ".join(self.content.values())
+
+    def _send(self, kind: str, **fields: Any) -> None:
+        self._socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
+
+    def _take(self, message: dict[str, Any]) -> None:
+        kind = message["type"]
+        if kind.startswith("Gui") and "props" in message:
+            props, uuid = message["props"], message["uuid"]
+            if "content" in props:
+                self.content[uuid] = props["content"]
+            if label := props.get("label"):
+                self.controls[label] = message
+                self.values[uuid] = message.get("value")
+        elif kind == "GuiUpdateMessage":
+            updates, uuid = message["updates"], message["uuid"]
+            if "content" in updates:
+                self.content[uuid] = updates["content"]
+            if "value" in updates:
+                self.values[uuid] = updates["value"]
+            if "label" in updates:
+                found = [label for label, made in self.controls.items() if made["uuid"] == uuid]
+                self.controls[updates["label"]] = self.controls.pop(found[0])
+        elif kind == "NotificationShowMessage":
+            self.notes.append(message["props"]["body"])
+        elif "name" in message:
+            node = self.nodes.setdefault(message["name"], {})
+            node |= message.get("props", {}) | message.get("updates", {})
+            node |= {key: message[key] for key in ("position", "wxyz", "visible") if key in message}
+            if "glb_data" in message.get("updates", {}):
+                self.frames += 1
+                self.last = int(message["name"][-1])
+            elif kind == "GlbMessage":
+                self.last = getattr(self, "last", 0)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The balance of energy of a run in motion: what the body has beside what was put in and lost."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.analysis.report.history import History
+
+HAS = "kinetic + elastic + potential"
+EXPECTED = "start + work - dissipated"
+DIFFERENCE = "difference"
+
+
+def energy_balance(history: History) -> dict[str, NDArray[np.float64]]:
+    """Return both sides of the balance and their difference at each step [J]; empty without dynamics.
+
+    What steps in time made or lost is their difference. It begins at zero with the recording, and again wherever a
+    step begins from another state: after a reset, or from a state that was loaded.
+    """
+    if not history.energies:
+        return {}
+    energy = {name: np.array(values) for name, values in history.energies.items()}
+    has = energy["kinetic"] + energy["elastic"] + energy["potential"]
+    put = energy["work"] - energy["dissipated"]
+    steps = np.arange(len(has))
+    starts = np.union1d(0, history.starts).astype(int)
+    first = starts[np.searchsorted(starts, steps, side="right") - 1]
+    expected = (has - put)[first] + put
+    return {HAS: has, EXPECTED: expected, DIFFERENCE: has - expected}
+
+
+def balance_text(history: History) -> str:
+    """Say how far the balance is from closing; empty without dynamics."""
+    balance = energy_balance(history)
+    if not balance:
+        return ""
+    most, kinetic = np.nanmax(np.abs(balance[DIFFERENCE])), np.nanmax(history.energies["kinetic"])
+    share = f", {100.0 * most / kinetic:.2g} % of the largest kinetic energy" if kinetic > 0.0 else ""
+    return f"closes to {most:.3g} J{share}"

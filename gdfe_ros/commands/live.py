@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe live``: a running scene in the browser, seen and commanded with the mouse."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import threading
+import webbrowser
+from importlib.util import find_spec
+
+from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.pace import ClockMode
+
+ENDED = 1
+LOCAL = "127.0.0.1"
+PORT = 8080
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", help="a name in config/scenes or the path of a YAML file")
+    parser.add_argument(
+        "--host",
+        default=LOCAL,
+        help=f"address to listen at; 0.0.0.0: every machine of the network may look and command (default: {LOCAL})",
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=PORT,
+        help=f"the first one to try, 1 to 65535; the next where taken (default: {PORT})",
+    )
+    parser.add_argument("--fps", type=float, default=30.0, help="most frames a second, 1 to 60 (default: 30)")
+    parser.add_argument("--dt", type=float, default=0.01, help="simulation time of a step [s] (default: 0.01)")
+    parser.add_argument("--fast", action="store_true", help="step as fast as it goes (default: at most in real time)")
+    parser.add_argument("--play", action="store_true", help="play the scene's program at once")
+    parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key, e.g. mesh.bar.cells=[25,2,2]"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Show the scene until interrupted; return 0, or 1 where stepping or drawing ended by itself."""
+    _require(arguments)
+    from gdfe_ros.live.page import Page
+    from gdfe_ros.live.session import LiveSession
+    from gdfe_ros.scene import load_scene
+    from gdfe_ros.simulation import Simulation
+
+    scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
+    simulation = Simulation(scene)
+    for remark in simulation.remarks():
+        print(f"warning: {remark}", file=sys.stderr)
+    if arguments.play and scene.program is None:
+        raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program', or leave out --play")
+    page = Page(host=arguments.host, port=arguments.port, frames=arguments.fps)
+    clock = ClockMode.FAST if arguments.fast else ClockMode.WALL
+    session = LiveSession(simulation, dt=arguments.dt, clock=clock, told=page.take, warn=page.say)
+    ending = threading.Event()
+    try:
+        page.show(session)
+        session.start()
+        _say_where(arguments, page.port)
+        if arguments.play:
+            session.play()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: ending.set())
+        while not ending.wait(0.5) and session.failure is None and page.failure is None:
+            pass
+    finally:
+        session.stop()
+        page.close()
+    return 0 if session.failure is None and page.failure is None else ENDED
+
+
+def _require(arguments: argparse.Namespace) -> None:
+    """Refuse what cannot be, before anything slow is imported."""
+    if find_spec("viser") is None:
+        raise GdfeError("the page needs viser; install it: pip install 'gdfe_ros[live]'")
+    if not 1 <= arguments.port <= 65535:
+        raise GdfeError(f"--port is {arguments.port}; allowed: 1 to 65535")
+    if not 1.0 <= arguments.fps <= 60.0:
+        raise GdfeError(f"--fps is {arguments.fps!r}; allowed: 1 to 60 frames a second")
+    if not (math.isfinite(arguments.dt) and 1e-6 <= arguments.dt <= 1e3):
+        raise GdfeError(f"--dt is {arguments.dt!r}; allowed: 1e-6 to 1000 s")
+
+
+def _say_where(arguments: argparse.Namespace, port: int) -> None:
+    if port != arguments.port:
+        print(f"port {arguments.port} is taken, {port} is used")
+    here = "localhost" if arguments.host in (LOCAL, "0.0.0.0") else arguments.host
+    address = f"http://{here}:{port}"
+    print(f"look at {address} (Ctrl-C ends it)", flush=True)
+    if arguments.host == "0.0.0.0":
+        print("every machine of the network may look and command", flush=True)
+    if arguments.open:
+        webbrowser.open(address)

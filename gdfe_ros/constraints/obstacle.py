@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid obstacles: like a handle they are moved by a pose, but they hold nothing and are touched instead."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from itertools import product
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints.handle import Handle
+from gdfe_ros.constraints.pose import Pose
+
+RIM = 48
+"""Points on each rim of a cylinder that moves freely."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The half space below z = 0 of the obstacle's frame."""
+
+    kind: ClassVar[int] = 0
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """What the kernels read."""
+        return 0.0, 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball about the origin of the obstacle's frame, of a ``radius`` [m]."""
+
+    radius: float
+    kind: ClassVar[int] = 1
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """What the kernels read."""
+        return self.radius, 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box about the origin of the obstacle's frame, of a ``size`` (x, y, z) [m]."""
+
+    size: tuple[float, float, float]
+    kind: ClassVar[int] = 2
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """What the kernels read."""
+        x, y, z = self.size
+        return 0.5 * x, 0.5 * y, 0.5 * z
+
+    @property
+    def volume(self) -> float:
+        """Its volume [m^3]."""
+        return float(np.prod(self.size))
+
+    @property
+    def moments(self) -> NDArray[np.float64]:
+        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        return np.square(self.size) / 12.0
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] that touch before any other does: its corners."""
+        return 0.5 * np.array(list(product((-1.0, 1.0), repeat=3))) * self.size
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """All that is nearer than ``radius`` [m] to a segment of z of a ``length`` [m], centred at the origin."""
+
+    radius: float
+    length: float
+    kind: ClassVar[int] = 3
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """What the kernels read."""
+        return self.radius, 0.5 * self.length, 0.0
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder about z of a ``radius`` and a ``length`` [m], centred at the origin."""
+
+    radius: float
+    length: float
+    kind: ClassVar[int] = 4
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """What the kernels read."""
+        return self.radius, 0.5 * self.length, 0.0
+
+    @property
+    def volume(self) -> float:
+        """Its volume [m^3]."""
+        return float(np.pi * self.radius**2 * self.length)
+
+    @property
+    def moments(self) -> NDArray[np.float64]:
+        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        return np.array([self.radius**2 / 4.0, self.radius**2 / 4.0, self.length**2 / 12.0])
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] of its two rims."""
+        turn = np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
+        rim = np.column_stack([self.radius * np.cos(turn), self.radius * np.sin(turn), np.full(RIM, 0.5 * self.length)])
+        return np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
+
+
+Form = Plane | Sphere | Box | Capsule | Cylinder
+
+
+def _no_vertices() -> NDArray[np.int32]:
+    return np.zeros(0, dtype=np.int32)
+
+
+class ContactPoints(str, Enum):
+    """How gaps are taken: as the mean about each vertex over the faces there, or at the vertex alone."""
+
+    FACES = "faces"
+    VERTICES = "vertices"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Obstacle(Handle):
+    """A rigid shape that the body cannot enter.
+
+    What it exerts on the body is its reaction, as a handle's, with the moment about the origin of its frame.
+
+    Attributes:
+        vertices: none.
+        form: its shape.
+        origin: of its frame at rest [m].
+        turn: of its frame at rest, a rotation vector [rad].
+        friction: Coulomb's coefficient.
+        points: how gaps are taken.
+    """
+
+    noun: ClassVar[str] = "obstacle"
+    section: ClassVar[str] = "obstacles"
+    vertices: NDArray[np.int32] = field(default_factory=_no_vertices)
+    form: Form
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    friction: float = 0.0
+    points: ContactPoints = ContactPoints.FACES
+
+    def seen_from(self, origin: NDArray[np.float64]) -> Obstacle:
+        """Return the obstacle for who counts positions from ``origin`` (3,) [m]."""
+        return replace(self, origin=tuple(np.subtract(self.origin, origin).tolist()))
+
+    def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the origin (3,) [m] of its frame at rest, wherever the body's ``vertices`` are."""
+        return np.array(self.origin)
+
+    def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
+        """Return where it is, relative to rest: where it is commanded to be."""
+        return commanded
+
+    def frame(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return origin (3,) [m] and rotation (3, 3) of its frame where it is moved by ``pose``."""
+        turned = Rotation.from_rotvec(pose.rotation) * Rotation.from_rotvec(self.turn)
+        return np.add(self.origin, pose.translation), turned.as_matrix()

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What touches at the end of a step, point by point, and what sensors on parts of the surface feel of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.solver.contact.touch import Touch
+from gdfe_ros.solver.result import StepResult
+
+_PLACE, _NORMAL, _PUSH, _SHEAR = ("x", "y", "z"), ("nx", "ny", "nz"), ("fx", "fy", "fz"), ("tx", "ty", "tz")
+POINT = np.dtype(
+    [(name, "<f4") for name in (*_PLACE, *_NORMAL, "gap", *_PUSH, *_SHEAR)]
+    + [(name, "<i4") for name in ("slips", "vertex", "contact")]
+)
+"""A point that touches: where it is [m], the normal out of what it touches, the gap [m], the force along the normal and
+by friction [N], 1 where it slips, its vertex, -1 of a rigid body's corner, and the place of its contact's name."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactSensor:
+    """A part of the body's surface whose contact forces are summed, e.g. a fingertip.
+
+    Attributes:
+        name: of the sensor.
+        vertices: (k,) int32 of its faces.
+
+    Example:
+        >>> simulation = Simulation(load_scene("my_finger.yaml"))  # with sensors: {tip: {where: {face: x+}}}
+        >>> result = simulation.step(command)
+        >>> force, moment = np.split(simulation.scene.sensors["tip"].wrench(result), 2)
+    """
+
+    name: str
+    vertices: NDArray[np.int32]
+
+    def centre(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the mean (3,) [m] of the sensor's vertices out of all at ``positions`` (n, 3) [m]."""
+        return positions[self.vertices].mean(axis=0)
+
+    def wrench(self, result: StepResult) -> NDArray[np.float64]:
+        """Return force [N] and moment [N m] about the sensor's present centre (6,) that all it touches exerts on it."""
+        total, centre = np.zeros(6), self.centre(result.positions)
+        for touch in result.contacts.values():
+            if not len(touch.vertices):  # nothing touches, or what does is no part of the elastic body
+                continue
+            mine = np.isin(touch.vertices, self.vertices)
+            forces = touch.forces[mine]
+            total[:3] += forces.sum(axis=0)
+            total[3:] += np.cross(touch.places[mine] - centre, forces).sum(axis=0)
+        return total
+
+
+def contact_names(handles: Iterable[Handle]) -> list[str]:
+    """Name what `StepResult.contacts` has of a scene's handles, in its order.
+
+    The body with each obstacle and rigid body, by the name of these; then each rigid body on each obstacle.
+    """
+    touched = [handle for handle in handles if isinstance(handle, Obstacle)]
+    rigid = [handle.name for handle in touched if isinstance(handle, RigidBody)]
+    return [handle.name for handle in touched] + [
+        f"{name} on {other.name}" for name in rigid for other in touched if not isinstance(other, RigidBody)
+    ]
+
+
+def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
+    """Return every point that touches (k,) as `POINT`; ``contact`` is the place of its name among all of them."""
+    rows = [_points(number, touch) for number, touch in enumerate(contacts.values())]
+    return np.concatenate(rows) if rows else np.zeros(0, POINT)
+
+
+def _points(number: int, touch: Touch) -> NDArray[np.void]:
+    points = np.zeros(len(touch.presses), POINT)
+    pushes = touch.presses[:, None] * touch.normals
+    for vectors, names in ((touch.places, _PLACE), (touch.normals, _NORMAL), (pushes, _PUSH), (touch.shears, _SHEAR)):
+        for name, column in zip(names, vectors.T, strict=True):
+            points[name] = column
+    points["gap"], points["slips"], points["contact"] = touch.gaps, touch.slips, number
+    points["vertex"] = touch.vertices if len(touch.vertices) else -1
+    return points

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A policy that reaches drawn goals in an environment of Gymnasium; it was not trained, it feels its way.
+
+python -m gdfe_ros.examples.reach_policy --episodes 3
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike, NDArray
+
+from gdfe_ros.examples.tip_tracker import TipTracker
+from gdfe_ros.testing import make_env
+
+_TRIAL = 0.05
+"""Of its range: by how much each command is tried out."""
+_CAREFUL = {"gain": 0.5, "reach": 0.005, "baseline": 1e-4}
+"""Of the tracker: half of the distance at a time, at most 5 mm; less than 0.1 mm teaches it nothing."""
+FINGER = {"actuators.flexor.cable.range": [0.0, 5.0], "actuators.extensor.cable.range": [0.0, 5.0]}
+"""Overrides of ``tendon_finger``: tensions that bend it without rolling it up."""
+
+
+class ReachPolicy:
+    """Tries each command out once, and then follows the Jacobian that this gave, corrected as it goes.
+
+    It sees what a learnt policy would: the observation that `make_env` has by itself, with the tip at its beginning and
+    the goal at its end.
+
+    Args:
+        actions: of the environment.
+    """
+
+    def __init__(self, actions: Box) -> None:
+        self._low, self._high = np.asarray(actions.low), np.asarray(actions.high)
+        self._tips: list[NDArray[np.float64]] = []
+        self._tracker: TipTracker | None = None
+        self._last = np.clip(np.zeros_like(self._low), self._low, self._high)
+
+    def act(self, seen: ArrayLike) -> NDArray[np.float64]:
+        """Give the action for an observation."""
+        seen = np.asarray(seen, dtype=np.float64)
+        tip, goal, count = seen[:3], seen[-3:], len(self._low)
+        if len(self._tips) <= count:
+            self._tips.append(tip)
+            tried = len(self._tips) - 1
+            if tried < count:
+                self._last = self._last.copy()
+                self._last[tried] += _TRIAL * (self._high - self._low)[tried]
+                return self._last
+            columns = np.diff(np.array(self._tips), axis=0).T / (_TRIAL * (self._high - self._low))
+            self._tracker = TipTracker(columns, self._last, low=self._low, high=self._high, **_CAREFUL)
+        self._last = self._tracker.command(tip, goal, self._last)
+        return self._last
+
+
+def reach(
+    scene: str | Path, *, seed: int, steps: int = 40, overrides: Mapping[str, Any] | None = None
+) -> tuple[float, float]:
+    """Play an episode; give the distances of the tip from the goal at its beginning and at its end [m]."""
+    env = make_env(scene, steps=steps, overrides=overrides)
+    policy = ReachPolicy(env.action_space)
+    seen, _ = env.reset(seed=seed)
+    start = float(np.linalg.norm(seen[:3] - seen[-3:]))
+    truncated = False
+    while not truncated:
+        seen, reward, _, truncated, info = env.step(policy.act(seen))
+    if not info["converged"]:
+        print(f"the episode ended early: {info['why']}")
+    return start, -reward
+
+
+def main() -> None:
+    """Play some episodes, and print how far they came."""
+    parser = argparse.ArgumentParser(description="A policy that reaches drawn goals; nothing is trained.")
+    parser.add_argument("--episodes", type=int, default=3)
+    for seed in range(parser.parse_args().episodes):
+        start, end = reach("tendon_finger", seed=seed, overrides=FINGER)
+        print(f"goal {seed}: from {1e3 * start:.2f} mm to {1e3 * end:.3f} mm")
+
+
+if __name__ == "__main__":
+    main()

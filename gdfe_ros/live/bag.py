@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag of a live session: what the node would record of it, written without ROS; `gdfe replay` makes it again."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+from gdfe_ros.analysis.published import Publication
+from gdfe_ros.live.messages import Messages
+from gdfe_ros.node.interface import NODE_NAME, topics
+from gdfe_ros.node.specification import TopicSpec
+from gdfe_ros.node.step import Step
+from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
+from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
+from gdfe_ros.recording.recorder import Recorder
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Simulation
+
+_FRAME = "base_link"
+
+
+class LiveBag:
+    """Records steps under the node's names of topics; used by the stepping thread.
+
+    Args:
+        path: directory of the bag, which must not exist or be empty.
+        simulation: that is stepped, the same one as long as the bag is written.
+        state: that the first step starts from; None: rest.
+        dt: simulation time of a step [s], for the bag.
+
+    Raises:
+        RecordingError: the bag cannot be begun.
+    """
+
+    def __init__(self, path: Path, simulation: Simulation, *, state: bytes | None, dt: float) -> None:
+        self._messages = Messages(joints=list(simulation.actuator_names))
+        self._publication = Publication(simulation)
+        self._specs = _topics(simulation.scene)
+        scene, names = simulation.scene, {**self._specs, "scene": topics.SCENE}
+        settings = {**asdict(scene.solver), "policy": scene.solver.policy.value, "node": {"clock": "live", "dt": dt}}
+        self._recorder = Recorder(
+            path,
+            [self._messages.topic(_full(role), spec.type, role) for role, spec in names.items()],
+            run=RunInfo(scene=scene.source, settings=settings, files={} if state is None else {STATE_FILE: state}),
+            queue=QueueOptions(back_pressure=BackPressure.BLOCK, block_seconds=30.0),
+        )
+        self._recorder.record(_full("scene"), self._messages.text(scene.source), 0)
+
+    @property
+    def path(self) -> Path:
+        """Directory of the bag."""
+        return self._recorder.path
+
+    def write(self, step: Step) -> None:
+        """Record a step that the simulation has just made; a full disk stops the recording, not the steps."""
+        if self._recorder.error is not None:
+            return
+        made = self._publication.values(step.result, step.record, self._specs)
+        for role, values in made.items():
+            kind = self._specs[role].type
+            data = (
+                self._messages.text(step.record.to_json())
+                if role == "step_record"
+                else self._messages.pack(kind, values, step.record.stamp, self._frame(role))
+            )
+            self._recorder.record(_full(role), data, step.log_time)
+
+    def close(self) -> str:
+        """Complete the bag and say how it went."""
+        status = self._recorder.close()
+        text = f"bag {self.path}: {status.written} messages, {status.dropped_total} dropped"
+        return f"{text}; {status.error}; nothing later is in the bag" if status.error else text
+
+    @staticmethod
+    def _frame(role: str) -> str:
+        """Name the frame that a message is given in, as the node does."""
+        parts = role.split("/")
+        if parts[0] == "handles":
+            return f"{parts[1]}_{'rest' if parts[2] == 'pose' else 'centre'}"
+        return f"{parts[1]}_imu" if role.endswith("/imu") else _FRAME
+
+
+def _full(role: str) -> str:
+    return f"/{NODE_NAME}/{role}"
+
+
+def _topics(scene: Scene) -> dict[str, TopicSpec]:
+    """Give what is recorded of each step, by role; the record first, which begins a step in the bag."""
+    found = {_role(spec): spec for spec in (topics.STEP_RECORD, topics.MESH, topics.STRAIN)}
+    for handle in scene.handles:
+        found |= {_role(spec, handle=handle.name): spec for spec in (topics.HANDLE_POSE, topics.HANDLE_WRENCH)}
+    found |= {_role(topics.PROBE, probe=name): topics.PROBE for name in scene.probes}
+    if scene.actuators:
+        found[_role(topics.JOINT_STATES)] = topics.JOINT_STATES
+    if scene.dynamics:
+        found[_role(topics.VERTEX_VELOCITY)] = topics.VERTEX_VELOCITY
+        found |= {_role(topics.IMU, probe=name): topics.IMU for name in scene.probes}
+    return found
+
+
+def _role(spec: TopicSpec, **names: str) -> str:
+    return spec.name.removeprefix("~/").format(**names)

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fields that colour the body, and the range of their colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.colour_map import VIRIDIS
+from gdfe_ros.live.surface import Surface
+from gdfe_ros.node.step import Step
+from gdfe_ros.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Field:
+    """What a colour means.
+
+    Attributes:
+        label: for people, with the unit.
+        values: gives the field at the vertices of the boundary (k,) after a step.
+    """
+
+    label: str
+    values: Callable[[Step, Surface], NDArray[np.float64]]
+
+
+def fields_of(scene: Scene) -> dict[str, Field]:
+    """Name the fields of a scene by label; those of the cells are averaged at the vertices."""
+
+    def of_cells(label: str, name: str) -> Field:
+        return Field(label, lambda step, surface: surface.at_vertices(getattr(step.fields(), name)))
+
+    def of_vertices(label: str, give: Callable[[Step], NDArray[np.float64]]) -> Field:
+        return Field(label, lambda step, surface: np.linalg.norm(give(step)[surface.vertices], axis=1))
+
+    found = [
+        of_cells("equivalent strain [1]", "eps_eq"),
+        of_vertices("displacement [m]", lambda step: step.result.positions - scene.mesh.vertices),
+        of_cells("volume ratio [1]", "J"),
+        of_cells("energy density [J/m^3]", "energy_density"),
+        of_cells("tangent modulus [Pa]", "tangent"),
+        of_cells("shape factor [1]", "omega"),
+    ]
+    if scene.dynamics:
+        found.append(of_vertices("speed [m/s]", lambda step: step.result.velocities))
+    return {field.label: field for field in found}
+
+
+class Range:
+    """From the least to the largest value shown; held, it stays as it is.
+
+    Attributes:
+        low, high: bounds, of the values shown last where it is not held.
+        held: whether later values leave it as it is.
+    """
+
+    def __init__(self) -> None:
+        self.low, self.high, self.held = 0.0, 0.0, False
+
+    def shares(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Give the places of values (k,) in the range, 0 to 1."""
+        if not self.held:
+            self.low, self.high = float(values.min()), float(values.max())
+        span = self.high - self.low
+        return np.clip((values - self.low) / span, 0.0, 1.0) if span > 0.0 else np.zeros_like(values)
+
+
+def legend(label: str, bounds: Range) -> str:
+    """Draw a bar of the colours with its numbers, as HTML."""
+    stops = ",".join("rgb({:.0f},{:.0f},{:.0f})".format(*(255 * stop)) for stop in VIRIDIS)
+    numbers = "".join(f"<span>{value:.3g}</span>" for value in np.linspace(bounds.low, bounds.high, 5))
+    return (
+        f'<div id="legend" style="font-size:0.8em;padding:0 0.8em 0.5em"><div>{label}</div>'
+        f'<div style="height:0.8em;border-radius:2px;background:linear-gradient(90deg,{stops})"></div>'
+        f'<div style="display:flex;justify-content:space-between">{numbers}</div></div>'
+    )

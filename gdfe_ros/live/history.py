@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is told of each step in numbers, kept for plots and traces."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.node.step import Step
+from gdfe_ros.scene.scene import Scene
+
+_LENGTH = 4096
+"""Steps that are kept."""
+_AXES = ("x", "y", "z")
+
+
+class History:
+    """The last steps in numbers; written by the stepping thread, read by another.
+
+    Args:
+        scene: that is simulated.
+
+    Attributes:
+        curves: names of the curves of each plot, by what it shows and in which unit.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._lock = scene, threading.Lock()
+        self.curves: dict[str, tuple[str, ...]] = {}
+        self._rows: NDArray[np.float64] | None = None
+        self._count = 0
+
+    def add(self, step: Step) -> None:
+        """Keep a step; one at an earlier time than the last, after a reset, begins anew."""
+        groups = list(self._groups(step))
+        row = np.array([step.record.time, *(value for _, values in groups for value in values.values())])
+        with self._lock:
+            if self._rows is None:
+                self.curves = {name: tuple(values) for name, values in groups}
+                self._rows = np.empty((_LENGTH, len(row)))
+            if self._count and row[0] < self._rows[(self._count - 1) % _LENGTH, 0]:
+                self._count = 0
+            self._rows[self._count % _LENGTH] = row
+            self._count += 1
+
+    def table(self, plot: str, *, most: int = 600) -> NDArray[np.float64]:
+        """Give time [s] and the curves of a plot in rows (1 + c, k), thinned out to at most so many steps."""
+        with self._lock:
+            names = list(self.curves)
+            first = 1 + sum(len(self.curves[name]) for name in names[: names.index(plot)])
+            columns = [0, *range(first, first + len(self.curves[plot]))]
+            count = min(self._count, _LENGTH)
+            order = np.arange(self._count - count, self._count)[:: max(1, -(-count // most))] % _LENGTH
+            return self._rows[np.ix_(order, columns)].T.copy()
+
+    def _groups(self, step: Step) -> Iterator[tuple[str, dict[str, float]]]:
+        result, rest = step.result, self._scene.mesh.vertices
+        for name, point in self._scene.probes.items():
+            moved = point.at(result.positions)[0] - point.at(rest)[0]
+            yield f"{name}: displacement [m]", dict(zip(_AXES, moved, strict=True))
+        for name, reaction in result.reactions.items():
+            yield f"{name}: force [N]", dict(zip(_AXES, reaction[:3], strict=True))
+            yield f"{name}: moment [N m]", dict(zip(_AXES, reaction[3:], strict=True))
+        for name, state in step.actuators.items():
+            for quantity, value, unit in state.readings():
+                yield f"{name}: {quantity} [{unit or 1}]", {quantity: value}
+        yield "energy [J]", {"elastic": result.energy, **result.energies}
+        yield "least det F [1]", {"least det F": result.min_det}
+        yield "iterations of a step [1]", {"iterations": float(result.iterations)}
+        yield "time of a step [ms]", {"time": 1e3 * result.wall_time}

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Serialised messages of ROS 2 Jazzy made of arrays, by rosbags: no ROS has to be there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
+
+from gdfe_ros.analysis.message_values import Values
+from gdfe_ros.recording.topic import TopicInfo
+
+_FLOAT32 = 7
+"""Of ``sensor_msgs/msg/PointField``."""
+_CLOUD, _JOINTS, _TEXT = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/JointState", "std_msgs/msg/String"
+
+
+class Messages:
+    """Makes messages, and says of what type they are.
+
+    Args:
+        joints: names in a JointState.
+    """
+
+    def __init__(self, *, joints: Sequence[str] = ()) -> None:
+        self._store, self._joints = get_typestore(Stores.ROS2_JAZZY), list(joints)
+
+    def topic(self, name: str, kind: str, role: str) -> TopicInfo:
+        """Describe a topic for a bag, with the definition and the hash of its type."""
+        text, _ = self._store.generate_msgdef(kind, ros_version=2)
+        digest = self._store.hash_rihs01(kind)
+        return TopicInfo(name=name, type=kind, definition=text, type_hash=digest, role=role)
+
+    def text(self, data: str) -> bytes:
+        """Serialise a String."""
+        return self._bytes(self._store.types[_TEXT](data), _TEXT)
+
+    def pack(self, kind: str, values: Values, stamp: int, frame_id: str) -> bytes:
+        """Serialise a message with a header.
+
+        Args:
+            kind: type of the message.
+            values: arrays by dotted path of the field, e.g. ``pose.position.x`` (1,); of a cloud by name of the column.
+            stamp: of the header [ns].
+            frame_id: of the header.
+        """
+        message = self._empty(kind)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+        message.header.frame_id = frame_id
+        if kind == _CLOUD:
+            self._fill_cloud(message, values)
+        elif kind == _JOINTS:
+            message.name = self._joints
+            for name, array in values.items():
+                setattr(message, name, np.asarray(array, dtype=np.float64))
+        else:
+            for path, array in values.items():
+                *way, last = path.split(".")
+                part = message
+                for name in way:
+                    part = getattr(part, name)
+                setattr(part, last, float(array[0]))
+        return self._bytes(message, kind)
+
+    def _fill_cloud(self, cloud: Any, values: Values) -> None:
+        table = np.stack(list(values.values()), axis=1).astype("<f4")
+        field = self._store.types["sensor_msgs/msg/PointField"]
+        cloud.fields = [field(name, 4 * place, _FLOAT32, 1) for place, name in enumerate(values)]
+        cloud.height, cloud.width, cloud.is_dense = 1, len(table), True
+        cloud.point_step, cloud.row_step = 4 * table.shape[1], table.nbytes
+        cloud.data = table.view(np.uint8).ravel()
+
+    def _bytes(self, message: Any, kind: str) -> bytes:
+        return bytes(self._store.serialize_cdr(message, kind))
+
+    def _empty(self, kind: str) -> Any:
+        """Make a message of zeros, empty texts and empty sequences."""
+        _, fields = self._store.fielddefs[kind]
+        return self._store.types[kind](**{name: self._zero(*what) for name, what in fields})
+
+    def _zero(self, node: Nodetype, what: Any) -> Any:
+        if node is Nodetype.NAME:
+            return self._empty(what)
+        if node is Nodetype.BASE:
+            return {"string": "", "bool": False}.get(what[0], 0.0 if what[0].startswith("float") else 0)
+        (kind, inner), count = what
+        numbers = kind is Nodetype.BASE and inner[0] != "string"
+        return np.zeros(count, dtype=inner[0]) if numbers else []

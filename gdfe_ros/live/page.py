@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page: a server that browsers look at, and the thread that draws finished steps at most so many times a second."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import socket
+import sys
+import threading
+from collections.abc import Callable
+from time import monotonic
+from typing import Any
+
+import viser
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.field import Range, fields_of, legend
+from gdfe_ros.live.history import History
+from gdfe_ros.live.panel import Panel
+from gdfe_ros.live.plots import Plots
+from gdfe_ros.live.session import LiveSession
+from gdfe_ros.live.stage import GROUPS, Stage
+from gdfe_ros.live.status import Status
+from gdfe_ros.node.orders import PoseOrder
+from gdfe_ros.node.step import Step
+from gdfe_ros.threads import VIEWER, show_name
+
+_SLOWLY = 0.2
+"""Interval of numbers, plots, traces and sliders [s]; only the body and its marks come with every frame."""
+_PLAIN = "none"
+_PORTS = 65536
+_LONGEST_NOTE = 300
+"""Most characters of a text that is shown to viewers."""
+
+
+class Page:
+    """Shows a session to browsers and lets them command it.
+
+    The solver never waits for it: the drawing thread takes the last finished step, and viewers that fall behind are
+    sent what is newest once they can take it.
+
+    Args:
+        host: address to listen at, e.g. ``127.0.0.1``.
+        port: the first one to try; where it is taken, the next ones.
+        frames: most frames a second.
+
+    Raises:
+        GdfeError: the host is no address of this machine, or no port is free.
+
+    Attributes:
+        port: that is listened at.
+        drawn: frames drawn so far.
+        failure: why the drawing ended by itself, or None.
+    """
+
+    def __init__(self, *, host: str, port: int, frames: float) -> None:
+        self._interval, self.drawn = 1.0 / frames, 0
+        self.failure: Exception | None = None
+        port = _free_port(host, port)
+        with contextlib.redirect_stdout(io.StringIO()):  # its own words on addresses; the command has said so
+            self._server = viser.ViserServer(host=host, port=port, verbose=False)
+        self.port = self._server.get_port()
+        self._changed, self._ending = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._work, name=VIEWER, daemon=True)
+        self._step: Step | None = None
+        self._seen: Step | None = None
+        self._again = True
+
+    @property
+    def viewers(self) -> int:
+        """Number of browsers that look."""
+        return len(self._server.get_clients())
+
+    def show(self, session: LiveSession) -> None:
+        """Lay out the page for a session, and begin to draw what it tells to `take`."""
+        gui, scene = self._server.gui, session.scene
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        gui.set_panel_label(f"gdfe live: {scene.name}")
+        self._session, self._fields, self._range = session, fields_of(scene), Range()
+        self._stage = Stage(self._server, scene, dragged=self._lead)
+        self._history = History(scene)
+        self._status = Status(session)
+        panel = gui.add_panel()
+        with panel.add_tab("State"):
+            self._legend, self._state = gui.add_html(""), gui.add_html("")
+        gui.main_panel.dock_right()
+        panel.dock_left()
+        panel.set_width(330)
+        self._panel = Panel(gui, session, say=self.say, guarded=self._guarded)
+        self._add_looks()
+        self._plots = Plots(gui, self._history, below=panel)
+
+        @self._server.on_client_connect
+        async def _(client: viser.ClientHandle) -> None:
+            self._look_again()
+
+        self._thread.start()
+
+    def take(self, step: Step) -> None:
+        """Take a step, in the stepping thread; it is drawn when the next frame is due."""
+        self._history.add(step)
+        self._status.add(step)
+        self._step = step
+        self._changed.set()
+
+    def say(self, text: str) -> None:
+        """Show a text to every viewer and on the terminal."""
+        print(text, file=sys.stderr)
+        for client in self._server.get_clients().values():
+            client.add_notification("gdfe live", text[:_LONGEST_NOTE], auto_close_seconds=10.0)
+
+    def close(self) -> None:
+        """End the drawing and the server."""
+        self._ending.set()
+        self._changed.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def _add_looks(self) -> None:
+        """Add what decides how the body is drawn."""
+        gui = self._server.gui
+        with gui.add_folder("Look", expand_by_default=False):
+            self._colour = gui.add_dropdown("colour", (*self._fields, _PLAIN))
+            held = gui.add_checkbox("hold the range", False)
+            groups = {name: gui.add_checkbox(name, True) for name in GROUPS}
+
+        @self._colour.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            self._range.held = held.value = False
+            self._look_again()
+
+        @held.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            self._range.held = held.value
+            self._look_again()
+
+        for name, box in groups.items():
+
+            @box.on_update
+            async def _(event: viser.GuiEvent, name: str = name) -> None:
+                self._stage.show(name, event.target.value)
+
+    def _lead(self, order: PoseOrder) -> None:
+        self._guarded(lambda: self._session.command(order.handle, order))
+
+    def _look_again(self) -> None:
+        """Have the present step drawn again."""
+        self._again = True
+        self._changed.set()
+
+    def _guarded(self, action: Callable[[], Any]) -> None:
+        try:
+            action()
+        except GdfeError as error:
+            self.say(str(error))
+
+    def _work(self) -> None:
+        show_name()
+        try:
+            self._show_steps()
+        except Exception as error:
+            self.failure = error
+            self.say(f"the drawing ended: {error!r}")
+
+    def _show_steps(self) -> None:
+        """Draw what is new, until the end."""
+        slow = 0.0
+        while not self._ending.is_set():
+            self._changed.wait(_SLOWLY)
+            self._changed.clear()
+            started = monotonic()
+            step, again = self._step, self._again
+            if step is None or not self.viewers:
+                continue
+            if step is not self._seen or again:
+                self._seen, self._again = step, False
+                self._draw(step)
+                self._ending.wait(self._interval / 2)  # until it has been read
+                self._stage.turn()
+                self.drawn += 1
+            if started - slow >= _SLOWLY:
+                slow = started
+                self._refresh(step)
+            self._ending.wait(max(0.0, started + self._interval - monotonic()))
+
+    def _draw(self, step: Step) -> None:
+        """Send a frame."""
+        shares = None
+        if self._colour.value != _PLAIN:
+            field = self._fields[self._colour.value]
+            shares = self._range.shares(field.values(step, self._stage.surface))
+        with self._server.atomic():
+            self._stage.draw(step.result.positions, shares)
+            self._stage.mark(step)
+
+    def _refresh(self, step: Step) -> None:
+        """Send what need not come with every frame."""
+        simulation = self._session.simulation
+        with self._server.atomic():
+            self._stage.trace()
+            self._stage.lead(simulation.targets)
+            self._panel.refresh(simulation.commands)
+            self._state.content = self._status.text(step, largest=self._stage.largest, viewers=self.viewers)
+            self._legend.content = "" if self._colour.value == _PLAIN else legend(self._colour.value, self._range)
+            self._plots.refresh()
+
+
+def _free_port(host: str, first: int) -> int:
+    """Give the first port that is free.
+
+    Raises:
+        GdfeError: the host is no address of this machine, or no port is free.
+    """
+    for port in range(first, _PORTS):
+        try:
+            with socket.create_server((host, port)):
+                return port
+        except OSError as error:
+            if error.errno != errno.EADDRINUSE:
+                text = f"port {port} of {host!r} cannot be listened at: {error.strerror}; allowed: an address of this "
+                raise GdfeError(f"{text}machine, 127.0.0.1 for itself alone, 0.0.0.0 for its network") from error
+    raise GdfeError(f"no port from {first} to {_PORTS - 1} is free")

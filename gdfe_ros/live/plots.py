@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quantities over time, chosen from a list."""
+
+from __future__ import annotations
+
+import viser
+
+from gdfe_ros.live.history import History
+
+_COLOURS = ("#d62728", "#2ca02c", "#1f77b4", "#9467bd", "#ff7f0e", "#8c564b")
+_COUNT = 2
+
+
+class Plots:
+    """Two plots in a panel of their own.
+
+    Args:
+        gui: of the page.
+        history: of the run; what can be plotted is known after the first step.
+        below: panel that the plots are docked below.
+    """
+
+    def __init__(self, gui: viser.GuiApi, history: History, *, below: viser.PanelHandle) -> None:
+        self._gui, self._history = gui, history
+        panel = gui.add_panel()
+        self._tab = panel.add_tab("Plots")
+        panel.dock_below(below)
+        self._plots: list[_Plot] = []
+
+    def refresh(self) -> None:
+        """Draw what is chosen."""
+        if not self._plots and self._history.curves:
+            names = list(self._history.curves)
+            with self._tab:
+                self._plots = [_Plot(self._gui, self._history, names[place]) for place in range(_COUNT)]
+        for plot in self._plots:
+            plot.refresh()
+
+
+class _Plot:
+    """A list to choose from, and the curves of what was chosen.
+
+    Args:
+        gui: of the page, in the context of the plot's container.
+        history: of the run.
+        name: what is shown at first.
+    """
+
+    def __init__(self, gui: viser.GuiApi, history: History, name: str) -> None:
+        self._gui, self._history = gui, history
+        self._choice = gui.add_dropdown("plot", tuple(history.curves), initial_value=name)
+        self._folder = gui.add_folder(None)
+        self._drawn = ""
+        self._chart: viser.GuiUplotHandle | None = None
+
+    def refresh(self) -> None:
+        """Draw the present curves; another choice makes another chart."""
+        name = self._choice.value
+        table = tuple(self._history.table(name))
+        if name == self._drawn:
+            self._chart.data = table
+            return
+        if self._chart is not None:
+            self._chart.remove()
+        curves = [
+            {"label": curve, "stroke": colour, "width": 1.5}
+            for curve, colour in zip(self._history.curves[name], _COLOURS, strict=False)
+        ]
+        with self._folder:
+            self._chart = self._gui.add_uplot(
+                data=table,
+                series=({"label": "t [s]"}, *curves),
+                scales={"x": {"time": False}},
+                legend={"show": True, "live": False},
+                height=150,
+            )
+        self._drawn = name

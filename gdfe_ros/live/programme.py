@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene's program as one more commander: orders for the step that comes next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder
+from gdfe_ros.scene.program import Program
+
+
+def pose_order(handle: str, pose: Pose) -> PoseOrder:
+    """Command a handle to a pose relative to its rest."""
+    quaternion = tuple(Rotation.from_rotvec(pose.rotation).as_quat().tolist())
+    return PoseOrder(handle, pose.translation, quaternion)
+
+
+class Programme:
+    """Plays a program from a moment of the simulation on; what somebody else commands meanwhile leaves it.
+
+    Args:
+        program: of the scene.
+        start: simulation time at which it begins [s].
+
+    Attributes:
+        start: as given.
+    """
+
+    def __init__(self, program: Program, start: float) -> None:
+        self._program, self.start = program, start
+        self._left: set[str] = set()
+
+    @property
+    def duration(self) -> float:
+        """Length of the program [s]."""
+        return self._program.duration
+
+    def leave(self, names: Iterable[str]) -> None:
+        """Leave handles, actuators and loads to somebody else."""
+        self._left.update(names)
+
+    def over(self, time: float) -> bool:
+        """Tell whether nothing is left to command after a simulation time [s]."""
+        return time - self.start >= self._program.duration
+
+    def orders(self, time: float) -> list[tuple[str, Order]]:
+        """Give what is commanded to a step that ends at a simulation time [s], by input."""
+        moment = time - self.start
+        poses = self._program.handle_poses(moment)
+        orders: list[tuple[str, Order]] = [
+            (name, pose_order(name, pose)) for name, pose in poses.items() if name not in self._left
+        ]
+        values = self._program.actuator_values(moment) | self._program.load_factors(moment)
+        values = {name: value for name, value in values.items() if name not in self._left}
+        return [*orders, *([("program", ActuatorOrder(values))] if values else [])]

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The picture in space: body, handles to drag, probes with their traces, reaction arrows."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from time import monotonic
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.live.surface import Surface
+from gdfe_ros.node.orders import PoseOrder
+from gdfe_ros.node.step import Step
+from gdfe_ros.scene.scene import Scene
+
+GROUPS = ("handles", "probes", "reactions")
+"""What can be hidden."""
+_EYE = np.array([-0.55, -1.15, 0.65])
+"""Of the body's size: from its middle to the eye."""
+_TRACE = 400
+"""Points of a probe's trace."""
+_LONGEST = 0.35
+"""Of the body's size: the arrow of the largest force so far."""
+_GRAIN = 2e-3
+"""Of the body's size: the least way between two points of a trace."""
+_LEAST_SHARE = 0.01
+"""Of the largest force so far: smaller ones have no arrow."""
+_TOUCHED = 0.7
+"""Time after a drag during which a handle's control is the user's [s]."""
+_RED, _ORANGE = (200, 40, 40), (240, 140, 20)
+
+
+class Stage:
+    """What is seen in space, in units in which the body is about as large as 1.
+
+    Two glTFs take turns: viser shows nothing while it reads one, so the next frame is read while the last one is seen.
+
+    Args:
+        server: of the page.
+        scene: that is simulated.
+        dragged: called with the order of a handle that a viewer drags.
+
+    Attributes:
+        surface: of the body.
+        largest: the largest force so far [N]: that of the longest arrow.
+    """
+
+    def __init__(self, server: viser.ViserServer, scene: Scene, *, dragged: Callable[[PoseOrder], None]) -> None:
+        self._scene, self._dragged = scene, dragged
+        self._scale = 10.0 ** round(-math.log10(scene.mesh.size))
+        self._size = scene.mesh.size * self._scale
+        self.surface = Surface(scene.mesh, scale=self._scale)
+        self._space = server.scene
+        server.initial_camera.look_at, server.initial_camera.position = self._camera()
+        self._light()
+        first = self.surface.pack(scene.mesh.vertices, None)
+        self._bodies = [self._space.add_glb(f"/body/{place}", first, visible=not place) for place in range(2)]
+        self._shown, self._time, self.largest = 0, 0.0, 0.0
+        self._groups = {name: self._space.add_frame(f"/{name}", show_axes=False) for name in GROUPS}
+        self._rests = {handle.name: handle.centre(scene.mesh.vertices) for handle in scene.handles}
+        self._touched: dict[str, float] = {}
+        self._controls = {handle.name: self._control(handle) for handle in scene.handles if not handle.fixed}
+        self._ways: dict[str, deque[NDArray[np.float64]]] = {name: deque(maxlen=_TRACE) for name in scene.probes}
+        self._arrows = self._space.add_arrows(
+            "/reactions/arrows",
+            np.zeros((1, 2, 3), np.float32),
+            _RED,
+            shaft_radius=0.008 * self._size,
+            head_radius=0.022 * self._size,
+            head_length=0.05 * self._size,
+            visible=False,
+        )
+        self._probes = self._traces = None
+        if scene.probes:
+            points, size = np.zeros((len(scene.probes), 3), np.float32), 0.03 * self._size
+            self._probes = self._space.add_point_cloud(
+                "/probes/points", points, _ORANGE, point_size=size, point_shape="rounded", precision="float32"
+            )
+            self._traces = self._space.add_line_segments(
+                "/probes/traces", np.zeros((1, 2, 3), np.float32), _ORANGE, thickness=2.0, thickness_units="screen"
+            )
+
+    def draw(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> None:
+        """Have a frame read out of sight; `turn` shows it."""
+        self._bodies[1 - self._shown].glb_data = self.surface.pack(positions, shares)
+
+    def turn(self) -> None:
+        """Show the frame that was read last."""
+        self._bodies[1 - self._shown].visible = True
+        self._bodies[self._shown].visible = False
+        self._shown = 1 - self._shown
+
+    def mark(self, step: Step) -> None:
+        """Move probes and arrows to where they are after a step."""
+        if self._probes is not None:
+            points = np.concatenate([point.at(step.result.positions) for point in self._scene.probes.values()])
+            self._probes.points = (self._scale * points).astype(np.float32)
+            self._follow(step.record.time, self._scale * points)
+        self._draw_arrows(step)
+
+    def trace(self) -> None:
+        """Draw the traces."""
+        if self._traces is None:
+            return
+        lines = [np.stack([way[:-1], way[1:]], axis=1) for way in map(np.array, self._ways.values()) if len(way) > 1]
+        self._traces.visible = bool(lines)
+        if lines:
+            self._traces.points = np.concatenate(lines).astype(np.float32)
+
+    def lead(self, targets: Mapping[str, Pose]) -> None:
+        """Move the controls of handles to their targets, but for those that a viewer drags."""
+        for name, control in self._controls.items():
+            if monotonic() - self._touched.get(name, -math.inf) > _TOUCHED:
+                x, y, z, w = Rotation.from_rotvec(targets[name].rotation).as_quat()
+                control.position = self._scale * (self._rests[name] + targets[name].translation)
+                control.wxyz = np.array([w, x, y, z])
+
+    def show(self, group: str, wanted: bool) -> None:
+        """Show or hide one of `GROUPS`."""
+        self._groups[group].visible = wanted
+
+    def _camera(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Give what the eye looks at, and where it is."""
+        vertices = self._scene.mesh.vertices
+        middle = self._scale * (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        return middle, middle + self._size * _EYE
+
+    def _light(self) -> None:
+        """Light the body without shadows and reflections, so that its colours are those of the legend."""
+        self._space.configure_environment_map(None)
+        self._space.configure_default_lights(False)
+        self._space.add_light_hemisphere("/light/sky", intensity=1.6)
+        self._space.add_light_directional("/light/sun", position=(-1.0, -2.0, 3.0), intensity=1.6)
+
+    def _control(self, handle: Handle) -> viser.TransformControlsHandle:
+        """Add a control that leads a handle; axes along which it slides freely cannot be dragged."""
+        name = handle.name
+        control = self._space.add_transform_controls(
+            f"/handles/{name}",
+            scale=0.22 * self._size,
+            disable_sliders=True,
+            depth_test=False,
+            position=self._scale * self._rests[name],
+        )
+        self._space.add_label(f"/handles/{name}/label", name)
+
+        @control.on_update
+        async def _(event: viser.TransformControlsEvent) -> None:
+            self._touched[name] = monotonic()
+            w, x, y, z = (float(value) for value in event.target.wxyz)
+            moved = np.asarray(event.target.position) / self._scale - self._rests[name]
+            self._dragged(PoseOrder(name, tuple(moved.tolist()), (x, y, z, w)))
+
+        return control
+
+    def _follow(self, time: float, points: NDArray[np.float64]) -> None:
+        """Lead the traces on to the probes; a reset begins them anew."""
+        for way, point in zip(self._ways.values(), points, strict=True):
+            if time < self._time:
+                way.clear()
+            if not way or np.abs(point - way[-1]).max() > _GRAIN * self._size:
+                way.append(point)
+        self._time = time
+
+    def _draw_arrows(self, step: Step) -> None:
+        """Draw the force that each handle exerts on the body, at the handle."""
+        forces = {name: reaction[:3] for name, reaction in step.result.reactions.items()}
+        sizes = {name: float(np.linalg.norm(force)) for name, force in forces.items()}
+        self.largest = max(self.largest, *sizes.values(), 0.0) if sizes else 0.0
+        wanted = [handle for handle in self._scene.handles if sizes[handle.name] > _LEAST_SHARE * self.largest]
+        self._arrows.visible = bool(wanted)
+        if wanted:
+            ends = [self._scale * handle.centre(step.result.positions) for handle in wanted]
+            ways = [_LONGEST * self._size * forces[handle.name] / self.largest for handle in wanted]
+            self._arrows.points = np.array([[end - way, end] for end, way in zip(ends, ways, strict=True)], np.float32)

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the run goes, in a few lines that are always in view."""
+
+from __future__ import annotations
+
+import html
+from collections import deque
+from time import monotonic
+
+from gdfe_ros.live.session import LiveSession
+from gdfe_ros.node.step import Step
+
+_WINDOW = 1.0
+"""Wall time over which rates are taken [s]."""
+_LONG = 0.3
+"""Time after which it is told that a solve takes long [s]."""
+
+
+class Status:
+    """Says how a session goes.
+
+    Args:
+        session: that runs.
+    """
+
+    def __init__(self, session: LiveSession) -> None:
+        self._session = session
+        self._times: deque[tuple[float, float]] = deque(maxlen=10_000)
+
+    def add(self, step: Step) -> None:
+        """Note a step, in the stepping thread."""
+        now = monotonic()
+        if self._times and step.record.time < self._times[-1][1]:
+            self._times.clear()
+        self._times.append((now, step.record.time))
+        while len(self._times) > 2 and self._times[0][0] < now - _WINDOW:
+            self._times.popleft()
+
+    def text(self, step: Step, *, largest: float, viewers: int) -> str:
+        """Write it as HTML.
+
+        Args:
+            step: the last one.
+            largest: force of the longest arrow [N].
+            viewers: browsers that look.
+        """
+        result, pace = step.result, self._pace()
+        rows = {
+            "state": self._doing(),
+            "time": f"{result.time:.3f} s, " + (f"{pace[1]:.0f} steps/s" if pace else "no steps"),
+            "real time": f"&times; {pace[0]:.2f}" if pace else "-",
+            "solve": f"{result.iterations} iterations, residual {result.residual:.1e}",
+            "converged": "yes" if result.converged else _bad(f"no: {result.message}"),
+            "least det F": f"{result.min_det:.3f}",
+            "longest arrow": f"{largest:.3g} N; {viewers} look",
+        }
+        if self._session.recording is not None:
+            rows["recording"] = html.escape(str(self._session.recording))
+        cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in rows.items())
+        return f'<table id="status" style="font-size:0.8em;line-height:1.3;width:100%;padding:0 0.8em">{cells}</table>'
+
+    def _pace(self) -> tuple[float, float] | None:
+        """Give simulation time over wall time and steps a second of the last second; None where no steps are made."""
+        times = list(self._times)
+        if len(times) < 2 or times[-1][0] < monotonic() - _WINDOW:
+            return None
+        (begun, first), (ended, last) = times[0], times[-1]
+        wall = max(ended - begun, 1e-9)
+        return (last - first) / wall, (len(times) - 1) / wall
+
+    def _doing(self) -> str:
+        session = self._session
+        if session.failure is not None:
+            return _bad(f"ended: {session.failure}")
+        work = session.stepper.work
+        if work is not None and monotonic() - work[1] > _LONG:
+            return f"{html.escape(work[0])}, since {monotonic() - work[1]:.1f} s"
+        if session.stepper.paused:
+            return "paused"
+        programme = session.playing
+        if programme is not None:
+            moment = max(0.0, session.last.record.time - programme.start)
+            return f"plays the program, {moment:.2f} of {programme.duration:g} s"
+        return "at rest, waits for commands" if self._pace() is None else "follows commands"
+
+
+def _bad(text: str) -> str:
+    return f'<span style="color:#c22">{html.escape(text)}</span>'

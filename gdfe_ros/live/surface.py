@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The body's surface as a binary glTF: written once, then only vertices and colours are written into its bytes.
+
+viser's plain mesh has one colour; a glTF has one for each vertex.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.colour_map import colour
+from gdfe_ros.mesh import HexMesh
+
+_FLOAT32, _UINT32 = 5126, 5125
+_ARRAY, _INDICES = 34962, 34963
+_LEAST, _LARGEST = "@least@", "@largest@"
+"""Places of the bounds, which every frame writes anew, in text of one width."""
+_BOUND = "[% .9e,% .9e,% .9e]"
+_GREY = 0.4
+
+
+def _linear(colours: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Turn sRGB into linear light, which a glTF has."""
+    dark = colours <= 0.04045
+    return np.where(dark, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+_LINEAR = _linear(colour(np.linspace(0.0, 1.0, 256)))
+
+
+class Surface:
+    """The boundary of a mesh as triangles, coloured by vertex.
+
+    Args:
+        mesh: the body at rest.
+        scale: from metres to the units of the picture.
+
+    Attributes:
+        vertices: (k,) ids of the vertices on the boundary.
+        triangles: (t, 3) uint32 numbers within ``vertices``.
+    """
+
+    def __init__(self, mesh: HexMesh, *, scale: float = 1.0) -> None:
+        quads, cells = mesh.boundary.quads, mesh.boundary.cells
+        self.vertices, local = np.unique(quads, return_inverse=True)
+        local = local.reshape(-1, 4).astype(np.uint32)
+        self.triangles = np.ascontiguousarray(local[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
+        self._corners, self._owners = local.ravel(), np.repeat(cells, 4)
+        self._sharing = np.bincount(self._corners, minlength=len(self.vertices)).astype(np.float64)
+        self._scale = scale
+        self._data = bytearray(self._template())
+        count = 3 * len(self.vertices)
+        numbers = np.frombuffer(self._data, "<f4", count=2 * count, offset=self._start)
+        self._positions, self._colours = numbers[:count].reshape(-1, 3), numbers[count:].reshape(-1, 3)
+
+    def at_vertices(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Average values of the cells (m,) at the vertices of the boundary (k,), over the faces around each."""
+        total = np.bincount(self._corners, weights=values[self._owners], minlength=len(self.vertices))
+        return total / self._sharing
+
+    def pack(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> bytes:
+        """Write a frame.
+
+        Args:
+            positions: of all vertices of the mesh (n, 3) [m].
+            shares: place of each vertex of the boundary in the colour map (k,), 0 to 1; None: all in one grey.
+        """
+        np.multiply(positions[self.vertices], self._scale, out=self._positions, casting="same_kind")
+        if shares is None:
+            self._colours[:] = _GREY
+        else:
+            self._colours[:] = _LINEAR[(shares * (len(_LINEAR) - 1) + 0.5).astype(np.intp)]
+        for place, bound in zip(self._bounds, (self._positions.min(axis=0), self._positions.max(axis=0)), strict=True):
+            text = (_BOUND % tuple(bound)).encode()
+            self._data[place : place + len(text)] = text
+        return bytes(self._data)
+
+    def _template(self) -> bytes:
+        """Lay out the file, with zeros for what each frame writes; note where these places are."""
+        count, faces = len(self.vertices), self.triangles.tobytes()
+        size = 12 * count
+        views = [(0, size, _ARRAY), (size, size, _ARRAY), (2 * size, len(faces), _INDICES)]
+        vectors = {"componentType": _FLOAT32, "count": count, "type": "VEC3"}
+        document = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [
+                {"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}, "indices": 2, "material": 0, "mode": 4}]}
+            ],
+            "materials": [
+                {"doubleSided": True, "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}}
+            ],
+            "buffers": [{"byteLength": 2 * size + len(faces)}],
+            "bufferViews": [
+                {"buffer": 0, "byteOffset": start, "byteLength": length, "target": target}
+                for start, length, target in views
+            ],
+            "accessors": [
+                {**vectors, "bufferView": 0, "min": _LEAST, "max": _LARGEST},
+                {**vectors, "bufferView": 1},
+                {"bufferView": 2, "componentType": _UINT32, "count": self.triangles.size, "type": "SCALAR"},
+            ],
+        }
+        text = json.dumps(document, separators=(",", ":"))
+        for mark in (_LEAST, _LARGEST):
+            text = text.replace(f'"{mark}"', _BOUND % (0.0, 0.0, 0.0))
+        head = text.encode() + b" " * (-len(text) % 4)
+        first = 20 + head.index(b'"min":') + len(b'"min":')
+        second = 20 + head.index(b'"max":') + len(b'"max":')
+        self._bounds, self._start = (first, second), 20 + len(head) + 8
+        body = bytes(2 * size) + faces
+        chunks = struct.pack("<II", len(head), 0x4E4F534A) + head + struct.pack("<II", len(body), 0x004E4942) + body
+        return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Obstacles, rigid bodies and contact forces as markers for RViz and Foxglove."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from geometry_msgs.msg import Point, Quaternion, Vector3
+from geometry_msgs.msg import Pose as PoseMessage
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Sphere
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.scene.scene import Scene
+
+SHEET = (4.0, 0.005)
+"""Edge and thickness of the sheet that stands for a plane, over the body's size."""
+LONGEST = 0.3
+"""Length of the arrow of the largest force so far, over the body's size."""
+_OBSTACLE, _BODY = (0.55, 0.57, 0.6, 0.6), (0.9, 0.55, 0.2, 1.0)
+_STICKS, _SLIPS = (0.1, 0.7, 0.2, 1.0), (0.9, 0.1, 0.1, 1.0)
+_SHAFT, _HEAD = 0.01, 0.02
+"""Diameters of arrows over the body's size."""
+
+
+class ContactMarkers:
+    """Makes the markers of a step: namespaces ``obstacles``, ``bodies`` and ``forces``.
+
+    A plane is a sheet around the foot of the body's middle at rest. Arrows begin where a point touches; those that
+    stick are green, those that slip red.
+
+    Args:
+        scene: whose obstacles and rigid bodies are shown.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._things = [handle for handle in scene.handles if isinstance(handle, Obstacle)]
+        self._size, self._middle = scene.mesh.size, scene.mesh.bounds.mean(axis=0)
+        self._largest = 0.0
+
+    def message(self, head: Header, poses: Mapping[str, Pose], points: NDArray[np.void]) -> MarkerArray:
+        """Make the markers.
+
+        Args:
+            head: of all; the node's frame.
+            poses: of obstacles and rigid bodies, relative to rest.
+            points: that touch, as `gdfe_ros.contacts.POINT`.
+        """
+        # All of the last message go: arrows of points that touch no more, too.
+        markers = [Marker(header=head, action=Marker.DELETEALL)]
+        counts: dict[str, int] = {}
+        for thing in self._things:
+            for kind, size, shift in self._parts(thing, poses[thing.name]):
+                origin, axes = thing.frame(poses[thing.name])
+                marker = Marker(header=head, ns=thing.section, id=counts.get(thing.section, 0), type=kind)
+                counts[thing.section] = marker.id + 1
+                marker.pose, marker.scale = _pose(origin + axes @ shift, axes), Vector3(**_named(size))
+                marker.color = _colour(_BODY if isinstance(thing, RigidBody) else _OBSTACLE)
+                markers.append(marker)
+        return MarkerArray(markers=[*markers, *self._arrows(head, points)])
+
+    def _parts(self, thing: Obstacle, pose: Pose) -> Iterator[tuple[int, tuple[float, ...], NDArray[np.float64]]]:
+        """Give kind, extent (3,) [m] and place in the thing's frame (3,) [m] of the markers that make up its shape."""
+        match thing.form:
+            case Sphere(radius):
+                yield Marker.SPHERE, (2.0 * radius,) * 3, np.zeros(3)
+            case Box(size):
+                yield Marker.CUBE, size, np.zeros(3)
+            case Cylinder(radius, length) | Capsule(radius, length):
+                yield Marker.CYLINDER, (2.0 * radius, 2.0 * radius, length), np.zeros(3)
+                for end in (-0.5, 0.5) if isinstance(thing.form, Capsule) else ():
+                    yield Marker.SPHERE, (2.0 * radius,) * 3, np.array([0.0, 0.0, end * length])
+            case _:
+                origin, axes = thing.frame(pose)
+                edge, thickness = (share * self._size for share in SHEET)
+                foot = axes.T @ (self._middle - origin)
+                yield Marker.CUBE, (edge, edge, thickness), np.array([foot[0], foot[1], -0.5 * thickness])
+
+    def _arrows(self, head: Header, points: NDArray[np.void]) -> Iterator[Marker]:
+        places = np.stack([points[name] for name in "xyz"], axis=1).astype(float)
+        forces = np.stack([points[f"f{name}"] + points[f"t{name}"] for name in "xyz"], axis=1).astype(float)
+        self._largest = max(self._largest, np.linalg.norm(forces, axis=1).max(initial=0.0))
+        tips = places + forces * (LONGEST * self._size / max(self._largest, np.finfo(float).tiny))
+        for number, (place, tip, slips) in enumerate(zip(places, tips, points["slips"], strict=True)):
+            marker = Marker(header=head, ns="forces", id=number, type=Marker.ARROW)
+            marker.points = [Point(**_named(place)), Point(**_named(tip))]
+            marker.pose.orientation.w = 1.0
+            marker.scale = Vector3(x=_SHAFT * self._size, y=_HEAD * self._size)
+            marker.color = _colour(_SLIPS if slips else _STICKS)
+            yield marker
+
+
+def _pose(origin: NDArray[np.float64], axes: NDArray[np.float64]) -> PoseMessage:
+    turn = map(float, Rotation.from_matrix(axes).as_quat())
+    return PoseMessage(position=Point(**_named(origin)), orientation=Quaternion(**dict(zip("xyzw", turn, strict=True))))
+
+
+def _named(vector: NDArray[np.float64] | tuple[float, ...]) -> dict[str, float]:
+    return dict(zip("xyz", map(float, vector), strict=True))
+
+
+def _colour(values: tuple[float, float, float, float]) -> ColorRGBA:
+    return ColorRGBA(**dict(zip("rgba", values, strict=True)))

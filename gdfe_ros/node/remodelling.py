@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulation whose materials have other moduli, in the place of one that runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from gdfe_ros.materials import Linear, NeoHookean
+from gdfe_ros.node.interface.parameters import MODULUS
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.motion.carry import carried
+
+_LONG = 1e9
+"""Time [s] in which every rate limit lets every command through."""
+
+
+def moduli_of(scene: Scene) -> dict[str, float]:
+    """Give Young's modulus [Pa] of each material whose law has one, by name."""
+    found = scene.materials.items()
+    return {name: material.young for name, material in found if isinstance(material, (Linear, NeoHookean))}
+
+
+def with_moduli(
+    old: Simulation, moduli: Mapping[str, float], *, interrupted: Callable[[], bool] | None = None
+) -> Simulation:
+    """Return a simulation under the commands in force; a body with mass moves on from where it is.
+
+    Args:
+        old: goes on to be usable.
+        moduli: Young's modulus [Pa] of each material that changes.
+        interrupted: as in ``Simulation.step``, where the new equilibrium is looked for.
+    """
+    overrides = {MODULUS.name.format(material=name): young for name, young in moduli.items()}
+    changed = Simulation(scene_from_text(old.scene.source, origin=old.scene.name, overrides=overrides))
+    if old.scene.dynamics:
+        changed.restore(carried(old.snapshot(), changed.snapshot()))
+        return changed
+    handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
+    actuators = {name: old.commands[name] for name in old.actuator_names}
+    loads = {load.name: old.commands[load.name] for load in old.scene.loads}
+    command = Command(handles=handles, actuators=actuators, loads=loads)
+    changed.step(command, dt=_LONG, interrupted=interrupted)
+    changed.time = old.time
+    return changed

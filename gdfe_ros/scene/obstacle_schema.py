@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The keys of a scene file that speak of obstacles."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field, field_validator
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.constraints.obstacle import Box, Capsule, ContactPoints, Cylinder, Form, Obstacle, Plane, Sphere
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.scene.entry import Choice, Entry
+from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.where_schema import WhereModel
+
+_LENGTH = Quantity("length along z", "m", above=0.0, most=1e6)
+_RADIUS = Quantity("radius", "m", above=0.0, most=1e6)
+_SIZE = Quantity("edges [x, y, z]", "m", above=0.0, most=1e6, count=3)
+_NORMAL = Quantity("out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3)
+_AT = Quantity("where the middle of it is at rest, of a plane a point of it [x, y, z]", "m", count=3)
+_ROTATION = Quantity("rotation vector at rest [x, y, z]", "degrees", least=-36000, most=36000, count=3)
+_DENSITY = Quantity("density", "kg/m^3", above=0.0, most=1e6)
+_FRICTION = Quantity("Coulomb's coefficient", least=0.0, most=100.0)
+
+
+class SphereObstacleModel(Entry):
+    """A ball."""
+
+    radius: Annotated[float, _RADIUS]
+
+
+class BoxObstacleModel(Entry):
+    """A box."""
+
+    size: Annotated[tuple[float, float, float], _SIZE]
+
+
+class CapsuleModel(Entry):
+    """A cylinder about z with round ends; its length is that between the centres of these."""
+
+    radius: Annotated[float, _RADIUS]
+    length: Annotated[float, _LENGTH]
+
+
+class CylinderModel(Entry):
+    """A cylinder about z."""
+
+    radius: Annotated[float, _RADIUS]
+    length: Annotated[float, _LENGTH]
+
+
+class ObstacleModel(Choice):
+    """A rigid thing that the body cannot enter; a pose moves it, as a handle."""
+
+    options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "fixed", "gaps")
+
+    plane: Annotated[tuple[float, float, float], _NORMAL] | None = None
+    sphere: SphereObstacleModel | None = None
+    box: BoxObstacleModel | None = None
+    capsule: CapsuleModel | None = None
+    cylinder: CylinderModel | None = None
+    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
+    friction: Annotated[float, _FRICTION] = 0.0
+    fixed: bool = Field(False, description="the obstacle stays where it is")
+    gaps: ContactPoints = Field(
+        ContactPoints.FACES, description="faces: the mean gap of the faces about a vertex; vertices: that vertex alone"
+    )
+
+    @field_validator("plane")
+    @classmethod
+    def _direction(cls, normal: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
+        if normal is not None and not any(normal):
+            raise ValueError("must not be zero; needed: a direction, e.g. [0, 0, 1] for a floor")
+        return normal
+
+    def build(self, name: str) -> Obstacle:
+        """Return the obstacle."""
+        turn = Rotation.from_rotvec(np.radians(self.rotation_deg))
+        if self.plane is not None:
+            turn = turn * Rotation.align_vectors([self.plane], [[0.0, 0.0, 1.0]])[0]
+        return Obstacle(
+            name=name,
+            fixed=self.fixed,
+            form=self._form(),
+            origin=self.at,
+            turn=tuple(turn.as_rotvec().tolist()),
+            friction=self.friction,
+            points=self.gaps,
+        )
+
+    def _form(self) -> Form:
+        if self.sphere is not None:
+            return Sphere(self.sphere.radius)
+        if self.box is not None:
+            return Box(self.box.size)
+        if self.capsule is not None:
+            return Capsule(self.capsule.radius, self.capsule.length)
+        if self.cylinder is not None:
+            return Cylinder(self.cylinder.radius, self.cylinder.length)
+        return Plane()
+
+
+class BodyModel(Choice):
+    """A rigid body that moves freely; it touches the body and obstacles, and needs `dynamics`."""
+
+    options: ClassVar[tuple[str, ...]] = ("density", "at", "rotation_deg", "friction", "gaps")
+
+    box: BoxObstacleModel | None = None
+    cylinder: CylinderModel | None = None
+    density: Annotated[float, _DENSITY]
+    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
+    friction: Annotated[float, _FRICTION] = 0.0
+    gaps: ContactPoints = Field(ContactPoints.FACES, description="as of obstacles")
+
+    def build(self, name: str, first: int) -> RigidBody:
+        """Return the rigid body, whose vertices are numbered from ``first`` on."""
+        form: Form = Box(self.box.size) if self.box else Cylinder(self.cylinder.radius, self.cylinder.length)
+        return RigidBody(
+            name=name,
+            form=form,
+            mass=self.density * form.volume,
+            origin=self.at,
+            turn=tuple(np.radians(self.rotation_deg).tolist()),
+            friction=self.friction,
+            points=self.gaps,
+        ).numbered(first)
+
+
+class SensorModel(Entry):
+    """A part of the surface that feels what touches it."""
+
+    where: WhereModel = Field(description="its faces: those of which all four vertices lie there, e.g. {face: x+}")

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact with one obstacle, as a term."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact import gap, law
+from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PRESS, SHEAR, STRIDE, VERTICES
+from gdfe_ros.solver.contact.surface import SHAPE, Corners, Surface
+from gdfe_ros.solver.contact.touch import NOTHING, Touch
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.term import Saved, Term
+
+PENALTY = 1.0
+"""Penalty at a vertex over the constant matrix' own diagonal there: enough for a few updates, and the matrix still
+preconditions the descent."""
+FORCE = 1e-2
+"""Tolerance over the relative error of contact forces: 1 % at a tolerance of 1e-4."""
+FAINT = 1e-7
+"""Way over the body's size against the penalty of which a force is nothing: no descent goes as far."""
+ENTRY = 1e-3
+"""Distance over the body's size beyond which a point is outside; what comes in from there does so through a plane."""
+TURNED = 6.0
+"""By how much farther a point of a rigid body may move than the vertices that it is, and against another one."""
+REACH = 0.05
+"""Distance, over the body's size, beyond which a vertex is left out until the body has moved as far."""
+
+
+class Contact(Term):
+    """Contact of points with an obstacle or a rigid body.
+
+    Args:
+        name: of the term.
+        touched: what cannot be entered.
+        body: the discretised body.
+        points: what cannot enter it.
+        friction: Coulomb's coefficient.
+
+    Attributes:
+        resolution: to what distance [m] descents must go for the forces to be known.
+        share: of its forces that act all the time, where a scheme lets them act at the end of steps.
+    """
+
+    kernel = law.contact_entry
+
+    def __init__(self, name: str, touched: Obstacle, body: Body, points: Surface | Corners, friction: float) -> None:
+        self._touched, self._body, self._points = touched, body, points
+        count, carriers = points.carriers.shape
+        reals = np.zeros(HEAD + STRIDE * count)
+        integers = np.zeros(VERTICES + carriers * count, dtype=np.int32)
+        reals[gap.NUMBERS : gap.FRICTION], reals[gap.FRICTION] = touched.form.numbers, friction
+        integers[gap.KIND], integers[gap.CARRIERS], integers[gap.BODY : VERTICES] = touched.form.kind, carriers, -1
+        if isinstance(touched, RigidBody):
+            integers[gap.BODY : VERTICES] = touched.vertices
+            reals[gap.SIGNS : HEAD] = touched.signs.ravel()
+        super().__init__(name, reals, integers)
+        self._penalty, self._distances, self._normals = np.zeros(count), np.zeros(count), np.zeros((count, 3))
+        self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        self.resolution, self.share, self._clear = np.inf, 1.0, -np.inf
+        self._pose = self._seen_at = Pose()
+        self._last: State | None = None
+        self._seen: NDArray[np.float64] | None = None
+        none = np.zeros((count, 3))
+        self._free = {"press": np.zeros(count), "shear": none, "anchor": none + np.nan, "slips": np.ones(count)}
+
+    @property
+    def on_body(self) -> bool:
+        """Whether it is the elastic body that touches."""
+        return isinstance(self._points, Surface)
+
+    @property
+    def updates(self) -> bool:
+        """Whether any point is near."""
+        return len(self._chosen) > 0
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Take penalties from the constant matrix' diagonal."""
+        self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())
+
+    def couplings(self) -> NDArray[np.int32]:
+        """Return the vertices of the surface, each alone; rigid bodies have rows of their own."""
+        return self._points.carriers if self.on_body else super().couplings()
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the penalties that act at ``positions`` (n, 3) [m], without the obstacle's curvature (k, 3, 3)."""
+        if not self.on_body:
+            return super().tangents(positions)
+        tangents = np.zeros((len(self._penalty), 3, 3))
+        chosen = np.zeros((len(self._chosen), 3, 3))
+        law.contact_tangents(positions, self.reals, self.integers, chosen)
+        tangents[self._chosen] = chosen
+        return tangents
+
+    def neutral(self) -> Saved:
+        """Return that nothing touches; what does not stick has no anchor."""
+        return {**self._free, "lost": np.zeros(1)}
+
+    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+        """Take where an obstacle is commanded to be, and where everything was."""
+        self._pose, self._last = poses[self._touched.name], last
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Take the multipliers of the last step, turned on with what is touched."""
+        free = saved["press"] is self._free["press"] or not saved["press"].any()
+        self._saved = saved
+        if free and self._pose == self._seen_at and self._moved(positions) < self._clear:
+            self._take_none()
+        else:
+            self._choose(saved, positions)
+
+    def update(self, positions: NDArray[np.float64]) -> float:
+        """Update the multipliers; a relative change of the forces counts as `FORCE` times as much of the size."""
+        miss, change, forces, penalties = law.update_multipliers(positions, self.reals, self.integers)
+        known = max(forces, FAINT * self._body.size * penalties)
+        self.resolution = FORCE * known / penalties if forces > 0.0 else np.inf
+        relative = change / known if forces > 0.0 else 0.0
+        return max(miss, FORCE * self._body.size * relative, self._correct(positions))
+
+    def reached(self, positions: NDArray[np.float64]) -> bool:
+        """Tell whether points that were left out may touch by now, and take them in."""
+        if self._moved(positions) < max(self._clear, 0.5 * REACH * self._body.size):
+            return False
+        before, rows = len(self._chosen), self._rows()
+        self._choose({**self._saved, **self._spread(rows[:, PRESS], rows[:, SHEAR : SHEAR + 3])}, positions)
+        return len(self._chosen) > before
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Keep forces, and anchors of the points that stick; all others will have theirs where they are now.
+
+        ``lost`` is what friction has turned to heat so far [J].
+        """
+        if not self.updates:
+            return {**self._free, "lost": saved["lost"]}
+        _, presses, shears, slips = self._forces(positions)
+        slips |= ~(presses > 0.0)
+        anchors, places = self._rows()[:, ANCHOR : ANCHOR + 3], self._points.at(positions)[self._chosen]
+        rubbed = -np.einsum("ki,ki->", shears[slips] @ self._axes, (self._in_frame(places) - anchors)[slips])
+        anchor, slipping = self._free["anchor"].copy(), self._free["slips"].copy()
+        anchor[self._chosen[~slips]], slipping[self._chosen] = anchors[~slips], slips
+        kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + self.share * rubbed}
+        return {**self._spread(presses, -shears), **kept}
+
+    def energy(self, positions: NDArray[np.float64]) -> float:
+        """Return nothing: contact stores nothing."""
+        return 0.0
+
+    def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return force [N] and moment [N m] about the origin of what is touched (6,) that it exerts on the points."""
+        if not self.updates:
+            return np.zeros(6)
+        forces = self.share * self._forces(positions)[0]
+        arms = self._points.at(positions)[self._chosen] - self._origin
+        return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+
+    def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
+        """Add the forces of a solve that ended at ``positions`` (n, 3) [m] to those on vertices (n, 3) [N]."""
+        slopes, size = np.zeros_like(forces), np.zeros(1)
+        law.contact_energy(positions, self.reals, self.integers, slopes, size)
+        forces -= slopes
+
+    def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
+        """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]."""
+        saved = state.terms[self.name]
+        on = np.flatnonzero(saved["press"])
+        if not len(on):
+            return NOTHING
+        middle, axes = self._frame(state.positions, state.poses[self._touched.name])
+        places, gaps, normals = self._points.at(state.positions)[on], np.empty(len(on)), np.empty((len(on), 3))
+        head = np.concatenate([axes.ravel(), middle, self._touched.form.numbers])
+        gap.distances(places, head, self._touched.form.kind, gaps, normals)
+        return Touch(
+            vertices=self._points.carriers[on, 0] if self.on_body else np.zeros(0, dtype=np.int32),
+            places=places + origin,
+            normals=normals,
+            gaps=gaps,
+            presses=self.share * saved["press"][on],
+            shears=-self.share * saved["shear"][on] @ axes.T,
+            slips=saved["slips"][on] > 0.0,
+        )
+
+    @property
+    def _origin(self) -> NDArray[np.float64]:
+        return self.reals[gap.ORIGIN : gap.NUMBERS]
+
+    @property
+    def _axes(self) -> NDArray[np.float64]:
+        return self.reals[gap.AXES : gap.ORIGIN].reshape(3, 3)
+
+    def _frame(self, positions: NDArray[np.float64], pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return origin and rotation of what is touched."""
+        if isinstance(self._touched, RigidBody):
+            return self._touched.found(positions)
+        return self._touched.frame(pose)
+
+    def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return through which planes (p, 4) points come into the obstacle on their way to ``places`` (p, 3) [m]."""
+        planes, ends, reach = np.zeros((len(places), 4)), self._in_frame(places), ENTRY * self._body.size
+        moved = ends - starts
+        fast = np.flatnonzero(np.einsum("pi,pi->p", moved, moved) > reach * reach)
+        if len(fast):
+            found = np.zeros((len(fast), 4))
+            gap.entries(starts[fast], ends[fast], reach, self.reals, self._touched.form.kind, found)
+            planes[fast] = found
+        return planes
+
+    def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where points were in the frame (p, 3) [m] at the end of the last step; before any, where they are."""
+        if self._last is None:
+            return self._in_frame(places)
+        origin, axes = self._frame(self._last.positions, self._last.poses[self._touched.name])
+        return (self._points.at(self._last.positions) - origin) @ axes
+
+    def _moved(self, positions: NDArray[np.float64]) -> float:
+        """Return how far [m] a point may have come since all distances were taken."""
+        if self._seen is None:
+            return np.inf
+        moved = positions - self._seen
+        longest = float(np.sqrt(np.einsum("ni,ni->n", moved, moved).max()))
+        return TURNED * longest if isinstance(self._touched, RigidBody) or not self.on_body else longest
+
+    def _take_none(self) -> None:
+        self._chosen = self._faces = np.zeros(0, dtype=np.int64)
+        self.integers[gap.COUNT], self.resolution = 0, np.inf
+
+    def _in_frame(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (places - self._origin) @ self._axes
+
+    def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Take in the points that are near at ``positions`` (n, 3) [m] or touched at the end of the last step."""
+        points, integers, places = self._points, self.integers, self._points.at(positions)
+        self._origin[...], self._axes[...] = self._frame(positions, self._pose)
+        gap.distances(places, self.reals, integers[gap.KIND], self._distances, self._normals)
+        self._seen, self._seen_at = positions.copy(), self._pose
+        self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
+        starts = self._starts(places)
+        planes = self._entered(starts, places)
+        entered = planes[:, :3].any(axis=1)
+        chosen = np.flatnonzero((self._distances < REACH * self._body.size) | (saved["press"] > 0.0) | entered)
+        self._chosen, integers[gap.COUNT] = chosen, len(chosen)
+        integers[VERTICES : VERTICES + len(chosen) * integers[gap.CARRIERS]] = points.carriers[chosen].ravel()
+        rows, press = self._rows(), saved["press"][chosen]
+        rows[:, gap.PENALTY], rows[:, PRESS] = self._penalty[chosen], press
+        rows[:, gap.WEIGHTS : gap.PLANE], rows[:, gap.PLANE :] = points.weights[chosen], planes[chosen]
+        rows[:, SHEAR : SHEAR + 3] = saved["shear"][chosen] @ self._axes.T
+        anchors = saved["anchor"][chosen]
+        rows[:, ANCHOR : ANCHOR + 3] = np.where(np.isnan(anchors), starts[chosen], anchors)
+        came = entered[chosen][:, None]
+        rows[:, NORMAL : NORMAL + 3] = np.where(came, planes[chosen, :3] @ self._axes.T, self._normals[chosen])
+        on = press > 0.0
+        self.resolution = FORCE * press[on].sum() / rows[on, gap.PENALTY].sum() if on.any() else np.inf
+        self._faces = points.about(chosen) if self._touched.points is ContactPoints.FACES else np.zeros(0, np.int64)
+        self._correct(positions)
+
+    def _correct(self, positions: NDArray[np.float64]) -> float:
+        """Take by how much faces are nearer than their corners; return by how much [m] that changed."""
+        if not len(self._faces):
+            return 0.0
+        surface, faces = self._points, self._faces
+        nearer = np.zeros(len(positions))
+        kind = self.integers[gap.KIND]
+        gap.nearness(positions, surface.quads[faces], surface.gauss[faces], SHAPE, self.reals, kind, nearer)
+        chosen, rows = self._chosen, self._rows()
+        offsets = np.maximum(0.0, nearer[surface.carriers[chosen, 0]] / surface.areas[chosen])
+        change = np.abs(offsets - rows[:, OFFSET]).max(initial=0.0)
+        rows[:, OFFSET] = offsets
+        return float(change)
+
+    def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Return forces (k, 3), presses (k,), shears (k, 3) [N] of the chosen points, and which slip (k,)."""
+        count = len(self._chosen)
+        forces, shears = np.zeros((count, 3)), np.zeros((count, 3))
+        presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
+        law.contact_forces(positions, self.reals, self.integers, forces, presses, shears, slips)
+        return forces, presses, shears, slips
+
+    def _spread(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:
+        """Return forces on the chosen points (k,), (k, 3) [N] as those on all, shears in the obstacle's axes."""
+        press, shear = np.zeros(len(self._penalty)), np.zeros((len(self._penalty), 3))
+        press[self._chosen], shear[self._chosen] = presses, shears @ self._axes
+        return {"press": press, "shear": shear}
+
+    def _rows(self) -> NDArray[np.float64]:
+        return self.reals[HEAD : HEAD + STRIDE * len(self._chosen)].reshape(-1, STRIDE)

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Signed distances to the forms of obstacles, in the obstacle's frame."""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import inlined
+
+PLANE, SPHERE, BOX, CAPSULE, CYLINDER = range(5)
+"""Kinds of forms, as `gdfe_ros.constraints.obstacle` numbers them."""
+
+
+@inlined
+def signed_distance(kind, a, b, c, x, y, z):
+    """Return the distance [m] of a point from a form, negative inside, and its gradient there.
+
+    ``a``, ``b`` and ``c`` are the form's numbers; where the gradient is not unique, at an edge's inside or a centre,
+    one of its limits is taken.
+    """
+    if kind == PLANE:
+        return z, 0.0, 0.0, 1.0
+    if kind == SPHERE:
+        length = math.sqrt(x * x + y * y + z * z)
+        if length == 0.0:
+            return -a, 0.0, 0.0, 1.0
+        return length - a, x / length, y / length, z / length
+    if kind == BOX:
+        return box_distance(a, b, c, x, y, z)
+    if kind == CAPSULE:
+        z -= min(max(z, -b), b)
+        length = math.sqrt(x * x + y * y + z * z)
+        if length == 0.0:
+            return -a, 1.0, 0.0, 0.0
+        return length - a, x / length, y / length, z / length
+    rho = math.sqrt(x * x + y * y)
+    nx, ny = (x / rho, y / rho) if rho > 0.0 else (1.0, 0.0)
+    phi, nr, _, nz = box_distance(a, math.inf, b, rho, 0.0, z)
+    return phi, nr * nx, nr * ny, nz
+
+
+@inlined
+def box_distance(a, b, c, x, y, z):
+    """Return distance and gradient of a box with half edges ``a``, ``b``, ``c`` [m]."""
+    sx, sy, sz = math.copysign(1.0, x), math.copysign(1.0, y), math.copysign(1.0, z)
+    dx, dy, dz = abs(x) - a, abs(y) - b, abs(z) - c
+    if dx <= 0.0 and dy <= 0.0 and dz <= 0.0:
+        if dx >= dy and dx >= dz:
+            return dx, sx, 0.0, 0.0
+        if dy >= dz:
+            return dy, 0.0, sy, 0.0
+        return dz, 0.0, 0.0, sz
+    ox, oy, oz = max(dx, 0.0), max(dy, 0.0), max(dz, 0.0)
+    length = math.sqrt(ox * ox + oy * oy + oz * oz)
+    return length, sx * ox / length, sy * oy / length, sz * oz / length

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where points are and how far from an obstacle, compiled; and where its numbers lie among those of a term."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.solver.contact.distance import signed_distance
+
+AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
+"""Where rotation, origin [m], the form's numbers, the coefficient and s_a (4, 3) [1/m] lie, and where points begin."""
+PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, STRIDE = 0, 1, 2, 5, 8, 11, 12, 16, 20
+"""Of each point: k [N/m], l [N], t [N] (3,), anchor [m] (3,) in the frame, normal (3,), offset [m], weights (4,), and
+the plane n . q = d through which it came in (n, d) in the frame, of which n is zero where it did not."""
+KIND, COUNT, CARRIERS, BODY, VERTICES = 0, 1, 2, 3, 7
+"""Where the form's kind, the number of points, of vertices that carry each, and the four of the frame (-1 where it is
+given) lie, and where those of the points begin."""
+MOST_STEPS = 60
+"""Along a way: one that has come no nearer by then only grazes."""
+SMOOTH = 0.95
+"""Length of the mean of an obstacle's normals at a face's corners above which it counts as smooth there."""
+
+
+@inlined
+def take_frame(x, reals, integers):
+    """Take rotation and origin from the vertices that are the frame; leave them where they are given."""
+    if integers[BODY] < 0:
+        return
+    for i in range(3):
+        reals[ORIGIN + i] = 0.0
+        for j in range(3):
+            reals[AXES + 3 * i + j] = 0.0
+        for a in range(4):
+            p = x[integers[BODY + a], i]
+            reals[ORIGIN + i] += 0.25 * p
+            for j in range(3):
+                reals[AXES + 3 * i + j] += p * reals[SIGNS + 3 * a + j]
+
+
+@inlined
+def point_at(x, reals, integers, i):
+    """Return where a point is."""
+    count = integers[CARRIERS]
+    first = VERTICES + count * i
+    if count == 1:
+        v = integers[first]
+        return x[v, 0], x[v, 1], x[v, 2]
+    px, py, pz, weights = 0.0, 0.0, 0.0, HEAD + STRIDE * i + WEIGHTS
+    for a in range(count):
+        w, v = reals[weights + a], integers[first + a]
+        px, py, pz = px + w * x[v, 0], py + w * x[v, 1], pz + w * x[v, 2]
+    return px, py, pz
+
+
+@inlined
+def in_frame(head, dx, dy, dz):
+    """Return a vector in the axes of the frame."""
+    return (
+        head[0] * dx + head[3] * dy + head[6] * dz,
+        head[1] * dx + head[4] * dy + head[7] * dz,
+        head[2] * dx + head[5] * dy + head[8] * dz,
+    )
+
+
+@inlined
+def in_world(head, a, b, c):
+    """Return a vector of the frame in world axes."""
+    return (
+        head[0] * a + head[1] * b + head[2] * c,
+        head[3] * a + head[4] * b + head[5] * c,
+        head[6] * a + head[7] * b + head[8] * c,
+    )
+
+
+@inlined
+def distance_at(kind, head, px, py, pz):
+    """Return the distance [m] of a point from the obstacle, and the normal there, in world axes."""
+    x, y, z = in_frame(head, px - head[ORIGIN], py - head[ORIGIN + 1], pz - head[ORIGIN + 2])
+    g, a, b, c = signed_distance(kind, head[NUMBERS], head[NUMBERS + 1], head[NUMBERS + 2], x, y, z)
+    nx, ny, nz = in_world(head, a, b, c)
+    return g, nx, ny, nz
+
+
+@inlined
+def gap_at(kind, reals, r, px, py, pz):
+    """Return the distance [m] of a point from the obstacle, and the normal there.
+
+    What the obstacle would push out on another side than it came in has its distance from the plane there instead.
+    """
+    g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
+    a, b, c = reals[r + PLANE], reals[r + PLANE + 1], reals[r + PLANE + 2]
+    if a == 0.0 and b == 0.0 and c == 0.0:
+        return g, nx, ny, nz
+    ex, ey, ez = in_world(reals, a, b, c)
+    if nx * ex + ny * ey + nz * ez > 0.0:
+        return g, nx, ny, nz
+    x, y, z = in_frame(reals, px - reals[ORIGIN], py - reals[ORIGIN + 1], pz - reals[ORIGIN + 2])
+    return a * x + b * y + c * z - reals[r + PLANE + 3], ex, ey, ez
+
+
+@kernel
+def distances(points, head, kind, out, normals):
+    """Write the distances [m] of ``points`` (k, 3) [m] from the obstacle to ``out`` (k,), and the normals there."""
+    for i in range(len(points)):
+        found = distance_at(kind, head, points[i, 0], points[i, 1], points[i, 2])
+        out[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
+
+
+@kernel
+def entries(starts, ends, reach, head, kind, planes):
+    """Write the planes (k, 4) through which points on straight ways in the frame (k, 3) [m] come into the obstacle.
+
+    Zero where they do not. What is nearer than ``reach`` [m] to begin with does where the other side would push it out.
+    Each step along a way is as long as the distance there, which nothing can be nearer than.
+    """
+    for i in range(len(starts)):
+        planes[i] = 0.0
+        way = ends[i] - starts[i]
+        length = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+        gone = 0.0
+        for _ in range(MOST_STEPS):
+            p = starts[i] + (gone / length) * way if length > 0.0 else starts[i]
+            a, b, c = head[NUMBERS], head[NUMBERS + 1], head[NUMBERS + 2]
+            g, nx, ny, nz = signed_distance(kind, a, b, c, p[0], p[1], p[2])
+            if gone == 0.0 and g < reach:
+                _, ex, ey, ez = signed_distance(kind, a, b, c, ends[i, 0], ends[i, 1], ends[i, 2])
+                if nx * ex + ny * ey + nz * ez >= 0.0:
+                    break
+            if g < reach:
+                planes[i, 0], planes[i, 1], planes[i, 2] = nx, ny, nz
+                planes[i, 3] = nx * p[0] + ny * p[1] + nz * p[2] - g
+                break
+            gone += g
+            if gone >= length:
+                break
+
+
+@kernel
+def nearness(x, quads, gauss, shape, head, kind, out):
+    """Add to ``out`` (n,) [m^3] by how much nearer faces are than their corners tell, over the area about vertices.
+
+    Faces across an edge of the obstacle, at whose corners its normals differ, are left out.
+    """
+    corner, normal = np.empty(4), np.empty((4, 3))
+    for q in range(len(quads)):
+        for a in range(4):
+            v = quads[q, a]
+            corner[a], normal[a, 0], normal[a, 1], normal[a, 2] = distance_at(kind, head, x[v, 0], x[v, 1], x[v, 2])
+        mean = np.sqrt(np.square(normal.sum(axis=0)).sum())
+        if mean < 4.0 * SMOOTH:
+            continue
+        for p in range(4):
+            px, py, pz, told = 0.0, 0.0, 0.0, 0.0
+            for a in range(4):
+                w, v = shape[p, a], quads[q, a]
+                px, py, pz, told = px + w * x[v, 0], py + w * x[v, 1], pz + w * x[v, 2], told + w * corner[a]
+            nearer = gauss[q, p] * (told - distance_at(kind, head, px, py, pz)[0])
+            for a in range(4):
+                out[quads[q, a]] += shape[p, a] * nearer

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The augmented Lagrangian of gaps and of Coulomb friction at the vertices of a surface, compiled.
+
+With the gap g, a multiplier l >= 0 and a penalty k, contact has the potential (max(0, l - k g)^2 - l^2) / 2 k, whose
+minimum with all else and l <- max(0, l - k g) in turn reach g >= 0, l >= 0, l g = 0 (Rockafellar 1973). Friction has
+the Moreau envelope of mu l |s|: with the slip s in the plane of contact since the anchor and the multiplier t, the
+trial t + k s is shortened to mu l, and t <- that. A vertex that sticks keeps its anchor: nothing creeps.
+
+The gap of a vertex is its distance from the obstacle, less its ``offset``: by how much nearer the faces about it are on
+average than distances interpolated from their corners would tell. About a ball, where faces are chords, that halves
+the error of gaps that are taken at vertices alone; a vertex itself never comes nearer than that.
+
+A point is a vertex, or hangs on four vertices that a rigid body is; the frame of what is touched is given, or that of
+such a body. Its four vertices are corners of a box about its centre of mass c, and with the signs s_a of these corners
+over four times its half edges R = sum_a x_a s_a^T, c = mean x_a: both are linear in the positions, and so forces are.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.solver.contact.gap import (
+    ANCHOR,
+    BODY,
+    CARRIERS,
+    COUNT,
+    FRICTION,
+    HEAD,
+    KIND,
+    NORMAL,
+    OFFSET,
+    ORIGIN,
+    PENALTY,
+    PRESS,
+    SHEAR,
+    SIGNS,
+    STRIDE,
+    VERTICES,
+    WEIGHTS,
+    gap_at,
+    in_frame,
+    in_world,
+    point_at,
+    take_frame,
+)
+from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+
+
+@inlined
+def push(reals, integers, i, f0, f1, f2, force):
+    """Add dE/dp [N] of a point to ``force`` (n, 3)."""
+    count = integers[CARRIERS]
+    first = VERTICES + count * i
+    for a in range(count):
+        w, v = reals[HEAD + STRIDE * i + WEIGHTS + a], integers[first + a]
+        force[v, 0] += w * f0
+        force[v, 1] += w * f1
+        force[v, 2] += w * f2
+
+
+@inlined
+def push_back(reals, integers, f0, f1, f2, r0, r1, r2, force):
+    """Add to ``force`` (n, 3) what -dE/dp does to the vertices that are the frame; ``r`` is p - c in it."""
+    if integers[BODY] < 0:
+        return
+    for a in range(4):
+        v, s = integers[BODY + a], SIGNS + 3 * a
+        w = 0.25 + r0 * reals[s] + r1 * reals[s + 1] + r2 * reals[s + 2]
+        force[v, 0] -= w * f0
+        force[v, 1] -= w * f1
+        force[v, 2] -= w * f2
+
+
+@inlined
+def shear_at(reals, r, px, py, pz, limit):
+    """Return the shear [N] that friction up to ``limit`` [N] holds at a point, and the length of its trial."""
+    k, n0, n1, n2 = reals[r + PENALTY], reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
+    a0, a1, a2 = in_world(reals, reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2])
+    dx, dy, dz = px - reals[ORIGIN] - a0, py - reals[ORIGIN + 1] - a1, pz - reals[ORIGIN + 2] - a2
+    along = n0 * dx + n1 * dy + n2 * dz
+    t0 = reals[r + SHEAR] + k * (dx - along * n0)
+    t1 = reals[r + SHEAR + 1] + k * (dy - along * n1)
+    t2 = reals[r + SHEAR + 2] + k * (dz - along * n2)
+    trial = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+    share = limit / trial if trial > limit else 1.0
+    return share * t0, share * t1, share * t2, trial
+
+
+@kernel
+def contact_energy(x, reals, integers, force, size):
+    """Return the energy [J] of all points; `term_kernel` wants this signature."""
+    energy, kind = 0.0, integers[KIND]
+    take_frame(x, reals, integers)
+    for i in range(integers[COUNT]):
+        r = HEAD + STRIDE * i
+        k, held = reals[r + PENALTY], reals[r + PRESS]
+        px, py, pz = point_at(x, reals, integers, i)
+        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
+        press = max(0.0, held - k * (g - reals[r + OFFSET]))
+        stored, given = press * press, held * held
+        if press > 0.0:
+            f0, f1, f2 = -press * nx, -press * ny, -press * nz
+            push(reals, integers, i, f0, f1, f2, force)
+            r0, r1, r2 = in_frame(reals, px - reals[ORIGIN], py - reals[ORIGIN + 1], pz - reals[ORIGIN + 2])
+            push_back(reals, integers, f0, f1, f2, r0, r1, r2, force)
+        limit = reals[FRICTION] * held
+        if limit > 0.0:
+            t0, t1, t2, trial = shear_at(reals, r, px, py, pz, limit)
+            push(reals, integers, i, t0, t1, t2, force)
+            r0, r1, r2 = reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2]
+            push_back(reals, integers, t0, t1, t2, r0, r1, r2, force)
+            stored += trial * trial if trial <= limit else limit * (2.0 * trial - limit)
+            given += reals[r + SHEAR] ** 2 + reals[r + SHEAR + 1] ** 2 + reals[r + SHEAR + 2] ** 2
+        energy += 0.5 * (stored - given) / k
+        size[0] += 0.5 * (stored + given) / k
+    return energy
+
+
+@term_kernel
+def contact_entry(x, n, reals, k, integers, i, force, size):
+    """Stand for `contact_energy` among the terms."""
+    return contact_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+@kernel
+def update_multipliers(x, reals, integers):
+    """Update l, t and the normals.
+
+    Returns:
+        By how far [m] a point missed its gap or slipped against its multiplier, at most; the forces [N] that were
+        changed, and those that there are now; the penalties [N/m] where there are.
+    """
+    miss, kind, changed, held_now, stiff = 0.0, integers[KIND], 0.0, 0.0, 0.0
+    take_frame(x, reals, integers)
+    for i in range(integers[COUNT]):
+        r = HEAD + STRIDE * i
+        k, held = reals[r + PENALTY], reals[r + PRESS]
+        px, py, pz = point_at(x, reals, integers, i)
+        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
+        press = max(0.0, held - k * (g - reals[r + OFFSET]))
+        change = abs(press - held)
+        t0, t1, t2, _ = shear_at(reals, r, px, py, pz, reals[FRICTION] * press)
+        along = t0 * nx + t1 * ny + t2 * nz
+        t0, t1, t2 = t0 - along * nx, t1 - along * ny, t2 - along * nz
+        if reals[FRICTION] > 0.0:
+            d0, d1, d2 = t0 - reals[r + SHEAR], t1 - reals[r + SHEAR + 1], t2 - reals[r + SHEAR + 2]
+            change = max(change, math.sqrt(d0 * d0 + d1 * d1 + d2 * d2))
+        miss, changed = max(miss, change / k), changed + change
+        if press > 0.0:
+            held_now, stiff = held_now + press, stiff + k
+        reals[r + PRESS] = press
+        reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2] = t0, t1, t2
+        reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2] = nx, ny, nz
+    return miss, changed, held_now, stiff
+
+
+@kernel
+def contact_forces(x, reals, integers, forces, presses, shears, slips):
+    """Write of each point the force on it, what of it presses, its shear [N], and whether it slips."""
+    kind = integers[KIND]
+    take_frame(x, reals, integers)
+    for i in range(integers[COUNT]):
+        r = HEAD + STRIDE * i
+        px, py, pz = point_at(x, reals, integers, i)
+        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
+        held = reals[r + PRESS]
+        limit = reals[FRICTION] * held
+        t0, t1, t2, trial = shear_at(reals, r, px, py, pz, limit)
+        press = max(0.0, held - reals[r + PENALTY] * (g - reals[r + OFFSET]))
+        presses[i], slips[i] = press, trial >= limit
+        shears[i, 0], shears[i, 1], shears[i, 2] = -t0, -t1, -t2
+        forces[i, 0], forces[i, 1], forces[i, 2] = press * nx - t0, press * ny - t1, press * nz - t2
+
+
+@kernel
+def contact_tangents(x, reals, integers, out):
+    """Write what of the second derivative [N/m] in the points is nowhere negative, (k, 3, 3)."""
+    kind = integers[KIND]
+    take_frame(x, reals, integers)
+    for i in range(integers[COUNT]):
+        r = HEAD + STRIDE * i
+        k, held = reals[r + PENALTY], reals[r + PRESS]
+        px, py, pz = point_at(x, reals, integers, i)
+        g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
+        if held - k * (g - reals[r + OFFSET]) > 0.0:
+            normal = (nx, ny, nz)
+            for a in range(3):
+                for b in range(3):
+                    out[i, a, b] = k * normal[a] * normal[b]
+        limit = reals[FRICTION] * held
+        if limit > 0.0:
+            _, _, _, trial = shear_at(reals, r, px, py, pz, limit)
+            share = k * limit / trial if trial > limit else k
+            for a in range(3):
+                out[i, a, a] += share
+                for b in range(3):
+                    out[i, a, b] -= share * reals[r + NORMAL + a] * reals[r + NORMAL + b]

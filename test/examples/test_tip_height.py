@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The swinging arm is brought to a height by the real node: with the derivative term, and not without it."""
+
+from __future__ import annotations
+
+import pytest
+
+from gdfe_ros.examples.tip_height import Gains, TipHeight
+from gdfe_ros.simulation import Command
+from gdfe_ros.testing import Simulator, State, tracking_error
+
+GOAL, SETTLED = -0.015, 0.8
+"""Height [m], and from when on the arm is there [s]."""
+STEPS = 100
+"""Of 10 ms."""
+
+
+def swing(gains: Gains) -> list[State]:
+    """Release the arm under its weight with a controller in the loop."""
+    controller = TipHeight(GOAL, gains=gains)
+
+    def control(state: State) -> Command:
+        return Command(actuators=controller.command(state.time, state.probes["tip"].translation[2]))
+
+    with Simulator("swinging_arm", overrides={"dynamics.step": 0.01}, parameters={"dt": 0.01}) as simulator:
+        return simulator.run(control, steps=STEPS)
+
+
+@pytest.mark.parametrize(("derivative", "near", "far"), [(Gains.derivative, 0.0, 0.005), (0.0, 0.015, 0.1)])
+def test_the_derivative_term_takes_the_swing_out(derivative: float, near: float, far: float) -> None:
+    """Hold the arm at a height: it is there after a second with the derivative term, and swings on without it."""
+    states = swing(Gains(derivative=derivative))
+    assert all(state.record.converged for state in states)
+    late = [(0.0, 0.0, state.probes["tip"].translation[2]) for state in states if state.time > SETTLED]
+    assert near <= tracking_error(late, (0.0, 0.0, GOAL)).largest < far
+
+
+def test_the_integral_stands_still_at_a_limit() -> None:
+    """Hold a tip too low for long: the pressure comes back at once where the tip rises, and never leaves its range."""
+    controller = TipHeight(0.01, gains=Gains(proportional=0.0, derivative=0.0), most=2e3)
+    pressures = [controller.command(0.01 * step, -0.01) for step in range(200)]
+    assert max(each["left"] for each in pressures) <= 2e3
+    assert controller.command(2.0, 0.02)["left"] < pressures[-1]["left"]
+    assert pressures[-1]["upper"] == 0.0
+
+
+def test_the_other_side_lowers() -> None:
+    """Ask for a height below: the chamber above gets the pressure, and a clock that is set back begins anew."""
+    controller = TipHeight(-0.01)
+    first = controller.command(1.0, 0.0)
+    assert first == {"left": 0.0, "right": 0.0, "upper": pytest.approx(1e3)}
+    assert controller.command(1.1, 0.0)["upper"] == pytest.approx(4e3)
+    assert controller.command(0.0, 0.0) == first

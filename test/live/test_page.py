@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The live page as viewers have it: what they see, and what they command."""
+
+from __future__ import annotations
+
+import re
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.live.viewer import Viewer
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.cli import main
+from gdfe_ros.live.page import Page
+from gdfe_ros.recording.reader import BagReader
+
+
+def test_a_slider_moves_the_body(live: Callable[..., Any]) -> None:
+    """Pull a tendon by its slider: the surface that the viewer is sent bends, and the state says converged."""
+    page = live()
+    viewer = page.look()
+    rest = viewer.surface().copy()
+    viewer.move("lower, tension [N]", 1.5)
+    viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar")
+    assert page.session.simulation.commands["lower"] == 1.5
+    viewer.wait(lambda: "<td>yes</td>" in viewer.text(), "convergence")
+
+
+def test_a_dragged_handle_leads_the_body(live: Callable[..., Any]) -> None:
+    """Drag the tip's control up and turn it: the handle goes there, in metres and radians."""
+    page = live()
+    viewer = page.look()
+    half = np.deg2rad(15.0)
+    viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.3]), (np.cos(half), np.sin(half), 0.0, 0.0))
+    simulation = page.session.simulation
+    viewer.wait(lambda: simulation.targets["tip"].translation[2] > 0.0, "the drag")
+    scale = 10.0 ** round(-np.log10(simulation.mesh.size))
+    np.testing.assert_allclose(simulation.targets["tip"].translation, [0.0, 0.0, 0.3 / scale], atol=1e-9)
+    np.testing.assert_allclose(simulation.targets["tip"].rotation, [2.0 * half, 0.0, 0.0], atol=1e-9)
+    viewer.wait(lambda: "/reactions/arrows" in viewer.nodes and viewer.nodes["/reactions/arrows"]["visible"], "arrows")
+
+
+def test_a_drag_out_of_reach_is_refused(live: Callable[..., Any]) -> None:
+    """Drag a handle a hundred body lengths away: it stays, and the viewer is told what is allowed."""
+    page = live()
+    viewer = page.look()
+    viewer.drag("tip", [300.0, 0.0, 0.0])
+    viewer.wait(lambda: viewer.notes, "a note")
+    assert "times the body's size" in viewer.notes[0]
+    assert page.session.simulation.targets["tip"].translation == (0.0, 0.0, 0.0)
+
+
+def test_buttons_play_pause_step_and_reset(live: Callable[..., Any]) -> None:
+    """Play the program, hold it, make one step, reset: times say that each did what it is called."""
+    page = live()
+    viewer, session = page.look(), page.session
+    viewer.press("play the program")
+    viewer.wait(lambda: session.last.record.time > 0.05, "the program")
+    viewer.press("pause")
+    viewer.wait(
+        lambda: session.stepper.paused and session.stepper.work is None and "go on" in viewer.controls, "a hold"
+    )
+    count, time = session.stepper.count, session.last.record.time
+    viewer.press("one step")
+    viewer.wait(lambda: session.stepper.count == count + 1, "one step")
+    assert session.last.record.time == pytest.approx(time + 0.01)
+    assert session.last.record.handles
+    viewer.press("reset")
+    viewer.wait(lambda: session.last.record.time == 0.0, "the reset")
+    assert session.playing is None
+
+
+def test_the_program_is_played_to_its_end_before_a_viewer(live: Callable[..., Any]) -> None:
+    """Play the program while somebody looks: sliders and controls show its commands, and give none of their own."""
+    page = live()
+    viewer, session = page.look(), page.session
+    viewer.press("play the program")
+    viewer.wait(lambda: session.playing is None and session.last.record.time >= 1.0, "the program's end")
+    assert session.simulation.commands == {"lower": 1.0, "left": 1.0, "weight": 1.0}
+    assert session.simulation.targets["tip"].translation == pytest.approx((0.0, 0.0, 0.02))
+    uuid = viewer.controls["lower, tension [N]"]["uuid"]
+    viewer.wait(lambda: viewer.values[uuid] == 1.0, "the slider at the program's end")
+    assert viewer.place("tip")[2] == pytest.approx(0.2)
+
+
+def test_what_a_viewer_commands_leaves_the_program(live: Callable[..., Any]) -> None:
+    """Move a slider while the program plays: the slider holds, the program goes on with the other actuator."""
+    page = live()
+    viewer, session = page.look(), page.session
+    viewer.press("play the program")
+    viewer.wait(lambda: session.last.record.time > 0.1, "the program")
+    viewer.move("lower, tension [N]", 1.25)
+    viewer.wait(lambda: session.last.record.time > 0.8, "the other's turn")
+    assert session.simulation.commands["lower"] == 1.25
+    assert session.simulation.commands["left"] > 0.0
+
+
+def test_a_bag_begun_in_the_middle_replays(live: Callable[..., Any], tmp_path: Path, monkeypatch: Any) -> None:
+    """Record from the middle of a program on, by the button: the bag replays to the last bit."""
+    monkeypatch.chdir(tmp_path)
+    page = live()
+    viewer, session = page.look(), page.session
+    viewer.press("play the program")
+    viewer.wait(lambda: session.last.record.time > 0.1, "the program")
+    viewer.press("record")
+    viewer.wait(lambda: "finish the bag" in viewer.controls, "the bag")
+    begun = session.last.record.time
+    viewer.wait(lambda: session.last.record.time > begun + 0.1, "some steps")
+    viewer.press("finish the bag")
+    viewer.wait(lambda: any("messages" in note for note in viewer.notes), "the bag's end")
+    report = Replay(BagRun(next((tmp_path / "runs").iterdir()))).run()
+    assert report.verdict() is Verdict.IDENTICAL
+    assert report.differences.steps > 5
+
+
+@pytest.mark.parametrize("motion", ["", "dynamics: {step: 0.01}"])
+def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_path: Path, motion: str) -> None:
+    """Record a scene at rest and one in motion: rclpy reads every message, and types and hashes are those of ROS."""
+    from rclpy.serialization import deserialize_message
+
+    from gdfe_ros.node.qos import interface_class
+    from gdfe_ros.recording.definitions import type_hash
+
+    session = live(motion=motion).session
+    session.record(tmp_path / "bag").result()
+    session.advance()
+    session.record(None).result()
+    reader = BagReader(tmp_path / "bag")
+    for topic in reader.topics.values():
+        assert topic.type_hash == type_hash(topic.type)
+    names = set()
+    for message in reader.messages(list(reader.topics)):
+        deserialize_message(message.data, interface_class(message.type))
+        names.add(message.topic)
+    assert names == set(reader.topics)
+
+
+def test_moduli_change_while_it_runs(live: Callable[..., Any], tmp_path: Path) -> None:
+    """Halve a modulus: the force at the tip falls under the same command; while a bag is written it is refused."""
+    page = live()
+    viewer, session = page.look(), page.session
+    viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.2]))
+    weight = session.last.result.reactions["tip"][2]
+    viewer.wait(lambda: session.last.result.reactions["tip"][2] > 2.0 * weight, "a force")
+    viewer.wait(lambda: session.simulation.settled, "rest")
+    before = session.last.result.reactions["tip"][2]
+    moduli = {name: 0.5 * young for name, young in _moduli(page).items()}
+    session.set_moduli(moduli).result()
+    assert session.last.result.reactions["tip"][2] - weight == pytest.approx(0.5 * (before - weight), rel=0.05)
+    session.record(tmp_path / "bag").result()
+    name = next(iter(moduli))
+    viewer.move(f"{name} [Pa]", 1e6)
+    viewer.press("change the body")
+    viewer.wait(lambda: any("a bag is being written" in note for note in viewer.notes), "the refusal")
+
+
+def test_the_colour_and_its_range(live: Callable[..., Any]) -> None:
+    """Choose displacement, and hold its range: the legend has the field's unit, and keeps its numbers."""
+    page = live()
+    viewer = page.look()
+    viewer.move("colour", "displacement [m]")
+    viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.1]))
+    viewer.wait(lambda: "displacement [m]" in viewer.text() and _largest(viewer) > 0.0, "the legend")
+    viewer.move("hold the range", True)
+    viewer.wait(lambda: page.page._range.held, "the range held")
+    held = page.page._range.high
+    viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.3]))
+    frames = viewer.frames
+    viewer.wait(lambda: viewer.frames > frames, "another frame")
+    assert page.page._range.high == held
+
+
+def test_viewers_come_and_go_without_a_trace(live: Callable[..., Any]) -> None:
+    """Let ten viewers look at once, and thirty one after the other: no thread more, and nobody is counted any more."""
+    page = live()
+    first = page.look()
+    threads = threading.active_count()
+    with_ten = [Viewer(page.page.port) for _ in range(10)]
+    for viewer in with_ten:
+        viewer.wait(lambda viewer=viewer: viewer.frames, "a frame")
+    first.wait(lambda: page.page.viewers == 11, "all to be counted")
+    for viewer in with_ten:
+        viewer.__exit__(None, None, None)
+    for _ in range(30):
+        with Viewer(page.page.port) as viewer:
+            viewer.wait(lambda viewer=viewer: viewer.frames, "a frame")
+    first.wait(lambda: page.page.viewers == 1, "all others gone")
+    # What the operating system lists beyond those of viewers in this process, whose sockets have a thread each.
+    first.wait(lambda: threading.active_count() <= threads, "their threads gone")
+
+
+def test_a_viewer_that_hangs_holds_nobody_up(live: Callable[..., Any]) -> None:
+    """Let a viewer take nothing while the program plays: the steps go on, and another viewer is sent each frame."""
+    page = live()
+    viewer = page.look()
+    _hanging(page)
+    viewer.press("play the program")
+    viewer.wait(lambda: page.session.playing is None and page.session.last.record.time >= 1.0, "the program's end")
+    frames = viewer.frames
+    assert frames > 20
+    assert len(page.page._server._websock_server._broadcast_buffer.message_from_id) < 500
+
+
+def test_a_port_that_is_taken_is_passed_over() -> None:
+    """Listen where the page would: the next port is used."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        page = Page(host="127.0.0.1", port=port, frames=30.0)
+        page.close()
+    assert page.port != port
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["nothing_like_it"], "nothing_like_it"),
+        (["bend5", "--port", "70000"], "allowed: 1 to 65535"),
+        (["bend5", "--fps", "0"], "allowed: 1 to 60"),
+        (["bend5", "--dt", "-1"], "allowed: 1e-6 to 1000"),
+        (["bend5", "--host", "203.0.113.7"], "allowed: an address of this machine"),
+        (["bend5", "--host", "no.such.host.example"], "allowed: an address of this machine"),
+        (["drop", "--set", "program=null", "--play"], "add the key 'program'"),
+    ],
+)
+def test_bad_arguments_are_told(arguments: list[str], text: str, capsys: Any) -> None:
+    """Give arguments that cannot be: status 2, and one message with what is allowed."""
+    assert main(["live", *arguments]) == 2
+    assert text in capsys.readouterr().err
+
+
+def test_without_viser_one_line_says_how_to_install_it(capsys: Any, monkeypatch: Any) -> None:
+    """Take viser away: the message is one line with the extra's name."""
+    monkeypatch.setattr("gdfe_ros.commands.live.find_spec", lambda name: None)
+    assert main(["live", "bend5"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "pip install 'gdfe_ros[live]'" in error
+
+
+def _hanging(page: Any) -> Viewer:
+    viewer = Viewer(page.page.port)
+    page.viewers.append(viewer)
+    viewer.wait(lambda: viewer.frames, "a frame")
+    return viewer
+
+
+def _largest(viewer: Viewer) -> float:
+    numbers = re.findall(r"<span>([-\d.e]+)</span>", viewer.text())
+    return float(numbers[-1]) if numbers else 0.0
+
+
+def _moduli(page: Any) -> dict[str, float]:
+    from gdfe_ros.node.remodelling import moduli_of
+
+    return moduli_of(page.session.scene)

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a session does beside its page."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from gdfe_ros.live.session import LiveSession, RestingPace
+from gdfe_ros.live.surface import Surface
+from gdfe_ros.node.orders import ActuatorOrder
+from gdfe_ros.node.pace import Timing
+from gdfe_ros.scene import load_scene, scene_from_text
+from gdfe_ros.simulation import Simulation
+
+
+def test_time_stands_while_there_is_nothing_to_do() -> None:
+    """Rest for an hour between two steps: the second covers one dt, while an overrun is still counted."""
+    now = [0.0]
+    pace = RestingPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: now[0])
+    assert pace.begin() == 0.01
+    assert pace.delay(pending=False, settled=True) is None
+    now[0] = 3600.0
+    assert pace.delay(pending=True, settled=True) == 0.0
+    assert pace.begin() == 0.01
+    now[0] += 0.035
+    assert (pace.begin(), pace.overruns) == (0.01, 2)
+
+
+def test_a_rate_limit_holds_after_a_rest(bar: str) -> None:
+    """Pull a tendon whose rate is limited: the first step goes no farther than the limit lets it."""
+    text = bar.replace("left: {cable: {", "left: {cable: {rate: 1.0, ")
+    simulation = Simulation(scene_from_text(text, origin="of a test"))
+    steps: list[Any] = []
+    session = LiveSession(simulation, told=steps.append)
+    session.start()
+    session.stepper.call(lambda: None)
+    session.command("left", ActuatorOrder({"left": 2.0}))
+    while len(steps) < 2:
+        session.stepper.call(lambda: None)
+    session.stop()
+    assert steps[1].actuators["left"].command == pytest.approx(0.01)
+
+
+def test_the_surface_is_a_sound_gltf() -> None:
+    """Pack a bent body: trimesh reads vertices in the picture's units, colours from violet to yellow, and triangles."""
+    mesh = load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}).mesh
+    surface = Surface(mesh, scale=10.0)
+    positions = np.add(mesh.vertices, [0.0, 0.0, 0.01])
+    shares = np.linspace(0.0, 1.0, len(surface.vertices))
+    (read,) = trimesh.load(
+        io.BytesIO(surface.pack(positions, shares)), file_type="glb", process=False
+    ).geometry.values()
+    np.testing.assert_allclose(read.vertices, 10.0 * positions[surface.vertices], atol=1e-6)
+    np.testing.assert_array_equal(read.faces, surface.triangles)
+    assert read.is_watertight
+    assert read.volume == pytest.approx(1000.0 * np.prod(np.ptp(mesh.vertices, axis=0)), rel=1e-5)
+
+
+def test_fields_of_cells_are_averaged_at_the_vertices() -> None:
+    """Give every cell one value: so has every vertex; and the mean over faces is that of the cells beside a vertex."""
+    mesh = load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}).mesh
+    surface = Surface(mesh)
+    np.testing.assert_allclose(surface.at_vertices(np.full(mesh.n_cells, 3.0)), 3.0)
+    along = surface.at_vertices(mesh.centroids[:, 0])
+    inner = np.isclose(mesh.vertices[surface.vertices, 0], np.median(np.unique(mesh.vertices[:, 0])))
+    np.testing.assert_allclose(along[inner], np.median(np.unique(mesh.vertices[:, 0])), atol=1e-12)

@@ -1,0 +1,311 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Obstacles and rigid bodies of a node: commanded, followed, told of, recorded and replayed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from scipy.spatial.transform import Rotation
+from std_msgs.msg import Header, String
+from std_srvs.srv import Trigger
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.cli import main
+from gdfe_ros.constraints import Pose
+from gdfe_ros.contacts import contact_names
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.following import leaders_of
+from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.scene.loader import load_scene
+from gdfe_ros.simulation import Command
+from gdfe_ros.testing import Simulator
+from gdfe_ros.testing.node_replay import NodeReplay
+
+_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+CUBE = """
+name: cube
+description: A cube held at its top, above a ball and beside a wall.
+mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [4, 4, 4]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {top: {where: {face: z+}, fixed: true}}
+obstacles:
+  ball: {sphere: {radius: 0.04}, at: [0.05, 0, -0.1], rotation_deg: [0, 0, 30], friction: 0.5}
+  wall: {plane: [-1, 0, 0], at: [0.2, 0, 0], fixed: true}
+sensors:
+  pad: {where: {box: {x: [0.0, 0.05], z: [-.inf, -0.049]}}}
+  rest: {where: {box: {x: [0.06, 0.1], z: [-.inf, -0.049]}}}
+program:
+  duration: 0.03
+  obstacles: {ball: [{time: 0.0}, {time: 0.03, translation: [0, 0, 0.015], rotation_deg: [0, 10, 0]}]}
+"""
+LIFT = 0.015
+"""Of the ball until it is 5 mm within the cube [m]."""
+SLAB = """
+name: slab
+mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [2, 2, 1]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.0205]}}
+bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.05, 0, 0.031]}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
+"""
+
+
+@pytest.fixture
+def cube(tmp_path: Path) -> str:
+    """Give the path of a scene in which a ball can be pressed into a cube."""
+    path = tmp_path / "cube.yaml"
+    path.write_text(CUBE)
+    return str(path)
+
+
+@pytest.fixture
+def hear(client: Any) -> Callable[[str, type], list[Any]]:
+    """Give a function that subscribes the client to a topic of the node and returns the list of what arrives."""
+
+    def subscribe(topic: str, kind: type) -> list[Any]:
+        client.node.create_subscription(kind, client.full(topic), client.received[topic].append, _QOS)
+        return client.received[topic]
+
+    return subscribe
+
+
+def _pose(frame: str = "", *, z: float = LIFT, turn: tuple[float, float, float] = (0, 0, 0)) -> PoseStamped:
+    return pose_stamped(Header(frame_id=frame), Pose((0.0, 0.0, z), turn))
+
+
+def test_an_obstacle_is_commanded_as_a_handle_is(client: Any, start: Callable, hear: Callable, cube: str) -> None:
+    """Press a ball into the cube, then draw it back by a velocity: pose, wrench and frames are those of the ball."""
+    poses, wrenches = hear("obstacles/ball/pose", PoseStamped), hear("obstacles/ball/wrench", WrenchStamped)
+    start(scene=cube, clock="lockstep", dt=0.01, velocity_timeout=0.03, frame_id="left/base_link")
+    client.publish("obstacles/ball/target", _pose("left/ball_rest", turn=(0.0, 0.2, 0.0)))
+    client.wait(lambda: len(poses) == 2 == len(wrenches))
+    assert (poses[-1].pose.position.z, poses[-1].pose.orientation.y) == (LIFT, pytest.approx(np.sin(0.1)))
+    assert (poses[-1].header.frame_id, wrenches[-1].header.frame_id) == ("left/ball_rest", "left/ball_centre")
+    assert wrenches[-1].wrench.force.z > 1.0
+    assert wrenches[0].wrench.force.z == 0.0
+    moment = wrenches[-1].wrench.torque
+    force = wrenches[-1].wrench.force
+    assert np.linalg.norm([moment.x, moment.y, moment.z]) < 0.04 * np.linalg.norm([force.x, force.y, force.z])
+    names = {name for name, _ in client.node.get_topic_names_and_types()}
+    assert {name.rsplit("/", 1)[1] for name in names if "obstacles/wall" in name} == {
+        "target",
+        "velocity",
+        "pose",
+        "wrench",
+    }
+    assert not any("handles/ball" in name for name in names)
+    twist = TwistStamped()
+    twist.twist.linear.z = -0.5
+    client.publish("obstacles/ball/velocity", twist)
+    client.wait(lambda: len(poses) == 3)
+    for _ in range(4):  # the velocity is in force for three steps
+        assert client.call(Trigger, "step", Trigger.Request()).success
+    client.wait(lambda: len(poses) == 7)
+    heights = [message.pose.position.z for message in poses[2:]]
+    np.testing.assert_allclose(heights, [0.010, 0.005, 0.0, 0.0, 0.0], atol=1e-9)
+    assert wrenches[-1].wrench.force.z == 0.0
+
+
+def test_wrong_commands_to_obstacles_are_refused(client: Any, start: Callable, cube: str) -> None:
+    """Command a fixed one, unknown names, the wrong section, another frame: each is told, with the remedy."""
+    process = start(scene=cube, clock="lockstep")
+    client.publish("obstacles/wall/target", _pose())
+    client.wait(lambda: client.diagnostics().get("refused: handle is fixed") == "1")
+    remedy = "obstacle 'wall' is fixed in the scene and takes no commands; remedy: put obstacles.wall.fixed=false"
+    assert remedy in process.log
+    client.publish("obstacles/ball/target", _pose("ball"))
+    client.wait(lambda: "header.frame_id is 'ball'; allowed: empty, 'base_link' or 'ball_rest'" in process.log)
+    for topic in ("obstacles/bal/target", "handles/ball/velocity", "obstacles/top/target"):
+        kind = TwistStamped if topic.endswith("velocity") else PoseStamped
+        client.node.create_publisher(kind, client.full(topic), 10)
+    client.wait(lambda: client.diagnostics().get("refused: unknown name") == "3")
+    assert "no 'bal' among its obstacles; did you mean 'ball'? obstacles: ball, wall" in process.log
+    assert "no 'ball' among its handles; its topics are ~/obstacles/ball/...; handles: top" in process.log
+    assert "no 'top' among its obstacles; its topics are ~/handles/top/...; obstacles: ball, wall" in process.log
+    assert len(client.records()) == 1
+
+
+def test_wrong_leaders_of_obstacles_are_refused(cube: str) -> None:
+    """Have a fixed obstacle and a rigid body follow: what is wrong, and what to do."""
+    with pytest.raises(GdfeError, match="obstacle 'wall' is fixed: put obstacles"):
+        leaders_of(["wall=topic:/x"], load_scene(cube), listening=False)
+
+
+def test_an_obstacle_has_frames_and_follows_one(
+    client: Any, start: Callable, hear: Callable, interfaces: Callable, cube: str
+) -> None:
+    """Hold the ball at a frame: its own frames on TF are there, a reset brings it back, its centre can be led from."""
+    interfaces("tf2_msgs")
+    from tf2_msgs.msg import TFMessage
+
+    heard, poses = {}, hear("obstacles/ball/pose", PoseStamped)
+
+    def listen(message: Any) -> None:
+        heard.update({each.child_frame_id: each.transform for each in message.transforms})
+
+    client.node.create_subscription(TFMessage, "/tf", listen, 100)
+    client.node.create_subscription(TFMessage, "/tf_static", listen, _QOS)
+    teller = client.node.create_publisher(TFMessage, "/tf", 100)
+    process = start(scene=cube, follow=["ball=frame:tool0"])
+    client.wait(lambda: "ball_rest" in heard and "ball" in heard)
+    assert {"ball", "ball_rest", "ball_centre", "wall", "wall_rest", "wall_centre", "top", "pad_sensor"} <= set(heard)
+    np.testing.assert_allclose(_origin(heard["pad_sensor"]), [0.025, 0.0, -0.05], atol=1e-9)
+    assert _origin(heard["ball_rest"]) == [0.05, 0.0, -0.1]
+    transform = TransformStamped(child_frame_id="tool0")
+    transform.header.frame_id = "base_link"
+    place = transform.transform.translation
+    place.x, place.y, place.z = 0.05, 0.0, -0.1 + LIFT
+    quaternion = transform.transform.rotation
+    quaternion.x, quaternion.y, quaternion.z, quaternion.w = Rotation.from_rotvec([0.0, 0.2, 0.0]).as_quat()
+    client.wait(lambda: teller.get_subscription_count() >= 2)
+    teller.publish(TFMessage(transforms=[transform]))
+    client.wait(lambda: poses and poses[-1].pose.position.z == pytest.approx(LIFT))
+    client.wait(lambda: _origin(heard["ball"])[2] == pytest.approx(LIFT - 0.1))
+    assert heard["ball"].rotation.y == pytest.approx(np.sin(0.1))
+    assert (heard["ball_centre"].rotation.y, heard["wall"].rotation.w) == (0.0, 1.0)
+    client.publish("obstacles/ball/target", _pose())
+    client.wait(lambda: client.diagnostics().get("refused: handle follows") == "1")
+    assert "obstacle 'ball' follows frame tool0 and takes no commands" in process.log
+    count = len(poses)
+    assert client.call(Trigger, "reset", Trigger.Request()).success
+    client.wait(lambda: len(poses) > count + 1 and poses[-1].pose.position.z == pytest.approx(LIFT))
+
+
+def test_a_target_in_the_frame_of_an_obstacle_is_beside_it(
+    client: Any, start: Callable, hear: Callable, interfaces: Callable, cube: str
+) -> None:
+    """Lift the ball and tell it, in its own moved frame, to go on by as much: it does."""
+    interfaces("tf2_msgs")
+    poses = hear("obstacles/ball/pose", PoseStamped)
+    start(scene=cube, clock="lockstep")
+    for count, frame in ((2, ""), (3, "ball_centre"), (4, "ball")):
+        client.publish("obstacles/ball/target", _pose(frame, z=0.004))
+        client.wait(lambda count=count: len(poses) == count)
+    np.testing.assert_allclose([message.pose.position.z for message in poses], [0, 0.004, 0.008, 0.012], atol=1e-12)
+
+
+def test_every_point_that_touches_is_told(cube: str, tmp_path: Path) -> None:
+    """Press the ball in, obliquely: points and forces add up to its wrench, names tell the ball, sensors share it."""
+    names = []
+    with Simulator(cube, bag=tmp_path / "bag") as simulator:
+        simulator._node.create_subscription(String, f"{simulator.name}/contact_names", names.append, _QOS)
+        assert not len(simulator.state.contacts)
+        state = simulator.step(Command(handles={"ball": Pose((0.004, 0.0, 1.5 * LIFT), (0.0, 0.1, 0.0))}))
+        simulator._wait(lambda: names, "the names of contacts")
+    assert json.loads(names[0].data) == ["ball", "wall"]
+    points, middle = state.contacts, np.array([0.054, 0.0, 1.5 * LIFT - 0.1])
+    assert len(points) >= 2
+    assert set(points["contact"]) == {0}
+    places, normals = _vectors(points, "xyz"), _vectors(points, ("nx", "ny", "nz"))
+    forces = _vectors(points, ("fx", "fy", "fz")) + _vectors(points, ("tx", "ty", "tz"))
+    assert np.abs(_vectors(points, ("tx", "ty", "tz"))).max() > 0.01
+    np.testing.assert_allclose(places, state.positions[points["vertex"]])
+    arms = places - middle
+    np.testing.assert_allclose(normals, arms / np.linalg.norm(arms, axis=1)[:, None], atol=1e-5)
+    np.testing.assert_allclose(points["gap"], np.linalg.norm(arms, axis=1) - 0.04, atol=1e-7)
+    wrench = np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
+    np.testing.assert_allclose(state.wrenches["ball"], wrench, atol=1e-5 * np.linalg.norm(wrench))
+    rest = simulator.scene.mesh.vertices
+    mine = rest[points["vertex"], 0] < 0.051
+    centre = state.positions[(rest[:, 0] < 0.051) & (rest[:, 2] < -0.049)].mean(axis=0)
+    felt = [forces[mine].sum(axis=0), np.cross(places - centre, forces)[mine].sum(axis=0)]
+    np.testing.assert_allclose(state.sensors["pad"], np.concatenate(felt), atol=1e-4)
+    np.testing.assert_allclose(
+        state.sensors["pad"][:3] + state.sensors["rest"][:3], state.wrenches["ball"][:3], atol=1e-9
+    )
+
+
+def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, capsys: Any) -> None:
+    """Press the ball in, turning it: replay without and through a node, report, export, play the program."""
+    bag = tmp_path / "bag"
+    with Simulator(cube, bag=bag) as simulator:
+        for share in (0.7, 1.0):
+            state = simulator.step(Command(handles={"ball": Pose((0, 0, share * LIFT), (0.1, 0.3 * share, 0))}))
+            assert state.poses["ball"].translation == (0.0, 0.0, share * LIFT)
+    assert state.wrenches["ball"][2] > 1.0
+    assert not state.wrenches["wall"].any()
+    run = BagRun(bag)
+    for replay in (Replay(run), NodeReplay(run)):
+        report = replay.run()
+        assert report.verdict() is Verdict.IDENTICAL, (report.unknown, report.differences.differing)
+        compared = {("obstacles/ball/wrench", "wrench.force.z"), ("sensors/pad/wrench", "wrench.torque.y")}
+        assert compared | {("contacts", "fz"), ("contacts", "vertex")} <= set(report.differences.fields)
+    assert main(["replay", str(bag)]) == 0
+    assert main(["report", str(bag), "--out", str(tmp_path / "report.html")]) == 0
+    page = (tmp_path / "report.html").read_text()
+    for text in ("Position of ball, from rest", "ball, wall (fixed)", "found z", "Forces on contact sensors"):
+        assert text in page
+    assert main(["export", str(bag), "--to", "csv", "--out", str(tmp_path / "run.csv")]) == 0
+    first, *_, last = (tmp_path / "run.csv").read_text().splitlines()
+    row = dict(zip(first.split(","), last.split(","), strict=True))
+    assert float(row["obstacles/ball/wrench.wrench.force.z [N]"]) == state.wrenches["ball"][2]
+    assert float(row["contacts.points"]) == len(state.contacts) > 0
+    assert main(["export", str(bag), "--to", "npz", "--out", str(tmp_path / "run.npz")]) == 0
+    arrays = np.load(tmp_path / "run.npz")
+    assert np.array_equal(arrays["contacts/fz"][arrays["contacts/row"] == 2], state.contacts["fz"])
+    assert main(["demo", cube, "--out", str(tmp_path / "demo")]) == 0
+    said = capsys.readouterr().out
+    for text in ("ball: force", "sensor pad: force"):
+        assert text in said
+
+
+def test_states_with_obstacles_are_saved_and_loaded(client: Any, start: Callable, cube: str, tmp_path: Path) -> None:
+    """Save a touched state, move away, load it: the next step is the very same as the first time."""
+    start(scene=cube, clock="lockstep", state_path=str(tmp_path / "state"))
+    client.publish("obstacles/ball/target", _pose(turn=(0.0, 0.1, 0.0)))
+    client.wait_steps(2)
+    assert client.call(Trigger, "save_state", Trigger.Request()).success
+    meshes = []
+    for _ in range(2):
+        count = len(client.received["mesh"])
+        client.publish("obstacles/ball/target", _pose(z=1.2 * LIFT, turn=(0.0, 0.3, 0.0)))
+        client.wait(lambda count=count: len(client.received["mesh"]) > count)
+        meshes.append(client.mesh())
+        assert client.call(Trigger, "load_state", Trigger.Request()).success
+        client.wait(lambda count=count: len(client.received["mesh"]) > count + 1)
+    assert np.array_equal(*meshes)
+    assert np.abs(meshes[0][:, 3:]).max() > 1e-3
+
+
+def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path) -> None:
+    """Let a slab fall on a table, and a box on it: weights are carried, the run is replayed, nothing commands a box."""
+    path, bag = tmp_path / "slab.yaml", tmp_path / "bag"
+    path.write_text(SLAB)
+    with Simulator(path, bag=bag, parameters={"dt": 0.02}) as simulator:
+        states = [simulator.step(Command(handles={"table": Pose((0.0, 0.0, 1e-5 * k))})) for k in range(25)]
+        with pytest.raises(GdfeError, match="nothing is called"):
+            simulator.step(Command(handles={"part": Pose()}))
+    assert contact_names(simulator.scene.handles) == ["table", "part", "part on table"]
+    weight = 9.81 * 1500 * 0.04 * 0.03 * 0.02
+    slab = 9.81 * 1000 * 0.1 * 0.1 * 0.04
+    carried = np.mean([state.wrenches["table"][2] for state in states[15:]])
+    assert carried == pytest.approx(slab + weight, rel=0.05)
+    assert np.mean([state.wrenches["part"][2] for state in states[15:]]) == pytest.approx(-weight, rel=0.05)
+    assert set(states[-1].contacts["contact"]) == {0, 1}
+    assert -0.002 < states[-1].poses["part"].translation[2] < 0.0
+    run = BagRun(bag)
+    for replay in (Replay(run), NodeReplay(run)):
+        assert replay.run().verdict() is Verdict.IDENTICAL
+    with pytest.raises(GdfeError, match="body 'part' moves freely and follows nothing: make it an obstacle"):
+        leaders_of(["part=topic:/x"], load_scene(path), listening=False)
+
+
+def _vectors(points: np.ndarray, names: Iterable[str]) -> np.ndarray:
+    return np.stack([points[name] for name in names], axis=1).astype(float)
+
+
+def _origin(transform: Any) -> list[float]:
+    return [transform.translation.x, transform.translation.y, transform.translation.z]

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies that touch something."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gdfe_ros import Simulation
+from gdfe_ros.scene.loader import scene_from_text
+
+CUBE = """
+name: cube
+mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [4, 4, 4]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {top: {where: {face: z+}}}
+obstacles: {ball: {sphere: {radius: 0.04}, at: [0.05, 0, -0.09]}}
+solver: {tolerance: 1.0e-5}
+"""
+SLIDER = """
+name: slider
+mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [3, 3, 2]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02], fixed: true}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
+"""
+
+
+def _maker(text: str) -> Callable[..., Simulation]:
+    def make(**overrides: Any) -> Simulation:
+        keys = {name.replace("__", "."): value for name, value in overrides.items()}
+        return Simulation(scene_from_text(text, overrides=keys))
+
+    return make
+
+
+@pytest.fixture
+def cube() -> Callable[..., Simulation]:
+    """Give a function that makes a cube held at its top above a ball; keyword arguments override keys."""
+    return _maker(CUBE)
+
+
+@pytest.fixture
+def slider() -> Callable[..., Simulation]:
+    """Give a function that makes a free slab on a floor, in motion; keyword arguments as for `cube`."""
+    return _maker(SLIDER)

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Coulomb friction: sticking, slipping, and what it takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Simulation
+
+G = 9.81
+
+
+def tilted(
+    slider: Callable[..., Simulation], friction: float, *, angle: float = 30.0, **overrides: object
+) -> Simulation:
+    """Return the slab on a floor with gravity as on a slope of so many degrees."""
+    slope = math.radians(angle)
+    gravity = [G * math.sin(slope), 0.0, -G * math.cos(slope)]
+    return slider(obstacles__floor__friction=friction, loads={"weight": {"gravity": gravity}}, **overrides)
+
+
+def ways(simulation: Simulation, steps: int) -> np.ndarray:
+    """Return the mean way (steps,) [m] along the slope."""
+    found = []
+    for _ in range(steps):
+        result = simulation.step()
+        assert result.converged, result.message
+        found.append(result.positions[:, 0].mean())
+    return np.array(found)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3, 0.5])
+def test_a_slab_slides_as_theory_says(slider: Callable[..., Simulation], friction: float) -> None:
+    """On a slope of 30 degrees it gathers speed by g (sin - mu cos), within 0.5 %."""
+    path = ways(tilted(slider, friction), 160)
+    late = np.arange(80, 160) * 0.005
+    acceleration = 2.0 * np.polyfit(late, path[80:], 2)[0]
+    slope = math.radians(30.0)
+    assert acceleration == pytest.approx(G * (math.sin(slope) - friction * math.cos(slope)), rel=0.005)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.57, 1.0])
+def test_a_slab_sticks_below_the_cone_and_slips_above(slider: Callable[..., Simulation], friction: float) -> None:
+    """On a slope that asks for 0.98 of the coefficient it stands, on one that asks for 1.02 it leaves."""
+    speeds = {}
+    for demand in (0.98, 1.02):
+        simulation = tilted(slider, friction, angle=math.degrees(math.atan(demand * friction)))
+        path = ways(simulation, 240)
+        speeds[demand] = (path[-1] - path[-40]) / (39 * 0.005)
+    assert abs(speeds[0.98]) < 1e-6
+    assert speeds[1.02] > 1e-3
+
+
+def test_what_sticks_does_not_creep(slider: Callable[..., Simulation]) -> None:
+    """A slab that stands on a slope for ten seconds drifts by less than a nanometre in a second."""
+    simulation = tilted(slider, 0.7, solver={"skip": []})
+    ways(simulation, 800)
+    path = ways(simulation, 2000)
+    assert abs(path[-1] - path[0]) / 10.0 < 1e-9
+
+
+def test_friction_takes_what_the_fall_gives(slider: Callable[..., Simulation]) -> None:
+    """The balance of a slab that slides closes: what it lost in height is motion, or was rubbed off."""
+    simulation = tilted(slider, 0.3)
+    ways(simulation, 120)
+    energies = simulation.result.energies
+    held = energies["kinetic"] + energies["elastic"] + energies["potential"]
+    assert energies["dissipated"] > 0.0
+    assert held + energies["dissipated"] == pytest.approx(0.0, abs=0.01 * abs(energies["potential"]))

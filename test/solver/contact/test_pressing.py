@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies pressed against obstacles, without friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.contact import ball_between_plates, hertz, tatara
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.scene.loader import scene_from_text
+
+REFERENCE = Path(__file__).parents[2] / "data" / "reference" / "contact_block_on_ball.npz"
+QUADRATIC = {0.012: 84.8, 0.016: 128.9, 0.02: 178.8}
+"""Force [N] over move [m] with quadratic elements on 16^3 cells, by the makers of the reference."""
+BEAM = """
+name: beam
+mesh: {bar: {size: [1.0, 0.005, 0.005], cells: [160, 1, 1]}}
+materials: {steel: {law: linear, young: 1.0e8, poisson: 0.0, density: 1000}}
+regions: [{material: steel}]
+handles: {base: {where: {face: x-}, fixed: true}}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.0225], fixed: true}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+"""
+
+
+def lift(simulation: Simulation, move: float) -> float:
+    """Lift the ball by so much [m]; return the force [N] on the cube's top."""
+    result = simulation.step(Command(handles={"ball": Pose((0.0, 0.0, move))}))
+    assert result.converged, result.message
+    force = max(1.0, result.reactions["ball"][2])
+    np.testing.assert_allclose(result.reactions["top"][:3], -result.reactions["ball"][:3], atol=2e-3 * force)
+    return result.reactions["ball"][2]
+
+
+def test_with_gaps_at_vertices_the_force_is_that_of_the_same_mesh(cube: Callable[..., Simulation]) -> None:
+    """Press the cube of 16^3 cells on the ball: within 1 % of another code with the same cells and condition."""
+    simulation = cube(mesh__bar__cells=[16, 16, 16], obstacles__ball__gaps="vertices")
+    with np.load(REFERENCE) as reference:
+        forces = dict(zip(np.round(reference["moves"], 6), reference["force_16"], strict=True))
+    for move in (0.006, 0.012, 0.02):
+        assert lift(simulation, move) == pytest.approx(forces[move], rel=0.01)
+
+
+def test_by_default_the_force_is_that_of_quadratic_elements(cube: Callable[..., Simulation]) -> None:
+    """The same with the mean gaps of faces: within 2 % of quadratic elements on as many cells."""
+    simulation = cube(mesh__bar__cells=[16, 16, 16])
+    for move, force in QUADRATIC.items():
+        assert lift(simulation, move) == pytest.approx(force, rel=0.02)
+
+
+def test_nothing_enters_an_obstacle(cube: Callable[..., Simulation]) -> None:
+    """At the end of each step no vertex is deeper in the ball than a ten-thousandth of the body's size."""
+    simulation = cube(mesh__bar__cells=[8, 8, 8])
+    for move in np.linspace(0.002, 0.02, 6):
+        lift(simulation, move)
+        deep = np.linalg.norm(simulation.positions - [0.05, 0.0, -0.09 + move], axis=1).min() - 0.04
+        assert deep > -1e-4 * simulation.mesh.size
+
+
+def test_forces_go_on_to_nothing_when_the_obstacle_leaves(cube: Callable[..., Simulation]) -> None:
+    """Touch and let go: the cube has the bits of its rest shape up to the tolerance, and no force is left."""
+    simulation = cube()
+    lift(simulation, 0.01)
+    assert lift(simulation, -0.02) == 0.0
+    assert np.abs(simulation.positions - simulation.mesh.vertices).max() < 1e-5 * simulation.mesh.size
+
+
+def test_a_beam_that_lies_down_touches_where_theory_says() -> None:
+    """A clamped beam above a floor: it first touches at (72 E I H / q)^(1/4), within 3 %."""
+    simulation = Simulation(scene_from_text(BEAM))
+    for factor in np.linspace(0.1, 1.0, 6):
+        result = simulation.step(Command(loads={"weight": float(factor)}))
+    assert result.converged, result.message
+    touch = result.contacts["floor"]
+    first = touch.places[touch.presses > 0.0][:, 0].min()
+    assert first == pytest.approx((72.0 * 1e8 * 0.005**2 / 12 * 0.02 / 9810.0) ** 0.25, rel=0.03)
+
+
+def test_a_pressed_ball_gives_way_as_theory_says() -> None:
+    """A ball between plates: more force than Hertz' half space, less than Tatara's first order for a ball adds."""
+    for approach, force in ball_between_plates(cells=16, approaches=[0.002, 0.0035, 0.005]).items():
+        assert 1.03 * hertz(approach) < force < tatara(approach)

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid bodies that move freely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.errors import CommandError
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.contact import law
+
+CUSHION = """
+name: cushion
+mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [10, 10, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: z-}, fixed: true}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.05], fixed: true, friction: 0.5}}
+bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.05, 0.0, 0.031], friction: 0.5}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 100}}
+"""
+MASS = 1500 * 0.04 * 0.03 * 0.02
+
+
+@pytest.fixture
+def cushion() -> Callable[..., Simulation]:
+    """Give a function that makes a rigid box above a soft cushion; keyword arguments override keys."""
+
+    def make(**overrides: Any) -> Simulation:
+        keys = {name.replace("__", "."): value for name, value in overrides.items()}
+        return Simulation(scene_from_text(CUSHION, overrides=keys))
+
+    return make
+
+
+def run(simulation: Simulation, steps: int) -> None:
+    """Make steps, each of which has to converge."""
+    for _ in range(steps):
+        result = simulation.step()
+        assert result.converged, result.message
+
+
+def test_a_box_that_falls_freely_does_so_as_any_other(cushion: Callable[..., Simulation]) -> None:
+    """Far from everything it falls g t^2 / 2 without turning."""
+    simulation = cushion(bodies__part__at=[0.5, 0.0, 2.0], dynamics__scheme="newmark")
+    run(simulation, 40)
+    pose = simulation.handle_pose("part")
+    assert pose.translation[2] == pytest.approx(-0.5 * 9.81 * 0.2**2, rel=1e-5)
+    np.testing.assert_allclose([*pose.translation[:2], *pose.rotation], 0.0, atol=1e-9)
+
+
+def test_what_lies_on_a_body_weighs_on_it(cushion: Callable[..., Simulation]) -> None:
+    """A box comes to rest on a cushion, which carries its weight and gives way."""
+    simulation = cushion()
+    run(simulation, 160)
+    assert simulation.result.reactions["part"][2] == pytest.approx(-MASS * 9.81, rel=2e-2)
+    assert -2e-3 < simulation.handle_pose("part").translation[2] < -1.05e-3
+    assert simulation.positions.shape == simulation.mesh.vertices.shape
+
+
+def test_a_box_lies_on_the_floor(cushion: Callable[..., Simulation]) -> None:
+    """A tilted box falls beside the cushion, tumbles onto a face, and stays there without going through the floor."""
+    simulation = cushion(bodies__part__at=[0.3, 0.0, -0.02], bodies__part__rotation_deg=[10, 0, 0])
+    run(simulation, 240)
+    pose = simulation.handle_pose("part")
+    assert -0.02 + pose.translation[2] == pytest.approx(-0.04, abs=1e-5)
+    np.testing.assert_allclose(np.degrees(pose.rotation[:2]), [-10.0, 0.0], atol=0.05)
+    assert simulation.result.contacts["part on floor"].presses.sum() == pytest.approx(MASS * 9.81, rel=1e-2)
+
+
+def test_momentum_is_kept_in_a_collision(cushion: Callable[..., Simulation]) -> None:
+    """A free soft block hits a rigid box without gravity: together they keep their momentum to 0.1 %."""
+    simulation = cushion(
+        handles={},
+        loads={},
+        obstacles={},
+        dynamics={"scheme": "generalised_alpha", "step": 0.001, "velocity": [0.0, 0.0, 0.5]},
+        bodies__part__at=[0.05, 0.0, 0.0335],
+    )
+    run(simulation, 60)
+    stepper = simulation._stepper
+    momentum = (stepper._mass @ stepper.velocities(simulation._state)).sum(axis=0)
+    assert simulation.handle_pose("part").translation[2] > 0.01
+    np.testing.assert_allclose(momentum, [0.0, 0.0, 0.4 * 0.5], atol=2e-4)
+
+
+def test_the_gradient_is_that_of_rigid_motions(cushion: Callable[..., Simulation]) -> None:
+    """Central differences of the energy as the box shifts and turns agree with force and moment on its vertices."""
+    simulation = cushion()
+    run(simulation, 20)
+    term = next(each for each in simulation._stepper.equilibrium.actuation.contacts if each.name == "part")
+    x = simulation._state.positions + 0.0
+    x[:-4] += np.random.default_rng(5).normal(scale=1e-4, size=(len(x) - 4, 3))
+    force, own = np.zeros_like(x), x[-4:] - x[-4:].mean(axis=0)
+    law.contact_energy(x, term.reals, term.integers, force, np.zeros(1))
+    moment = np.cross(own, force[-4:]).sum(axis=0)
+    for axis in np.eye(3):
+        for way, slope in (
+            (np.tile(axis, (4, 1)), axis @ force[-4:].sum(axis=0)),
+            (np.cross(axis, own), axis @ moment),
+        ):
+            energies = []
+            for sign in (1, -1):
+                beside = x + 0.0
+                beside[-4:] += sign * 1e-7 * way
+                energies.append(law.contact_energy(beside, term.reals, term.integers, np.zeros_like(x), np.zeros(1)))
+            assert (energies[0] - energies[1]) / 2e-7 == pytest.approx(slope, abs=1e-4 * np.abs(force).max())
+
+
+def test_a_body_takes_no_commands(cushion: Callable[..., Simulation]) -> None:
+    """Who commands a body that moves freely is told that it takes none."""
+    with pytest.raises(CommandError, match="'part' is fixed; bodies that move: none"):
+        cushion().step(Command(handles={"part": Pose((0.0, 0.0, 0.1))}))

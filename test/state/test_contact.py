@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact beside what else has a state: checkpoints, cuts, sleep, places far away."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.scene.loader import scene_from_text
+
+BAR = """
+name: bar
+mesh: {bar: {size: [0.2, 0.04, 0.04], cells: [20, 3, 3]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}}, tip: {where: {face: x+}}}
+obstacles: {pin: {sphere: {radius: 0.015}, at: [0.13, 0.0, -0.04], friction: 0.4}}
+"""
+MOVES = [(0.0, 0.008), (0.004, 0.012), (0.008, 0.012), (0.008, 0.004), (0.0, -0.01), (0.004, 0.01)]
+"""Of the pin along x and z [m]: it presses, rubs, lets go and comes back."""
+
+
+def make(**overrides: Any) -> Simulation:
+    """Return a bar with a pin below it; keyword arguments override keys, ``__`` for a dot."""
+    return Simulation(scene_from_text(BAR, overrides={k.replace("__", "."): v for k, v in overrides.items()}))
+
+
+def pressed(simulation: Simulation, moves: list[tuple[float, float]] = MOVES) -> list[np.ndarray]:
+    """Move the pin; return positions after each step."""
+    return [simulation.step(Command(handles={"pin": Pose((x, 0.0, z))})).positions for x, z in moves]
+
+
+@pytest.mark.parametrize(
+    "motion", [{}, {"dynamics": {"step": 0.005, "damping": {"viscosity": 100.0}}}], ids=["still", "m"]
+)
+def test_a_checkpoint_in_contact_goes_on_to_the_bit(motion: dict[str, Any]) -> None:
+    """Save while it rubs, load elsewhere, go on: the same bits."""
+    first, second = make(**motion), make(**motion)
+    pressed(first, MOVES[:3])
+    load_state(second, save_state(first))
+    for one, two in zip(pressed(first, MOVES[3:]), pressed(second, MOVES[3:]), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_a_reset_forgets_what_touched() -> None:
+    """The same moves after a reset, or in a new simulation, give the same bits."""
+    simulation = make()
+    before = pressed(simulation)
+    simulation.reset()
+    for again, other, first in zip(pressed(simulation), pressed(make()), before, strict=True):
+        np.testing.assert_array_equal(again, first)
+        np.testing.assert_array_equal(other, first)
+
+
+def test_steps_that_are_cut_arrive_at_the_same_contact() -> None:
+    """Cut every solve after a few iterations and hold: in the end the same equilibrium, told as converged."""
+    whole, cut = make(obstacles__pin__friction=0.0), make(obstacles__pin__friction=0.0)
+    wanted = Command(handles={"pin": Pose((0.0, 0.0, 0.01))})
+    target = whole.step(wanted)
+    for _ in range(300):
+        result = cut.step(wanted, cut_after=3)
+        if result.converged:
+            break
+    assert result.converged
+    assert np.abs(result.positions - target.positions).max() < 5e-4 * whole.mesh.size
+    assert result.reactions["pin"][2] == pytest.approx(target.reactions["pin"][2], rel=0.03)
+
+
+def test_a_part_that_sleeps_wakes_when_it_is_touched() -> None:
+    """Press a long bar near its far end, where nothing has moved yet: it gives way as one without sleep does."""
+    sleepy, awake = make(), make(solver={"skip": []})
+    for simulation in (sleepy, awake):
+        for z in np.linspace(0.0, 0.002, 6):
+            simulation.step(Command(handles={"base": Pose((0.0, 0.0, float(z)))}))
+        pressed(simulation, [(0.0, 0.01)])
+    assert np.abs(sleepy.positions - awake.positions).max() < 5e-4 * sleepy.mesh.size
+    assert sleepy.result.reactions["pin"][2] == pytest.approx(awake.result.reactions["pin"][2], rel=0.05)
+
+
+def test_far_from_the_origin_it_is_the_same_contact() -> None:
+    """A kilometre away, forces are those at the origin."""
+    near = make()
+    pressed(near, MOVES[:2])
+
+    scene = near.scene
+    away = np.array([1000.0, -500.0, 200.0])
+    mesh = dataclasses.replace(scene.mesh, vertices=scene.mesh.vertices + away)
+    handles = tuple(
+        dataclasses.replace(handle, origin=tuple(np.add(handle.origin, away).tolist()))
+        if handle.name == "pin"
+        else handle
+        for handle in scene.handles
+    )
+    far = Simulation(dataclasses.replace(scene, mesh=mesh, handles=handles))
+    pressed(far, MOVES[:2])
+    np.testing.assert_allclose(far.result.reactions["pin"], near.result.reactions["pin"], rtol=2e-2, atol=1e-2)
+    np.testing.assert_allclose(far.result.contacts["pin"].places - away, near.result.contacts["pin"].places, atol=1e-5)
+
+
+def test_a_jacobian_sees_what_is_touched() -> None:
+    """A cable that presses a bar onto a pin: what is pulled against the pin moves less than what is free."""
+    cable = {"actuators": {"pull": {"cable": {"points": [[0, 0, -0.015], [0.2, 0, -0.015]], "range": [0.0, 50.0]}}}}
+    given = {**cable, "handles": {"base": {"where": {"face": "x-"}}}, "probes": {"tip": [0.2, 0.0, 0.0]}}
+    touched, free = make(**given), make(**given, obstacles__pin__at=[0.13, 0.0, -0.5])
+    for simulation in (touched, free):
+        for tension in np.linspace(0.5, 4.0, 6):
+            result = simulation.step(Command(actuators={"pull": float(tension)}))
+            assert result.converged, result.message
+    assert touched.result.reactions["pin"][2] > 0.1
+    one, other = (simulation.jacobian()[0, 2, 0] for simulation in (touched, free))
+    assert 0.0 < one / other < 0.9

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Points that touch and contact sensors, without ROS."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.contacts import POINT, contact_names, contact_points
+from gdfe_ros.errors import SceneError
+from gdfe_ros.scene.loader import scene_from_text
+
+SLAB = """
+name: slab
+mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [4, 4, 1]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: z-}, fixed: true}}
+obstacles:
+  lid: {plane: [0, 0, -1], at: [0, 0, 0.021], friction: 0.3}
+  far: {sphere: {radius: 0.01}, at: [0, 0, 1]}
+sensors:
+  left: {where: {box: {x: [0.0, 0.05], z: [0.019, 0.021]}}}
+  right: {where: {box: {x: [0.05, 0.1], z: [0.019, 0.021]}}}
+"""
+BODIES = """
+bodies:
+  one: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.05, 0.0, 0.1]}
+  two: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.05, 0.0, 0.2]}
+dynamics: {scheme: bdf2, step: 0.005}
+"""
+
+
+def test_sensors_share_what_a_lid_presses() -> None:
+    """Press a lid on a slab: halves feel the same, a vertex of both in both; the moment is about their centres."""
+    simulation = Simulation(scene_from_text(SLAB))
+    assert not simulation.scene.sensors["left"].wrench(simulation.step()).any()
+    result = simulation.step(Command(handles={"lid": Pose((0.0, 0.0, -0.003))}))
+    left, right = (simulation.scene.sensors[name].wrench(result) for name in ("left", "right"))
+    np.testing.assert_allclose(left[2], right[2], rtol=1e-3)
+    points = contact_points(result.contacts)
+    on_both = np.abs(simulation.mesh.vertices[points["vertex"], 0] - 0.05) < 1e-9
+    np.testing.assert_allclose(left[2] + right[2], result.reactions["lid"][2] + points["fz"][on_both].sum(), rtol=1e-5)
+    assert left[2] < -1.0
+    assert left[4] == pytest.approx(-right[4], rel=1e-2)
+    assert abs(left[4]) < 0.0125 * abs(left[2])
+
+
+def test_names_are_those_of_the_results() -> None:
+    """Name the contacts of obstacles and two rigid bodies: as the simulation does, in its order."""
+    simulation = Simulation(scene_from_text(SLAB + BODIES))
+    names = contact_names(simulation.scene.handles)
+    assert names == list(simulation.step().contacts)
+    assert names[-2:] == ["two on lid", "two on far"]
+
+
+def test_nothing_touches_where_there_is_nothing_to_touch() -> None:
+    """Take points of no contact at all: none, of the right kind."""
+    points = contact_points({})
+    assert (len(points), points.dtype, contact_names(())) == (0, POINT, [])
+
+
+def test_a_sensor_without_faces_is_refused() -> None:
+    """Place a sensor where no boundary face is: the file's key, and what is there."""
+    with pytest.raises(SceneError, match=r"sensors\.left\.where[\s\S]*no boundary face is there; the mesh spans"):
+        scene_from_text(SLAB, overrides={"sensors.left.where": {"box": {"x": [1.0, 2.0]}}})

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes as environments of Gymnasium."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.seeding import np_random
+
+from gdfe_ros.errors import CommandError, GdfeError
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.testing import make_env, make_vector_env
+from gdfe_ros.testing.environment import SoftRobotEnv
+
+BAR = """
+name: bar
+mesh: {bar: {size: [0.1, 0.02, 0.02], cells: [5, 1, 1]}}
+materials: {rubber: {law: neo_hookean, young: 0.5e6, poisson: 0.45, density: 1000}}
+regions: [{material: rubber}]
+handles: {base: {where: {face: x-}, fixed: true}}
+actuators:
+  lower: {cable: {points: [[0, 0, -0.008], [0.1, 0, -0.008]], range: [0, 2]}}
+  left: {cable: {points: [[0, 0.008, 0], [0.1, 0.008, 0]], range: [0, 1]}}
+probes: {tip: [0.1, 0, 0]}
+"""
+MOVING = f"{BAR}dynamics: {{step: 0.01, damping: {{viscosity: 100.0}}}}"
+
+
+@pytest.mark.parametrize("text", [BAR, MOVING])
+def test_gymnasium_finds_nothing_to_complain_of(text: str) -> None:
+    """Have gymnasium check an environment in equilibria and one in motion: spaces, seeds, types, shapes."""
+    env = _env(text, dt=0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        # Its advice, for commands in SI units and observations without bounds; `RescaleAction` is for who wants it.
+        warnings.filterwarnings("ignore", message=".*(symmetric and normalized|infinity|different from the unwrapped)")
+        check_env(env, skip_render_check=True)
+    env.close()
+
+
+def test_episodes_with_the_same_seed_are_the_same() -> None:
+    """Play two episodes from one seed: goals, observations and rewards agree to the last bit; another seed differs."""
+    first, second = (_episode(_env(BAR), seed=7) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+    assert not np.array_equal(first, _episode(_env(BAR), seed=8))
+
+
+def test_the_goal_is_reached_by_a_command() -> None:
+    """Repeat what a seed draws: the command behind the goal brings the tip there, from a hundred times as far away."""
+    env = _env(BAR, dt=1.0)
+    env.reset(seed=3)
+    drawn = np_random(3)[0].uniform(env.action_space.low, env.action_space.high)
+    start = -env.step([0.0, 0.0])[1]
+    assert -env.step(drawn)[1] < 0.01 * start
+
+
+def test_callables_of_ones_own_decide() -> None:
+    """Give observation, reward and ending: the space follows the observation, and the episode ends by it."""
+    env = _env(
+        BAR,
+        observation=lambda simulation: simulation.probe_positions()["tip"][[0, 2]],
+        reward=lambda simulation, action: -float(action.sum()),
+        terminated=lambda simulation: simulation.time > 0.09,
+    )
+    seen, _ = env.reset()
+    assert env.observation_space.shape == seen.shape == (2,)
+    assert env.goal is None
+    _, reward, terminated, _, _ = env.step([2.0, 1.0])
+    assert (reward, terminated) == (-3.0, False)
+    assert env.step([2.0, 1.0])[2]
+
+
+def test_commands_beyond_the_range_count_as_its_end() -> None:
+    """Pull with 1000 N where 2 N are allowed: the actuator has 2 N."""
+    env = _env(BAR, dt=1.0)
+    env.reset()
+    env.step([1000.0, -5.0])
+    states = env.simulation.actuator_states()
+    assert [states[name].command for name in ("lower", "left")] == [2.0, 0.0]
+
+
+@pytest.mark.parametrize("action", [[np.nan, 0.0], [1.0], [[1.0, 2.0]]])
+def test_what_is_no_command_is_refused(action: Any) -> None:
+    """Give NaN and wrong shapes: an error that names the actuators, and the state stays."""
+    env = _env(BAR)
+    env.reset()
+    with pytest.raises(CommandError, match="lower"):
+        env.step(action)
+    assert env.simulation.time == 0.0
+
+
+def test_a_step_that_does_not_converge_truncates() -> None:
+    """Allow a single iteration a step: the episode is truncated, and the reason is told."""
+    env = _env(f"{BAR}solver: {{max_iterations: 1}}", reward=lambda simulation, action: 0.0)
+    env.reset()
+    _, _, terminated, truncated, info = env.step([2.0, 0.0])
+    assert (terminated, truncated, info["converged"]) == (False, True, False)
+    assert info["why"].startswith("not converged: ")
+
+
+def test_the_last_step_truncates() -> None:
+    """Make as many steps as an episode has: the last one, and only that, truncates it."""
+    env = _env(BAR, steps=3)
+    env.reset()
+    steps = [env.step([1.0, 0.0]) for _ in range(3)]
+    assert [step[3] for step in steps] == [False, False, True]
+    assert steps[-1][4]["why"] == "3 steps are over"
+
+
+def test_scenes_that_lack_something_are_refused() -> None:
+    """Take scenes without actuators, without a range, without probes: what is missing is named, and the key."""
+    with pytest.raises(GdfeError, match="no actuators"):
+        make_env("bend5")
+    with pytest.raises(GdfeError, match="left of scene 'bar' have no range"):
+        _env(BAR.replace(", range: [0, 1]", ""))
+    with pytest.raises(GdfeError, match="no probes"):
+        _env(BAR.replace("probes: {tip: [0.1, 0, 0]}", ""))
+
+
+def test_processes_agree_with_a_single_environment(tmp_path: Path) -> None:
+    """Run two environments in processes from two seeds: each has the rewards that it has alone."""
+    path = tmp_path / "bar.yaml"
+    path.write_text(BAR, encoding="utf-8")
+    vector = make_vector_env(str(path), 2)
+    try:
+        vector.reset(seed=[7, 8])
+        rewards = np.array([vector.step(np.full((2, 2), 0.3 * k))[1] for k in range(3)])
+    finally:
+        vector.close()
+    for place, seed in enumerate((7, 8)):
+        env = _env(BAR)
+        env.reset(seed=seed)
+        alone = [env.step([0.3 * k, 0.3 * k])[1] for k in range(3)]
+        np.testing.assert_array_equal(rewards[:, place], alone)
+
+
+def test_an_environment_needs_no_ros() -> None:
+    """Import it in a fresh process: rclpy is not among the modules."""
+    code = "import sys; from gdfe_ros.testing import make_env; assert 'rclpy' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def _env(text: str, **options: Any) -> SoftRobotEnv:
+    return make_env(scene_from_text(text, origin="of a test"), **options)
+
+
+def _episode(env: Any, *, seed: int) -> np.ndarray:
+    seen = [env.reset(seed=seed)[0]]
+    for value in (0.5, 2.0, 1.0):
+        now, reward, *_ = env.step([value, 0.0])
+        seen.append(np.append(now, reward)[: len(seen[0])])
+        seen.append(np.append(now, reward)[-len(seen[0]) :])
+    return np.array(seen)
