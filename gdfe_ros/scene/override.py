@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from typing import Any
 
 from gdfe_ros.scene.document import Document, parse_value
@@ -42,6 +44,13 @@ def apply_override(document: Document, key: str, value: Any, report: Report) -> 
         else:
             current = current[part] if isinstance(current, list) else current.setdefault(part, {})
     document.overridden.add(tuple(parts))
+
+
+def override_words(overrides: Mapping[str, Any]) -> list[str]:
+    """Write overrides as the node's parameter ``scene_overrides`` takes them: ``key=value``, the value in YAML."""
+    return [
+        f"{key}={value if isinstance(value, str) else json.dumps(_plain(value))}" for key, value in overrides.items()
+    ]
 
 
 def _join(parts: list[str | int]) -> str:
