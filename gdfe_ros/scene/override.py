@@ -17,7 +17,7 @@ def apply_override(document: Document, key: str, value: Any, report: Report) -> 
     Args:
         document: the scene's data, changed in place.
         key: keys and list indices joined by dots, e.g. ``program.handles.tip.1.translation``.
-        value: the value; a string is read as YAML, a numpy array or tuple becomes a list.
+        value: the value; a string is read as YAML, a numpy array or tuple becomes a list; None leaves the key out.
         report: takes a defect if the key leads nowhere.
     """
     parts: list[str | int] = list(key.split("."))
@@ -39,7 +39,9 @@ def apply_override(document: Document, key: str, value: Any, report: Report) -> 
         elif not isinstance(current, dict):
             report.add(("override", key), f"{_join(parts[:i])} is {current!r} and has no keys")
             return
-        if last:
+        if last and value is None and isinstance(current, dict):
+            current.pop(part, None)
+        elif last:
             current[part] = value
         else:
             current = current[part] if isinstance(current, list) else current.setdefault(part, {})
