@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from typing import Any
 
 from gdfe_ros.scene.document import Document, parse_value
@@ -15,7 +17,7 @@ def apply_override(document: Document, key: str, value: Any, report: Report) -> 
     Args:
         document: the scene's data, changed in place.
         key: keys and list indices joined by dots, e.g. ``program.handles.tip.1.translation``.
-        value: the value; a string is read as YAML, a numpy array or tuple becomes a list.
+        value: the value; a string is read as YAML, a numpy array or tuple becomes a list; None leaves the key out.
         report: takes a defect if the key leads nowhere.
     """
     parts: list[str | int] = list(key.split("."))
@@ -37,11 +39,20 @@ def apply_override(document: Document, key: str, value: Any, report: Report) -> 
         elif not isinstance(current, dict):
             report.add(("override", key), f"{_join(parts[:i])} is {current!r} and has no keys")
             return
-        if last:
+        if last and value is None and isinstance(current, dict):
+            current.pop(part, None)
+        elif last:
             current[part] = value
         else:
             current = current[part] if isinstance(current, list) else current.setdefault(part, {})
     document.overridden.add(tuple(parts))
+
+
+def override_words(overrides: Mapping[str, Any]) -> list[str]:
+    """Write overrides as the node's parameter ``scene_overrides`` takes them: ``key=value``, the value in YAML."""
+    return [
+        f"{key}={value if isinstance(value, str) else json.dumps(_plain(value))}" for key, value in overrides.items()
+    ]
 
 
 def _join(parts: list[str | int]) -> str:

@@ -54,9 +54,9 @@ class Consumed:
     def __init__(self, run: BagRun) -> None:
         known = {handle.name: handle for handle in run.scene.handles}
         handles = [known[name] for name in dict.fromkeys(name for record in run.records for name in record.handles)]
-        driven = {name for record in run.records for name in record.actuators}
-        self._actuators = {item.name: item for item in run.scene.actuators if item.name in driven}
-        self.inputs = [*map(target_key, handles), *([ACTUATION] if driven else [])]
+        self._driven = {name for record in run.records for name in (*record.actuators, *record.loads)}
+        self._actuators = {item.name: item for item in run.scene.actuators if item.name in self._driven}
+        self.inputs = [*map(target_key, handles), *([ACTUATION] if self._driven else [])]
         self._handles = {handle.name: (target_key(handle), _SentTurns(run, handle)) for handle in handles}
         self._poses: dict[str, Pose] = {}
         self._values: dict[str, float] = {}
@@ -65,11 +65,12 @@ class Consumed:
     def start(self, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> None:
         """Note what is in force before the next step."""
         self._poses = {name: targets[name] for name in self._handles}
-        self._values = {name: commands[name] for name in self._actuators}
+        self._values = {name: commands[name] for name in self._driven}
 
     def messages(self, record: StepRecord) -> dict[str, PoseStamped | JointState]:
         """Give one message for each of ``inputs``; none where the step consumed nothing."""
-        if not record.handles and not record.actuators:
+        values = {**record.actuators, **record.loads}
+        if not record.handles and not values:
             return {}
         poses = self._poses | dict(record.handles)
         messages: dict[str, PoseStamped | JointState] = {}
@@ -79,9 +80,9 @@ class Consumed:
             messages[key] = _target(pose, turn)
             self.inexact += turn is None
         self._poses = poses
-        if self._actuators:
-            messages[ACTUATION] = actuation(self._actuators, dict(record.actuators) or self._values)
-            self._values |= record.actuators
+        if self._driven:
+            messages[ACTUATION] = actuation(self._actuators, values or self._values)
+            self._values |= values
         return messages
 
 

@@ -21,6 +21,7 @@ from gdfe_ros.errors import RecordingError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.recording.provenance import STATE_FILE
 from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.scene.override import override_words
 from gdfe_ros.testing.client import PATIENCE
 from gdfe_ros.testing.consumed import ACTUATION, Consumed
 from gdfe_ros.testing.link import Link
@@ -91,7 +92,7 @@ class NodeReplay:
     def _parameters(self, folder: Path) -> dict[str, Any]:
         return {
             "scene": str(folder / "scene.yaml"),
-            "scene_overrides": [f"{key}={value}" for key, value in self._overrides.items()] or [""],
+            "scene_overrides": override_words(self._overrides) or [""],
             "autostart": False,
             "clock": "lockstep",
             "command_set": self._consumed.inputs or [""],
@@ -153,7 +154,7 @@ class NodeReplay:
 def _require_a_node(run: BagRun, record: StepRecord) -> None:
     """Refuse a first step, of the run or after a reset, that is more than the state that a node begins with."""
     begins = record is run.records[0] or record.begin is Begin.REST
-    if begins and (record.dt or record.handles or record.actuators):
+    if begins and (record.dt or record.handles or record.actuators or record.loads):
         raise RecordingError(
             f"step {record.step} of bag {run.reader.path} begins a run with a command or a time step, where a node "
             "only publishes the state; replay it without --ros"

@@ -17,6 +17,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import Trigger
 
@@ -24,14 +25,16 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN
-from gdfe_ros.node.interface.topics import ACTUATOR_COMMANDS, JACOBIAN
-from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, STEP
+from gdfe_ros.node.interface.topics import JACOBIAN
+from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.scene.loader import load_scene
+from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
+from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
-from gdfe_ros.testing.consumed import is_commanded, target_key
+from gdfe_ros.testing.consumed import ACTUATION, is_commanded, target_key
 from gdfe_ros.testing.process import NodeProcess
 from gdfe_ros.testing.state import Moment, State, moment_of, state_topics, unpack
 
@@ -48,7 +51,7 @@ class Simulator:
         overrides: over the scene, by dotted key, e.g. ``{"mesh.bar.cells": [20, 2, 2]}``.
         parameters: of the node, over what this class sets.
         inputs: command topics after the node's name whose commands make one step together. None: all targets and
-            ``commands``, for ``step`` and ``run``. For a controller that is a ROS node: what it publishes.
+            ``actuation``, for ``step`` and ``run``. For a controller that is a ROS node: what it publishes.
         bag: directory of a bag to record.
         patience: longest wait for anything [s]; the first start of all compiles: minutes on a busy machine.
 
@@ -71,6 +74,7 @@ class Simulator:
     ) -> None:
         self.scene = load_scene(scene, overrides=overrides)
         self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
+        self._actuators = {actuator.name: actuator for actuator in self.scene.actuators}
         self._patience = patience
         namespace = f"/gdfe_test_{os.getpid()}_{next(_numbers)}"
         self.name = f"{namespace}/{NODE_NAME}"
@@ -80,7 +84,7 @@ class Simulator:
         self._process = NodeProcess(
             {
                 "scene": str(scene),
-                "scene_overrides": [f"{key}={value}" for key, value in (overrides or {}).items()] or [""],
+                "scene_overrides": override_words(overrides or {}) or [""],
                 "autostart": False,
                 "clock": "lockstep",
                 # Stamps in simulation time: every run is the same, and a controller reads the time from any message.
@@ -97,17 +101,20 @@ class Simulator:
     def step(self, command: Command | None = None) -> State:
         """Make one step and return it; what is not commanded keeps its last command."""
         command = command or Command()
-        self._poses |= command.handles
-        self._values |= command.actuators
-        unknown = sorted((set(self._poses) - set(self._movable)) | (set(self._values) - set(self._neutral)))
+        values = {**command.actuators, **command.loads}
+        unknown = sorted((set(command.handles) - set(self._movable)) | (set(values) - set(self._values)))
         if unknown or not self._own:
             reason = f"nothing is called {unknown}" if unknown else "`inputs` were given; use `spin`"
             raise GdfeError(f"cannot step: {reason}")
+        self._poses |= command.handles
+        self._values |= values
         count = self.state.record.step + 1
         for name, publisher in self._targets.items():
             publisher.publish(pose_stamped(Header(), self._poses[name]))
-        if self._commands is not None:
-            self._commands.publish(Float64MultiArray(data=[self._values[name] for name in self._neutral]))
+        if self._actuation is not None:
+            self._actuation.publish(actuation(self._actuators, self._values))
+        if not self._inputs():
+            self._client.call(self._walk, Trigger.Request())
         self._wait(lambda: self.state.record.step >= count, "the step")
         return self.state
 
@@ -172,31 +179,32 @@ class Simulator:
             self._client.transition(label)
         self._wait(lambda: self.state is not None, "the first state")
         self._poses = dict.fromkeys(self._movable, Pose())
-        self._neutral = {
-            actuator.name: self.state.joints[actuator.name][0] if actuator.mode in _PRESENT else 0.0
-            for actuator in self.scene.actuators
+        self._values = {
+            name: self.state.joints[name][0] if actuator.mode in _PRESENT else 0.0
+            for name, actuator in self._actuators.items()
         }
-        self._values = dict(self._neutral)
+        self._values |= {load.name: LOAD_FACTOR for load in self.scene.loads}
 
     def _advertise(self) -> None:
         make = partial(self._node.create_publisher, qos_profile=1000)
-        self._targets, self._commands = {}, None
+        self._targets, self._actuation = {}, None
         if self._own:
             for name, key in self._movable.items():
                 self._targets[name] = make(PoseStamped, f"{self.name}/{key}")
-            if self.scene.actuators:
-                self._commands = make(Float64MultiArray, ACTUATOR_COMMANDS.name.replace("~", self.name))
+            if self.scene.actuators or self.scene.loads:
+                self._actuation = make(JointState, f"{self.name}/{ACTUATION}")
 
     def _meet(self) -> None:
-        """Make the service client, and wait until the node knows it and the subscriptions."""
+        """Make the service clients, and wait until the node knows it and the subscriptions."""
         self._jacobians: list[Float64MultiArray] = []
         topic = JACOBIAN.name.replace("~", self.name)
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
         self._differentiate = self._node.create_client(Trigger, COMPUTE_JACOBIAN.name.replace("~", self.name))
-        self._client.meet([self._differentiate])
+        self._walk = self._node.create_client(Trigger, STEP.name.replace("~", self.name))
+        self._client.meet([self._differentiate, self._walk])
 
     def _inputs(self) -> list[str]:
-        return [*self._movable.values()] + ([ACTUATOR_COMMANDS.name.removeprefix("~/")] if self.scene.actuators else [])
+        return [*self._movable.values()] + ([ACTUATION] if self.scene.actuators or self.scene.loads else [])
 
     def _receive(self, topic: str, message: Any) -> None:
         """Collect one message of each topic: every step publishes them all."""

@@ -135,6 +135,14 @@ def test_overrides_that_lead_nowhere_are_defects(sound: str, key: str, expected:
     assert expected in str(caught.value)
 
 
+def test_an_override_of_none_leaves_a_key_out(sound: str) -> None:
+    """Leave the program out: its source, as bags carry it, is read again as the same scene."""
+    for nothing in (None, "null"):
+        scene = scene_from_text(sound, overrides={"program": nothing})
+        assert scene.program is None
+        assert "program" not in scene_from_text(scene.source).source
+
+
 def test_source_is_the_file_itself_when_nothing_is_put_in(sound: str) -> None:
     """Keep comments and layout of the file in the source."""
     assert scene_from_text("# mine\n" + sound).source == "# mine\n" + sound

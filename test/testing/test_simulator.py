@@ -13,11 +13,15 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
 
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.testing import Simulator, State, tracking_error
+from gdfe_ros.testing.node_replay import NodeReplay
 
 COARSE = {"mesh.bar.cells": [20, 2, 2]}
 GOAL = 0.1
@@ -62,6 +66,36 @@ def test_a_controller_of_a_body_in_motion_reads_velocities_and_inertial_units() 
     with Simulator("bend5", overrides=COARSE) as simulator:
         assert simulator.state.velocities is None
         assert simulator.state.imus == {}
+
+
+def test_loads_are_commanded_and_replayed(tmp_path: Path) -> None:
+    """Weaken the weight of a bar step by step: each state is that of a simulation here, and its bag replays by ROS."""
+    overrides = {"mesh.bar.cells": [10, 1, 1], "dynamics": None, "handles.base.fixed": True}
+    (load,) = load_scene("drop", overrides=overrides).loads
+    same = Simulation(load_scene("drop", overrides=overrides))
+    same.step(dt=0.0)  # the node begins in equilibrium
+    with Simulator("drop", overrides=overrides, bag=tmp_path / "bag") as simulator:
+        for factor in (0.1, 0.05, 0.2):
+            state = simulator.step(Command(loads={load.name: factor}))
+            expected = same.step(Command(loads={load.name: factor}), dt=state.record.dt)
+            np.testing.assert_allclose(state.positions, expected.positions, atol=1e-7 * same.mesh.size)
+    for replay in (Replay(BagRun(tmp_path / "bag")), NodeReplay(BagRun(tmp_path / "bag"))):
+        assert replay.run().differences.verdict() is Verdict.IDENTICAL
+
+
+def test_a_scene_without_inputs_is_stepped() -> None:
+    """Step a bar in motion that nothing commands: time goes on."""
+    overrides = {"mesh.bar.cells": [10, 1, 1], "loads": {}, "program": None, "dynamics.velocity": [0.0, 0.0, 0.1]}
+    with Simulator("drop", overrides=overrides) as simulator:
+        assert [simulator.step().record.step for _ in range(3)] == [1, 2, 3]
+
+
+def test_an_unknown_name_leaves_the_commands_alone() -> None:
+    """Command a load that is not there: refused, and the next step is made all the same."""
+    with Simulator("bend5", overrides=COARSE) as simulator:
+        with pytest.raises(GdfeError, match="nothing is called"):
+            simulator.step(Command(loads={"wind": 1.0}))
+        assert simulator.step().record.step == 1
 
 
 class _Follower(Node):
