@@ -12,6 +12,7 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
+from gdfe_ros.materials.table import PENALTY
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import (
@@ -20,6 +21,7 @@ from gdfe_ros.solver.elements.fields import (
     strain_energies,
     volume_pressures,
 )
+from gdfe_ros.solver.elements.measures import update_pressures
 
 MakeBody = Callable[..., Body]
 GRADIENT = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
@@ -252,3 +254,18 @@ def test_full_volume_energy_of_nearly_incompressible_elements(make_body: MakeBod
     cube = bar([0.1, 0.1, 0.1], [1, 1, 1])
     energy = strain_energies(make_body(cube, law), 1.01 * cube.vertices)[0]
     assert energy == pytest.approx(quad(lambda j: law.bulk * (j - 1.0), 1.0, 1.01**3)[0] * 1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("pressure", [1e4, 0.0, -1e6, -1e9, -1e12])
+def test_pressures_stay_finite_however_far_an_element_is_crushed(
+    make_body: MakeBody, element: HexMesh, pressure: float
+) -> None:
+    """Crush an element to a hundredth: its new pressure is that of the volume J* with U'(J*) = p, to rounding."""
+    young, poisson = 1e5, 0.495
+    body = make_body(element, NeoHookean(young=young, poisson=poisson))
+    pressures, kappa = np.array([pressure]), body.table.parameters[0, PENALTY]
+    update_pressures(0.01 * element.vertices, np.zeros(1, np.int32), body.shape, body.material, body.table, pressures)
+    total, lame = pressure + kappa * (1e-6 - 1.0), young * poisson / (1.0 + poisson) / (1.0 - 2.0 * poisson)
+    target = 1.0 + (total - pressures[0]) / kappa
+    assert target > 0.0
+    assert lame * np.log(target) == pytest.approx(total * target, rel=1e-3)

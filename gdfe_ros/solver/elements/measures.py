@@ -96,7 +96,8 @@ def volume_at(total, table, k):
         return 1.0 + total / bulk
     lame = bulk - 2.0 / 3.0 * table.parameters[k, SHEAR]
     slope = min(total / lame, 0.3)
-    j = 1.0 + slope
+    # Below the root Newton's method climbs to it: log(j) - slope j is concave.
+    j = 1.0 + slope if slope > -0.9 else 1.0 / (1.0 - slope)
     for _ in range(NEWTON_STEPS):
         step = (math.log(j) - slope * j) / (1.0 / j - slope)
         j = max(j - step, 0.1 * j)
