@@ -99,7 +99,10 @@ class CertifiedMinimiser(TangentMinimiser):
     def _ask(self, task: Task, target: float) -> Estimate:
         self._product.begin(task)
         work = task.active.workspace
+        before = quasi_newton.largest(work.step)
         found = estimate(self._product, work.gradient, work.step, self._level.solve, target)
+        if found.known and before > 0.0:
+            self._shortfall = max(self._shortfall, found.distance / before)
         self._work += found.products
         return found
 

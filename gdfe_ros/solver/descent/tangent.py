@@ -62,7 +62,8 @@ class TangentMinimiser(Minimiser):
         super().__init__(body, weight, bending)
         self.lumps, self.tangent = (), None
         self._level, self._softness, self._finest = level, softness, TRUST * softness
-        self._distance, self._work, self._prepared = np.inf, 0, False
+        self._distance, self._shortfall = np.inf, 1.0
+        self._work, self._prepared = 0, False
         self._patient, self._free, self._worth = max(PATIENT, level.price), 0, max(WORTH, level.price)
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
@@ -72,7 +73,7 @@ class TangentMinimiser(Minimiser):
         """
         super().begin(active, start, warm=True)
         self.tangent, self._last = start.tangent, start.positions if warm else None
-        self._work, self._distance = 0, np.inf
+        self._work, self._distance, self._shortfall = 0, np.inf, 1.0
         self.lost, self._tangents = False, 0
         if self.tangent is not None:
             self._level.load(self.tangent)
@@ -123,11 +124,14 @@ class TangentMinimiser(Minimiser):
         return descended
 
     def _still_near(self, task: Task, target: float) -> bool:
-        """Tell whether multipliers that were updated leave what was near its equilibrium within the target [m]."""
+        """Tell whether multipliers that were updated leave what was near its equilibrium within the target [m].
+
+        The step of a kept tangent that has been found to fall short of the distance does so here, too.
+        """
         work = task.active.workspace
         task.precondition(work.gradient, work.step)
         self._prepared = True
-        left = SLACK * quasi_newton.largest(work.step)
+        left = SLACK * self._shortfall * quasi_newton.largest(work.step)
         if left <= target:
             self._distance = max(left, self._distance)
         return left <= target
@@ -156,5 +160,5 @@ class TangentMinimiser(Minimiser):
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
         work = task.active.workspace
         self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, damping=damping)
-        status, self._work = task.active.status, 0
+        status, self._work, self._shortfall = task.active.status, 0, 1.0
         status["count"], status["pending"], status["ended"], self._prepared = 0, 0, End.NONE, False
