@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cached_property
 from itertools import product
 from typing import ClassVar
 
@@ -14,6 +15,9 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints.handle import Handle
 from gdfe_ros.constraints.pose import Pose
+from gdfe_ros.mesh.solid import Solid
+
+NO_SAMPLES = np.zeros(0)
 
 RIM = 48
 """Points on each rim of a cylinder that moves freely."""
@@ -24,6 +28,7 @@ class Plane:
     """The half space below z = 0 of the obstacle's frame."""
 
     kind: ClassVar[int] = 0
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
 
     @property
     def numbers(self) -> tuple[float, float, float]:
@@ -37,6 +42,7 @@ class Sphere:
 
     radius: float
     kind: ClassVar[int] = 1
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
 
     @property
     def numbers(self) -> tuple[float, float, float]:
@@ -50,6 +56,7 @@ class Box:
 
     size: tuple[float, float, float]
     kind: ClassVar[int] = 2
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
 
     @property
     def numbers(self) -> tuple[float, float, float]:
@@ -80,6 +87,7 @@ class Capsule:
     radius: float
     length: float
     kind: ClassVar[int] = 3
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
 
     @property
     def numbers(self) -> tuple[float, float, float]:
@@ -94,6 +102,7 @@ class Cylinder:
     radius: float
     length: float
     kind: ClassVar[int] = 4
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
 
     @property
     def numbers(self) -> tuple[float, float, float]:
@@ -118,7 +127,26 @@ class Cylinder:
         return np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
 
 
-Form = Plane | Sphere | Box | Capsule | Cylinder
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """What a closed surface bounds, in the obstacle's frame."""
+
+    solid: Solid
+    kind: ClassVar[int] = 5
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """How many samples the kernels find behind all else."""
+        return float(len(self.samples)), 0.0, 0.0
+
+    @cached_property
+    def samples(self) -> NDArray[np.float64]:
+        """The grid as the kernels read it: first point (3,) [m], spacing [m], counts (3,), distances [m]."""
+        grid = self.solid
+        return np.concatenate([grid.start, [grid.cell], grid.distances.shape, grid.distances.ravel()])
+
+
+Form = Plane | Sphere | Box | Capsule | Cylinder | TriangleMesh
 
 
 def _no_vertices() -> NDArray[np.int32]:

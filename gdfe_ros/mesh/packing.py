@@ -10,6 +10,7 @@ import zlib
 from io import BytesIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.hexmesh import HexMesh
@@ -22,9 +23,12 @@ def pack_mesh(mesh: HexMesh) -> str:
     arrays = {"vertices": mesh.vertices, "cells": mesh.cells}
     arrays |= {_CELL_SET + name: ids for name, ids in mesh.cell_sets.items()}
     arrays |= {_VERTEX_SET + name: ids for name, ids in mesh.vertex_sets.items()}
-    buffer = BytesIO()
-    np.savez_compressed(buffer, **arrays)
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+    return _pack(arrays)
+
+
+def pack_surface(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> str:
+    """Return a surface of triangles in the same way."""
+    return _pack({"vertices": vertices, "triangles": triangles})
 
 
 def unpack_mesh(text: str) -> HexMesh:
@@ -33,10 +37,35 @@ def unpack_mesh(text: str) -> HexMesh:
     Raises:
         MeshError: the text is not such a mesh.
     """
+    arrays, vertices, cells = _unpack(text, "cells")
+    return HexMesh(
+        vertices,
+        cells,
+        {name.removeprefix(_CELL_SET): ids for name, ids in arrays.items() if name.startswith(_CELL_SET)},
+        {name.removeprefix(_VERTEX_SET): ids for name, ids in arrays.items() if name.startswith(_VERTEX_SET)},
+    )
+
+
+def unpack_surface(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the vertices (n, 3) [m] and triangles (t, 3) that `pack_surface` wrote.
+
+    Raises:
+        MeshError: the text is not such a surface.
+    """
+    return _unpack(text, "triangles")[1:]
+
+
+def _pack(arrays: dict[str, NDArray]) -> str:
+    buffer = BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _unpack(text: str, ids: str) -> tuple[dict[str, NDArray], NDArray, NDArray]:
     try:
         archive = np.load(BytesIO(base64.b64decode(text, validate=True)), allow_pickle=False)
         arrays = {name: archive[name] for name in archive.files}
-        vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
+        return arrays, arrays.pop("vertices"), arrays.pop(ids)
     except (
         binascii.Error,
         ValueError,
@@ -49,9 +78,3 @@ def unpack_mesh(text: str) -> HexMesh:
     ) as error:
         text = f"damaged: {error}; remedy: take the scene from its file or bag again"
         raise MeshError("the embedded mesh", [text]) from error
-    return HexMesh(
-        vertices,
-        cells,
-        {name.removeprefix(_CELL_SET): ids for name, ids in arrays.items() if name.startswith(_CELL_SET)},
-        {name.removeprefix(_VERTEX_SET): ids for name, ids in arrays.items() if name.startswith(_VERTEX_SET)},
-    )

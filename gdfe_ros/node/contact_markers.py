@@ -14,12 +14,15 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Sphere
+from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Sphere, TriangleMesh
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.scene.scene import Scene
 
 SHEET = (4.0, 0.005)
 """Edge and thickness of the sheet that stands for a plane, over the body's size."""
+MOST_TRIANGLES = 4000
+"""Of a mesh in one message; of a finer one vertices that are close together are drawn as one."""
 LONGEST = 0.3
 """Length of the arrow of the largest force so far, over the body's size."""
 _OBSTACLE, _BODY = (0.55, 0.57, 0.6, 0.6), (0.9, 0.55, 0.2, 1.0)
@@ -42,6 +45,8 @@ class ContactMarkers:
         self._things = [handle for handle in scene.handles if isinstance(handle, Obstacle)]
         self._size, self._middle = scene.mesh.size, scene.mesh.bounds.mean(axis=0)
         self._largest = 0.0
+        meshes = [thing for thing in self._things if isinstance(thing.form, TriangleMesh)]
+        self._triangles = {thing.name: _corners(thing.form.solid) for thing in meshes}
 
     def message(self, head: Header, poses: Mapping[str, Pose], points: NDArray[np.void]) -> MarkerArray:
         """Make the markers.
@@ -61,6 +66,7 @@ class ContactMarkers:
                 counts[thing.section] = marker.id + 1
                 marker.pose, marker.scale = _pose(origin + axes @ shift, axes), Vector3(**_named(size))
                 marker.color = _colour(_BODY if isinstance(thing, RigidBody) else _OBSTACLE)
+                marker.points = self._triangles.get(thing.name, [])
                 markers.append(marker)
         return MarkerArray(markers=[*markers, *self._arrows(head, points)])
 
@@ -75,6 +81,8 @@ class ContactMarkers:
                 yield Marker.CYLINDER, (2.0 * radius, 2.0 * radius, length), np.zeros(3)
                 for end in (-0.5, 0.5) if isinstance(thing.form, Capsule) else ():
                     yield Marker.SPHERE, (2.0 * radius,) * 3, np.array([0.0, 0.0, end * length])
+            case TriangleMesh():
+                yield Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), np.zeros(3)
             case _:
                 origin, axes = thing.frame(pose)
                 edge, thickness = (share * self._size for share in SHEET)
@@ -93,6 +101,17 @@ class ContactMarkers:
             marker.scale = Vector3(x=_SHAFT * self._size, y=_HEAD * self._size)
             marker.color = _colour(_SLIPS if slips else _STICKS)
             yield marker
+
+
+def _corners(solid: Solid) -> list[Point]:
+    """Return the corners of a solid's triangles, three by three, of at most `MOST_TRIANGLES`."""
+    corners, cell = solid.vertices[solid.triangles], solid.size / 512.0
+    while len(corners) > MOST_TRIANGLES:
+        near, place = np.unique(np.round(solid.vertices / cell), axis=0, return_inverse=True)
+        ids = place.reshape(-1)[solid.triangles]
+        flat = (ids == np.roll(ids, 1, axis=1)).any(axis=1)
+        corners, cell = cell * near[ids[~flat]], 1.3 * cell
+    return [Point(**_named(corner)) for corner in corners.reshape(-1, 3)]
 
 
 def _pose(origin: NDArray[np.float64], axes: NDArray[np.float64]) -> PoseMessage:

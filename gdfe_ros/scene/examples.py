@@ -121,6 +121,11 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{box: {size: [0.1, 0.2, 0.02]}, at: [0.1, 0, -0.09], rotation_deg: [0, 30, 0]}",
         "{capsule: {radius: 0.01, length: 0.1}}",
         "{cylinder: {radius: 0.01, length: 0.1}}",
+        "{mesh: {file: part.stl, scale: 0.001}}",
+    ),
+    obstacle_schema.TriangleMeshModel: (
+        "{file: part.stl, scale: 0.001, cell: 0.0005}",
+        "{embedded: QUJD, cell: 0.0005}   # as bags carry a surface",
     ),
     obstacle_schema.BodyModel: (
         "{box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.08], rotation_deg: [0, 0, 30], friction: 0.5}",

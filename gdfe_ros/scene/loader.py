@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from difflib import get_close_matches
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import actuation, builder
@@ -92,7 +93,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
         builder.require_held(mesh, part, handles, report)
     rigid = builder.build_bodies(draft, mesh, report)
-    handles = (*handles, *builder.build_obstacles(draft, report), *rigid)
+    handles = (*handles, *builder.build_obstacles(draft, mesh, report), *rigid)
     actuators = actuation.build_actuators(draft, mesh, report)
     probes = actuation.build_probes(draft, mesh, report)
     attached = actuation.build_masses(draft, mesh, probes, _names(document, "probes"), report)
@@ -121,7 +122,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         handles=handles,
         program=program,
         solver=solver,
-        source=_source(text, data, draft, mesh, changed=bool(overrides)),
+        source=_source(text, data, draft, mesh, handles, changed=bool(overrides)),
         path=path,
         actuators=actuators,
         loads=loads,
@@ -174,12 +175,19 @@ def _names(document: Document, section: str) -> list[str]:
     return [str(name) for name in entries] if isinstance(entries, dict) else []
 
 
-def _source(text: str, data: dict[str, Any], draft: Draft, mesh: HexMesh, *, changed: bool) -> str:
+def _source(
+    text: str, data: dict[str, Any], draft: Draft, mesh: HexMesh, handles: Sequence[Handle], *, changed: bool
+) -> str:
     """Return text that needs no other file: the text itself, or the data with the files' content put in."""
     embedded = draft.mesh.embed(mesh)
     if embedded is not None:
         data["mesh"] = embedded
         changed = True
+    for handle in handles:
+        model = draft.obstacles.get(handle.name)
+        if model is not None and model.mesh is not None:
+            data["obstacles"][handle.name]["mesh"] = model.mesh.embed(handle.form)
+            changed = True
     for name, material in draft.materials.items():
         table = getattr(material, "csv", None)
         if table is not None:

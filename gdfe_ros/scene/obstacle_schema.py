@@ -3,15 +3,28 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.constraints.obstacle import Box, Capsule, ContactPoints, Cylinder, Form, Obstacle, Plane, Sphere
+from gdfe_ros.constraints.obstacle import (
+    Box,
+    Capsule,
+    ContactPoints,
+    Cylinder,
+    Form,
+    Obstacle,
+    Plane,
+    Sphere,
+    TriangleMesh,
+)
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.mesh.packing import pack_surface, unpack_surface
+from gdfe_ros.mesh.solid import make_solid, read_solid
 from gdfe_ros.scene.entry import Choice, Entry
+from gdfe_ros.scene.paths import FilePath
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
 
@@ -19,9 +32,15 @@ _LENGTH = Quantity("length along z", "m", above=0.0, most=1e6)
 _RADIUS = Quantity("radius", "m", above=0.0, most=1e6)
 _SIZE = Quantity("edges [x, y, z]", "m", above=0.0, most=1e6, count=3)
 _NORMAL = Quantity("out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3)
-_AT = Quantity("where the middle of it is at rest, of a plane a point of it [x, y, z]", "m", count=3)
+_AT = Quantity(
+    "where the middle of it is at rest, of a plane a point of it, of a mesh its file's origin [x, y, z]", "m", count=3
+)
 _ROTATION = Quantity("rotation vector at rest [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 _DENSITY = Quantity("density", "kg/m^3", above=0.0, most=1e6)
+_SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
+_CELL = Quantity(
+    "spacing of the grid that has its distances; a 64th of its longest edge if left out", "m", above=0.0, most=1e6
+)
 _FRICTION = Quantity("Coulomb's coefficient", least=0.0, most=100.0)
 
 
@@ -51,6 +70,38 @@ class CylinderModel(Entry):
     length: Annotated[float, _LENGTH]
 
 
+class TriangleMeshModel(Choice):
+    """What a closed surface of triangles bounds; nested shells are cavities."""
+
+    options: ClassVar[tuple[str, ...]] = ("scale", "cell")
+
+    file: FilePath | None = Field(None, description="STL, OBJ, PLY or OFF file")
+    embedded: str | None = Field(None, description="a surface as a recorded scene carries it")
+    scale: Annotated[float, _SCALE] | None = None
+    cell: Annotated[float, _CELL] | None = None
+
+    @model_validator(mode="after")
+    def _scale_of_a_file(self) -> TriangleMeshModel:
+        if self.scale is not None and self.file is None:
+            raise ValueError("scale belongs to `file`; remove it here")
+        return self
+
+    def build(self) -> TriangleMesh:
+        """Return the form.
+
+        Raises:
+            MeshError: the surface cannot be read or used.
+        """
+        if self.file is not None:
+            return TriangleMesh(read_solid(self.file, scale=self.scale, cell=self.cell))
+        return TriangleMesh(make_solid(*unpack_surface(self.embedded), cell=self.cell, where="the embedded surface"))
+
+    def embed(self, form: TriangleMesh) -> dict[str, Any]:
+        """Return the entry that carries the surface itself."""
+        solid = form.solid
+        return {"embedded": pack_surface(solid.vertices, solid.triangles), "cell": solid.cell}
+
+
 class ObstacleModel(Choice):
     """A rigid thing that the body cannot enter; a pose moves it, as a handle."""
 
@@ -61,6 +112,7 @@ class ObstacleModel(Choice):
     box: BoxObstacleModel | None = None
     capsule: CapsuleModel | None = None
     cylinder: CylinderModel | None = None
+    mesh: TriangleMeshModel | None = None
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     friction: Annotated[float, _FRICTION] = 0.0
@@ -77,7 +129,11 @@ class ObstacleModel(Choice):
         return normal
 
     def build(self, name: str) -> Obstacle:
-        """Return the obstacle."""
+        """Return the obstacle.
+
+        Raises:
+            MeshError: its surface cannot be read or used.
+        """
         turn = Rotation.from_rotvec(np.radians(self.rotation_deg))
         if self.plane is not None:
             turn = turn * Rotation.align_vectors([self.plane], [[0.0, 0.0, 1.0]])[0]
@@ -100,7 +156,7 @@ class ObstacleModel(Choice):
             return Capsule(self.capsule.radius, self.capsule.length)
         if self.cylinder is not None:
             return Cylinder(self.cylinder.radius, self.cylinder.length)
-        return Plane()
+        return self.mesh.build() if self.mesh is not None else Plane()
 
 
 class BodyModel(Choice):

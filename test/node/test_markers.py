@@ -11,15 +11,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from gdfe_ros.colour_map import colour
 from gdfe_ros.constraints import Pose
+from gdfe_ros.contacts import POINT
 from gdfe_ros.mesh.generators import bar
+from gdfe_ros.mesh.packing import pack_surface
+from gdfe_ros.node.contact_markers import MOST_TRIANGLES, ContactMarkers
 from gdfe_ros.node.markers import SurfaceMarker
 from gdfe_ros.node.messages import pose_stamped
+from gdfe_ros.scene.loader import scene_from_text
 
 CUBE = """
 name: cube
@@ -111,6 +116,21 @@ def test_obstacles_and_forces_are_shown(client: Any, start: Callable, tmp_path: 
     assert np.linalg.norm(arrows[:, 1] - arrows[:, 0], axis=1).max() == pytest.approx(
         0.3 * 0.1 * np.sqrt(3.0), rel=1e-3
     )
+
+
+@pytest.mark.parametrize("subdivisions", [2, 5])
+def test_a_mesh_is_shown_as_its_triangles(subdivisions: int) -> None:
+    """Move a ball of triangles: they are told in its frame, all of a coarse one, at most so many of a fine one."""
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.02)
+    entry = {"mesh": {"embedded": pack_surface(ball.vertices, ball.faces)}, "at": [0.05, 0.0, -0.1]}
+    scene = scene_from_text(CUBE, overrides={"obstacles": {"part": entry}})
+    poses = {"part": Pose((0.0, 0.0, 0.01))}
+    _, marker = ContactMarkers(scene).message(Header(), poses, np.zeros(0, POINT)).markers
+    assert (marker.ns, marker.type, marker.scale.x) == ("obstacles", Marker.TRIANGLE_LIST, 1.0)
+    np.testing.assert_allclose(_place(marker.pose.position), [0.05, 0.0, -0.09])
+    triangles = np.array([_place(point) for point in marker.points]).reshape(-1, 3, 3)
+    assert len(triangles) == len(ball.faces) if subdivisions == 2 else 1000 < len(triangles) <= MOST_TRIANGLES
+    assert np.linalg.det(triangles).sum() / 6 == pytest.approx(ball.volume, rel=0.02)
 
 
 def _place(point: Any) -> list[float]:

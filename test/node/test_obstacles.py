@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from scipy.spatial.transform import Rotation
@@ -260,6 +261,20 @@ def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, 
     said = capsys.readouterr().out
     for text in ("ball: force", "sensor pad: force"):
         assert text in said
+
+
+def test_a_bag_replays_without_the_file_of_an_obstacle(tmp_path: Path, cube: str) -> None:
+    """Press a ball of triangles in, remove its file and the scene's: pose and wrench were told, the bag replays."""
+    trimesh.creation.icosphere(subdivisions=3, radius=40.0).export(tmp_path / "ball.stl")
+    scene, bag = Path(cube), tmp_path / "bag"
+    scene.write_text(CUBE.replace("{sphere: {radius: 0.04}", "{mesh: {file: ball.stl, scale: 0.001}"))
+    with Simulator(scene, bag=bag) as simulator:
+        state = simulator.step(Command(handles={"ball": Pose((0.0, 0.0, LIFT), (0.0, 0.1, 0.0))}))
+    assert state.poses["ball"].translation == (0.0, 0.0, LIFT)
+    assert state.wrenches["ball"][2] > 1.0
+    scene.unlink()
+    (tmp_path / "ball.stl").unlink()
+    assert Replay(BagRun(bag)).run().verdict() is Verdict.IDENTICAL
 
 
 def test_states_with_obstacles_are_saved_and_loaded(client: Any, start: Callable, cube: str, tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ class Contact(Term):
     def __init__(self, name: str, touched: Obstacle, body: Body, points: Surface | Corners, friction: float) -> None:
         self._touched, self._body, self._points = touched, body, points
         count, carriers = points.carriers.shape
-        reals = np.zeros(HEAD + STRIDE * count)
+        reals = np.concatenate([np.zeros(HEAD + STRIDE * count), touched.form.samples])
         integers = np.zeros(VERTICES + carriers * count, dtype=np.int32)
         reals[gap.NUMBERS : gap.FRICTION], reals[gap.FRICTION] = touched.form.numbers, friction
         integers[gap.KIND], integers[gap.CARRIERS], integers[gap.BODY : VERTICES] = touched.form.kind, carriers, -1
@@ -175,14 +175,16 @@ class Contact(Term):
             return NOTHING
         middle, axes = self._frame(state.positions, state.poses[self._touched.name])
         places, gaps, normals = self._points.at(state.positions)[on], np.empty(len(on)), np.empty((len(on), 3))
-        head = np.concatenate([axes.ravel(), middle, self._touched.form.numbers])
-        gap.distances(places, head, self._touched.form.kind, gaps, normals)
+        form = self._touched.form
+        head = np.concatenate([axes.ravel(), middle, form.numbers, form.samples])
+        gap.distances(places, head, form.kind, gaps, normals)
+        steepness = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)  # less than 1 at a mesh' edges
         return Touch(
             vertices=self._points.carriers[on, 0] if self.on_body else np.zeros(0, dtype=np.int32),
             places=places + origin,
-            normals=normals,
+            normals=normals / steepness[:, None],
             gaps=gaps,
-            presses=self.share * saved["press"][on],
+            presses=self.share * saved["press"][on] * steepness,
             shears=-self.share * saved["shear"][on] @ axes.T,
             slips=saved["slips"][on] > 0.0,
         )

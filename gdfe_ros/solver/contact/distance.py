@@ -7,8 +7,8 @@ import math
 
 from gdfe_ros.compiled import inlined
 
-PLANE, SPHERE, BOX, CAPSULE, CYLINDER = range(5)
-"""Kinds of forms, as `gdfe_ros.constraints.obstacle` numbers them."""
+PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
+"""Kinds of forms, as `gdfe_ros.constraints.obstacle` numbers them; a mesh has its grid (`grid.py`)."""
 
 
 @inlined

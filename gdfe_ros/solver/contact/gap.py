@@ -8,7 +8,8 @@ import math
 import numpy as np
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.solver.contact.distance import signed_distance
+from gdfe_ros.solver.contact.distance import MESH, signed_distance
+from gdfe_ros.solver.contact.grid import SURE, grid_distance
 
 AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
 """Where rotation, origin [m], the form's numbers, the coefficient and s_a (4, 3) [1/m] lie, and where points begin."""
@@ -76,12 +77,27 @@ def in_world(head, a, b, c):
 
 
 @inlined
+def distance_in_frame(kind, head, x, y, z):
+    """Return the distance [m] of a point of the frame from the obstacle, and its gradient there."""
+    if kind == MESH:
+        return grid_distance(head, int(head[NUMBERS]), x, y, z)
+    return signed_distance(kind, head[NUMBERS], head[NUMBERS + 1], head[NUMBERS + 2], x, y, z)
+
+
+@inlined
 def distance_at(kind, head, px, py, pz):
     """Return the distance [m] of a point from the obstacle, and the normal there, in world axes."""
     x, y, z = in_frame(head, px - head[ORIGIN], py - head[ORIGIN + 1], pz - head[ORIGIN + 2])
-    g, a, b, c = signed_distance(kind, head[NUMBERS], head[NUMBERS + 1], head[NUMBERS + 2], x, y, z)
+    g, a, b, c = distance_in_frame(kind, head, x, y, z)
     nx, ny, nz = in_world(head, a, b, c)
     return g, nx, ny, nz
+
+
+@inlined
+def unit(nx, ny, nz):
+    """Return the direction of a gradient, which at the edges of a mesh is shorter than 1; zero where there is none."""
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    return (nx / length, ny / length, nz / length) if length > 0.0 else (0.0, 0.0, 0.0)
 
 
 @inlined
@@ -123,17 +139,17 @@ def entries(starts, ends, reach, head, kind, planes):
         gone = 0.0
         for _ in range(MOST_STEPS):
             p = starts[i] + (gone / length) * way if length > 0.0 else starts[i]
-            a, b, c = head[NUMBERS], head[NUMBERS + 1], head[NUMBERS + 2]
-            g, nx, ny, nz = signed_distance(kind, a, b, c, p[0], p[1], p[2])
+            g, nx, ny, nz = distance_in_frame(kind, head, p[0], p[1], p[2])
             if gone == 0.0 and g < reach:
-                _, ex, ey, ez = signed_distance(kind, a, b, c, ends[i, 0], ends[i, 1], ends[i, 2])
+                _, ex, ey, ez = distance_in_frame(kind, head, ends[i, 0], ends[i, 1], ends[i, 2])
                 if nx * ex + ny * ey + nz * ez >= 0.0:
                     break
             if g < reach:
+                nx, ny, nz = unit(nx, ny, nz)
                 planes[i, 0], planes[i, 1], planes[i, 2] = nx, ny, nz
                 planes[i, 3] = nx * p[0] + ny * p[1] + nz * p[2] - g
                 break
-            gone += g
+            gone += g if kind != MESH else SURE * g
             if gone >= length:
                 break
 

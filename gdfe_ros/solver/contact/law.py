@@ -43,6 +43,7 @@ from gdfe_ros.solver.contact.gap import (
     in_world,
     point_at,
     take_frame,
+    unit,
 )
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
@@ -139,6 +140,7 @@ def update_multipliers(x, reals, integers):
         px, py, pz = point_at(x, reals, integers, i)
         g, nx, ny, nz = gap_at(kind, reals, r, px, py, pz)
         press = max(0.0, held - k * (g - reals[r + OFFSET]))
+        nx, ny, nz = unit(nx, ny, nz)
         change = abs(press - held)
         t0, t1, t2, _ = shear_at(reals, r, px, py, pz, reals[FRICTION] * press)
         along = t0 * nx + t1 * ny + t2 * nz

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 from gdfe_ros import Simulation
+from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.scene.loader import scene_from_text
 
 BALL = """
@@ -59,10 +61,16 @@ def test_a_ball_at_rest_presses_with_its_weight(scheme: str) -> None:
     assert result.contacts["floor"].forces[:, 2].sum() == pytest.approx(weight, rel=0.02)
 
 
-@pytest.mark.parametrize("thickness", [0.002, 0.05])
-def test_what_is_fast_does_not_pass_a_wall(thickness: float) -> None:
+@pytest.mark.parametrize(("thickness", "kind"), [(0.002, "box"), (0.05, "box"), (0.05, "mesh")])
+def test_what_is_fast_does_not_pass_a_wall(thickness: float, kind: str) -> None:
     """Shoot a cube at a wall, 20 m/s in steps of 5 ms, ten centimetres each: it bounces off, however thin the wall."""
-    simulation = Simulation(scene_from_text(SHOT, overrides={"obstacles.wall.box.size": [thickness, 1.0, 1.0]}))
+    surface = trimesh.creation.box((thickness, 1.0, 1.0))
+    forms = {
+        "box": {"size": [thickness, 1.0, 1.0]},
+        "mesh": {"embedded": pack_surface(surface.vertices, surface.faces), "cell": 0.01},
+    }
+    wall = {kind: forms[kind], "at": [0.32, 0.0, 0.0], "fixed": True}
+    simulation = Simulation(scene_from_text(SHOT, overrides={"obstacles.wall": wall}))
     fronts = []
     for _ in range(10):
         result = simulation.step()

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Pose
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Form, Obstacle, Plane, Sphere
+from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Form, Obstacle, Plane, Sphere, TriangleMesh
+from gdfe_ros.mesh.solid import make_solid
 from gdfe_ros.solver.contact import gap
 
 FORMS = [Plane(), Sphere(0.7), Box((1.0, 1.4, 0.6)), Capsule(0.4, 1.0), Cylinder(0.6, 0.8)]
@@ -16,12 +18,22 @@ FORMS = [Plane(), Sphere(0.7), Box((1.0, 1.4, 0.6)), Capsule(0.4, 1.0), Cylinder
 
 def gaps(obstacle: Obstacle, points: np.ndarray) -> np.ndarray:
     """Return the distance of points (k, 3) [m] from an obstacle."""
+    return gaps_and_normals(obstacle, points)[0]
+
+
+def gaps_and_normals(obstacle: Obstacle, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the distance of points (k, 3) [m] from an obstacle, and its gradient."""
     origin, axes = obstacle.frame(Pose())
-    head = np.concatenate([axes.ravel(), origin, obstacle.form.numbers, [0.0]])
+    head = np.concatenate([axes.ravel(), origin, obstacle.form.numbers, [0.0], obstacle.form.samples])
     found = np.empty(len(points))
     normals = np.empty_like(points)
     gap.distances(points, head, obstacle.form.kind, found, normals)
-    return found
+    return found, normals
+
+
+def meshed(surface: trimesh.Trimesh, cell: float | None = None) -> Obstacle:
+    """Return a surface of triangles as an obstacle."""
+    return Obstacle(name="mesh", form=TriangleMesh(make_solid(surface.vertices, surface.faces, cell=cell)))
 
 
 def on_surface(form: Form, count: int = 4000) -> np.ndarray:
@@ -72,3 +84,60 @@ def test_a_pose_moves_an_obstacle_about_its_own_origin() -> None:
     origin, axes = Obstacle(name="bar", form=Box((1, 2, 3)), origin=(1, 0, 0)).frame(Pose((0, 0, 2), (0, 0, np.pi / 2)))
     np.testing.assert_allclose(origin, [1, 0, 2])
     np.testing.assert_allclose(axes, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+
+
+def test_a_mesh_of_a_ball_is_as_far_away_as_the_ball() -> None:
+    """Within 3 cells of the surface the distance is right to a fortieth of a cell, the normal to a hundredth."""
+    mesh, ball = meshed(trimesh.creation.icosphere(subdivisions=5, radius=0.04)), Obstacle(name="b", form=Sphere(0.04))
+    ways = np.random.default_rng(5).normal(size=(2000, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    cell = mesh.form.solid.cell
+    points = ways * (0.04 + cell * np.random.default_rng(6).uniform(-3, 3, (2000, 1)))
+    found, normals = gaps_and_normals(mesh, points)
+    wanted, ways = gaps_and_normals(ball, points)
+    assert np.abs(found - wanted).max() < 0.025 * cell
+    assert np.abs(normals - ways).max() < 0.01
+
+
+def test_a_mesh_of_a_box_is_exact_off_its_edges() -> None:
+    """Flat faces are met to rounding, edges are round by less than two fifths of a cell."""
+    mesh, box = meshed(trimesh.creation.box((1.0, 1.4, 0.6))), Obstacle(name="b", form=Box((1.0, 1.4, 0.6)))
+    points = on_surface(Box((1.0, 1.4, 0.6))) + np.random.default_rng(7).normal(scale=0.01, size=(4000, 3))
+    cell, error = mesh.form.solid.cell, np.abs(gaps(mesh, points) - gaps(box, points))
+    faces = (np.sort(np.abs(np.abs(points) - [0.5, 0.7, 0.3]), axis=1)[:, 1] > 4 * cell) & (error < np.inf)
+    assert faces.sum() > 1000
+    assert error[faces].max() < 1e-14
+    assert error.max() < 0.4 * cell
+
+
+def test_beyond_its_grid_a_mesh_is_where_it_is() -> None:
+    """Far away the distance and the way there are right to a few per cent, and go on where the grid ends."""
+    mesh, ball = meshed(trimesh.creation.icosphere(subdivisions=4, radius=0.7)), Obstacle(name="b", form=Sphere(0.7))
+    points = np.random.default_rng(8).uniform(-4, 4, (4000, 3))
+    found, normals = gaps_and_normals(mesh, points)
+    wanted, ways = gaps_and_normals(ball, points)
+    outside = wanted > 0.1
+    np.testing.assert_allclose(found[outside], wanted[outside], rtol=0.1, atol=2e-3)
+    assert (np.einsum("ni,ni->n", normals, ways)[outside] > 0.9).all()
+    edge = mesh.form.solid.start[0] + mesh.form.solid.cell
+    across = gaps(mesh, np.array([[edge - 1e-9, 0.1, 0.2], [edge + 1e-9, 0.1, 0.2]]))
+    assert across[0] == pytest.approx(across[1], rel=0.01)
+
+
+def test_the_normal_of_a_mesh_is_the_exact_gradient() -> None:
+    """Central differences agree in the grid, at kinks of the distance, too."""
+    mesh = meshed(trimesh.creation.box((1.0, 1.4, 0.6)))
+    points = np.random.default_rng(9).uniform(-1.0, 1.0, (500, 3)) * [0.55, 0.75, 0.35]
+    _, normals = gaps_and_normals(mesh, points)
+    for axis, way in enumerate(1e-6 * np.eye(3)):
+        slopes = (gaps(mesh, points + way) - gaps(mesh, points - way)) / 2e-6
+        np.testing.assert_allclose(slopes, normals[:, axis], atol=1e-7)
+
+
+def test_a_mesh_survives_a_point_that_is_nowhere() -> None:
+    """Positions that are not numbers, or infinite, have such a distance, as with closed forms."""
+    mesh = meshed(trimesh.creation.box((1.0, 1.4, 0.6)))
+    found = gaps(mesh, np.array([[np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0], [0.0, -1e300, 0.0], [0.0, 0.0, 0.0]]))
+    assert not np.isfinite(found[:2]).any()
+    assert found[2] > 1e100
+    assert found[3] == pytest.approx(-0.3, abs=0.02)

@@ -7,9 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import trimesh
 
 from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.solver.contact import law
+
+BALL = trimesh.creation.icosphere(subdivisions=4, radius=0.04)
+MESH = {"mesh": {"embedded": pack_surface(BALL.vertices, BALL.faces)}}
 
 
 def touching(cube: Callable[..., Simulation], form: dict, friction: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -22,7 +27,7 @@ def touching(cube: Callable[..., Simulation], form: dict, friction: float) -> tu
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 10.0])
-@pytest.mark.parametrize("form", [{"sphere": {"radius": 0.04}}, {"box": {"size": [0.05, 0.05, 0.08]}}], ids=["s", "b"])
+@pytest.mark.parametrize("form", [{"sphere": {"radius": 0.04}}, {"box": {"size": [0.05, 0.05, 0.08]}}, MESH], ids="sbm")
 def test_the_gradient_is_that_of_the_energy(cube: Callable[..., Simulation], form: dict, friction: float) -> None:
     """Central differences of the energy agree with the forces, sticking or slipping."""
     x, reals, integers = touching(cube, form, friction)

@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.contact import ball_between_plates, hertz, tatara
 from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.scene.loader import scene_from_text
 
 REFERENCE = Path(__file__).parents[2] / "data" / "reference" / "contact_block_on_ball.npz"
@@ -50,6 +52,17 @@ def test_by_default_the_force_is_that_of_quadratic_elements(cube: Callable[..., 
     simulation = cube(mesh__bar__cells=[16, 16, 16])
     for move, force in QUADRATIC.items():
         assert lift(simulation, move) == pytest.approx(force, rel=0.02)
+
+
+def test_a_mesh_of_a_ball_presses_as_the_ball(cube: Callable[..., Simulation]) -> None:
+    """The same ball as triangles: forces within 0.7 % of the closed form's, within 1.5 times the iterations."""
+    surface, solid = trimesh.creation.icosphere(subdivisions=5, radius=0.04), cube(mesh__bar__cells=[8, 8, 8])
+    form = {"mesh": {"embedded": pack_surface(surface.vertices, surface.faces)}, "at": [0.05, 0, -0.09]}
+    mesh, iterations = cube(mesh__bar__cells=[8, 8, 8], obstacles__ball=form), np.zeros(2)
+    for move in (0.006, 0.012, 0.02):
+        assert lift(mesh, move) == pytest.approx(lift(solid, move), rel=0.007)
+        iterations += mesh.result.iterations, solid.result.iterations
+    assert iterations[0] < 1.5 * iterations[1]
 
 
 def test_nothing_enters_an_obstacle(cube: Callable[..., Simulation]) -> None:

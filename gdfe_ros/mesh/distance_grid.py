@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Signed distances to a closed surface of triangles on a grid, compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gdfe_ros.compiled import inlined, internal, kernel
+
+
+@inlined
+def dot(a, b):
+    """Return the inner product of two triples."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined
+def minus(a, b):
+    """Return the difference of two triples."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@inlined
+def along(a, d, b, e):
+    """Return a d + b e of two triples and their factors."""
+    return a * d[0] + b * e[0], a * d[1] + b * e[1], a * d[2] + b * e[2]
+
+
+@inlined
+def squared_distance(p, corners):
+    """Return the squared distance [m^2] of a point from a triangle (3, 3) [m] that has an area."""
+    a = corners[0, 0], corners[0, 1], corners[0, 2]
+    ab = minus((corners[1, 0], corners[1, 1], corners[1, 2]), a)
+    ac = minus((corners[2, 0], corners[2, 1], corners[2, 2]), a)
+    ap = minus(p, a)
+    g00, g01, g11, r0, r1 = dot(ab, ab), dot(ab, ac), dot(ac, ac), dot(ab, ap), dot(ac, ap)
+    area = g00 * g11 - g01 * g01
+    s, t = (g11 * r0 - g01 * r1) / area, (g00 * r1 - g01 * r0) / area
+    if s >= 0.0 and t >= 0.0 and s + t <= 1.0:
+        rest = minus(ap, along(s, ab, t, ac))
+        return dot(rest, rest)
+    s = min(max(r0 / g00, 0.0), 1.0)
+    rest = minus(ap, along(s, ab, 0.0, ac))
+    least = dot(rest, rest)
+    t = min(max(r1 / g11, 0.0), 1.0)
+    rest = minus(ap, along(0.0, ab, t, ac))
+    least = min(least, dot(rest, rest))
+    bc, bp = minus(ac, ab), minus(ap, ab)
+    u = min(max(dot(bc, bp) / dot(bc, bc), 0.0), 1.0)
+    rest = minus(bp, along(u, bc, 0.0, bc))
+    return min(least, dot(rest, rest))
+
+
+@internal
+def nearest_ones(middle, reach, corners, among, away, out):
+    """Write to ``out`` which of ``among`` may be the nearest to a point that is up to ``reach`` [m] from ``middle``.
+
+    ``away`` is of use for the work; returns how many they are.
+    """
+    least = math.inf
+    for m in range(len(among)):
+        away[m] = squared_distance(middle, corners[among[m]])
+        least = min(least, away[m])
+    most, found = ((math.sqrt(least) + 2.0 * reach) * (1.0 + 1e-12)) ** 2, 0
+    for m in range(len(among)):
+        if away[m] <= most:
+            out[found] = among[m]
+            found += 1
+    return found
+
+
+@kernel
+def grid_distances(start, cell, corners, out):
+    """Write the distance [m] of each point of a grid from the nearest triangle.
+
+    Blocks of points are halved along each axis down to points; each looks only at the triangles of the block that it is
+    part of that may be the nearest to one of its points.
+
+    Args:
+        start: (3,) [m] of the first point.
+        cell: spacing [m].
+        corners: (t, 3, 3) [m] of triangles that have an area.
+        out: (a, b, c).
+    """
+    levels = 1
+    while 2**levels < max(out.shape):
+        levels += 1
+    among, away = np.empty((levels, len(corners)), np.int64), np.empty(len(corners))
+    first, count, child = np.zeros((levels, 3), np.int64), np.zeros(levels, np.int64), np.zeros(levels, np.int64)
+    among[0], count[0], level = np.arange(len(corners)), len(corners), 0
+    while level >= 0:
+        e = child[level]
+        if e == 8:
+            level -= 1
+            continue
+        child[level] += 1
+        edge = 2 ** (levels - level - 1)
+        i, j, k = (
+            first[level, 0] + edge * (e & 1),
+            first[level, 1] + edge * (e >> 1 & 1),
+            first[level, 2] + edge * (e >> 2),
+        )
+        if i >= out.shape[0] or j >= out.shape[1] or k >= out.shape[2]:
+            continue
+        side = 0.5 * (edge - 1) * cell
+        middle = start[0] + i * cell + side, start[1] + j * cell + side, start[2] + k * cell + side
+        near = among[level, : count[level]]
+        if edge == 1:
+            least = math.inf
+            for m in range(len(near)):
+                least = min(least, squared_distance(middle, corners[near[m]]))
+            out[i, j, k] = math.sqrt(least)
+        else:
+            level += 1
+            count[level] = nearest_ones(middle, math.sqrt(3.0) * side, corners, near, away, among[level])
+            first[level, 0], first[level, 1], first[level, 2], child[level] = i, j, k, 0

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid solids from closed surfaces: signed distances on a grid, negative inside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.shells import points_inside, shells
+from gdfe_ros.mesh.voxels import examine_surface
+
+CELLS = 64
+"""Cells along the longest edge of a solid's bounding box where nobody says how large they are."""
+MARGIN = 4
+"""Cells of the grid beyond the bounding box, on each side."""
+MOST_POINTS = 4_000_000
+"""More points of a grid than this take minutes to find and gigabytes to work with."""
+VOLUME_ERROR = 0.3
+"""The grid's volume may differ from the surface's by this share before the grid counts as too coarse."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """What a closed surface bounds.
+
+    Attributes:
+        vertices: (n, 3) float64 [m].
+        triangles: (t, 3) int64.
+        cell: spacing of the grid [m].
+        start: (3,) [m] of the grid's first point.
+        distances: (a, b, c) float64 [m] of the grid's points from the surface, negative inside.
+    """
+
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    cell: float
+    start: NDArray[np.float64]
+    distances: NDArray[np.float64]
+
+    @property
+    def size(self) -> float:
+        """Diagonal of its bounding box [m]."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+
+def read_solid(surface: str | Path, *, scale: float | None = None, cell: float | None = None) -> Solid:
+    """Read a closed surface.
+
+    Args:
+        surface: an STL, OBJ, PLY or OFF file; nested shells are cavities.
+        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None takes metres and refuses what cannot
+            be meant so.
+        cell: spacing of the grid [m]; None for a 64th of the longest edge of the bounding box.
+
+    Raises:
+        MeshError: with every defect and its remedy.
+    """
+    where = f"surface {surface}"
+    vertices, triangles, defects = examine_surface(surface, scale=scale)
+    if defects:
+        raise MeshError(where, defects)
+    return make_solid(vertices, triangles, cell=cell, where=where)
+
+
+def make_solid(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, cell: float | None = None, where: str = "surface"
+) -> Solid:
+    """Return the solid that a closed surface bounds; a grid that is known already is not made again.
+
+    Args:
+        vertices: (n, 3) [m].
+        triangles: (t, 3) vertex ids of a closed surface; they face outwards.
+        cell: as for `read_solid`.
+        where: what to call the surface in an error.
+
+    Raises:
+        MeshError: the surface is inside out, or the grid too fine or too coarse for it.
+    """
+    vertices, triangles = np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
+    a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+    if not volume > 0.0:
+        remedy = "remedy: turn its triangles around (MeshLab: Invert Faces Orientation, Blender: Recalculate Outside)"
+        raise MeshError(where, [f"the surface is inside out: it bounds a volume of {volume:.3g} m^3; {remedy}"])
+    extent = np.ptp(vertices, axis=0)
+    cell = float(extent.max()) / CELLS if cell is None else cell
+    count = np.ceil(extent / cell) + 2 * MARGIN + 1
+    if count.prod() > MOST_POINTS:
+        fitting = cell * (count.prod() / MOST_POINTS) ** (1 / 3)
+        text = f"cell = {cell:g} m gives a grid of {count.prod():.3g} points; allowed: up to {MOST_POINTS:.3g}"
+        raise MeshError(where, [f"{text}; remedy: a cell of at least {fitting:.2g} m"])
+    solid = _measured(vertices.tobytes(), triangles.tobytes(), cell)
+    share = float((solid.distances < 0.0).sum()) * cell**3 / shells(vertices, triangles).volume
+    if abs(share - 1.0) > VOLUME_ERROR:
+        remedy = "remedy: a smaller cell, at most half the thinnest wall; parts that overlap must be made one"
+        raise MeshError(where, [f"cell = {cell:g} m: the grid has {share:.0%} of the surface's volume; {remedy}"])
+    return solid
+
+
+@lru_cache(maxsize=8)
+def _measured(vertex_bytes: bytes, triangle_bytes: bytes, cell: float) -> Solid:
+    from gdfe_ros.mesh.distance_grid import grid_distances  # scenes without such obstacles load without numba
+
+    vertices = np.frombuffer(vertex_bytes).reshape(-1, 3)
+    triangles = np.frombuffer(triangle_bytes, dtype=np.int64).reshape(-1, 3)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    count = np.ceil((high - low) / cell).astype(int) + 2 * MARGIN + 1
+    start = 0.5 * (low + high) - 0.5 * cell * (count - 1)
+    corners = vertices[triangles]
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    distances = np.empty(count)
+    grid_distances(start, cell, np.ascontiguousarray(corners[doubled > 1e-12 * doubled.max()]), distances)
+    distances[points_inside((vertices - start) / cell, triangles, tuple(count))] *= -1.0
+    distances.flags.writeable = False
+    return Solid(vertices, triangles, cell, start, distances)
