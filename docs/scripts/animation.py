@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The moving pictures of README and docs/: ``python -m docs.scripts.animation`` makes the runs and draws them.
 
-Robots play their scene's program; a bag is shown beside its replay.
+Robots play their scene's program; a bag is shown beside its replay, a slender bar with and without the second level.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from docs.scripts.slender_bar import draw_iterations
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagSteps
@@ -98,7 +99,7 @@ def _write(pictures: Sequence[Image.Image], name: str) -> Path:
 
 def main() -> None:
     """Draw all of them."""
-    for path in [*map(draw_robot, ROBOTS), draw_replay(BAG)]:
+    for path in [*map(draw_robot, ROBOTS), draw_replay(BAG), _write(draw_iterations(), "slender_bar")]:
         print(f"written: {path} ({path.stat().st_size / 1e3:.0f} kB)")
 
 
