@@ -56,7 +56,8 @@ def _in_browser(scene: Scene, arguments: argparse.Namespace) -> None:
                 _row("slider's move until the moved body is drawn", f"{_delay(browser):.0f} ms", "100 ms")
                 browser.press("play the program")
                 time.sleep(arguments.seconds)
-                moments = [moment for moment, _ in browser.frames() if moment > browser.frames()[-1][0] - 5e3]
+                drawn = [moment for moment, _ in browser.frames()]
+                moments = [moment for moment in drawn if moment > drawn[-1] - 5e3]
                 rate = 1e3 * (len(moments) - 1) / (moments[-1] - moments[0])
                 _row("frames that reach the graphics card while it plays", f"{rate:.1f} a second", "30")
                 browser.press("pause")
