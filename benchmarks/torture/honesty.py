@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.torture.case import Case, Finding, Group
+from benchmarks.torture.slender_bodies import SLENDER_BODIES
 from gdfe_ros.scene import Scene, load_scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
@@ -78,7 +79,9 @@ STREAMS: Mapping[str, Stream] = {
         name: Stream(partial(load_scene, name), 100, 6)
         for name in ("tendon_finger", "gripper", "bending_tube", "pneunet", "three_chamber_arm")
     },
+    **{name: Stream(scene, 50, 5) for name, scene in SLENDER_BODIES.items()},
     **{name: Stream(partial(load_scene, name), 50, 6) for name in STOCKY},
+    "plate 1:100, fine": Stream(partial(_bar, (0.1, 0.1, 0.001), (100, 100, 1), 0.65), 100, 3),
 }
 
 

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Slender and thin bodies that the solver was not made with: ring, helix, shell, truss, hairs, hinged chain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.subset import keep_cells
+from gdfe_ros.scene import Scene, scene_from_text
+
+CLAMP = "clamp"
+"""The vertex set that is held."""
+TEXT = """
+name: slender
+mesh: {{embedded: {mesh}}}
+materials:
+  soft: {{law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1000}}
+  hard: {{law: neo_hookean, young: 1.0e9, poisson: 0.45, density: 1000}}
+regions: [{{material: soft}}{hard}]
+handles: {{base: {{where: {{set: {clamp}}}, fixed: true}}}}
+loads: {{weight: {{gravity: [0, 0, {gravity}]}}}}
+solver: {{max_iterations: 5000}}
+"""
+Warp = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def _scene(mesh: HexMesh, held: NDArray[np.bool_], gravity: float, hard: str = "") -> Scene:
+    kept = HexMesh(mesh.vertices, mesh.cells, {}, {CLAMP: np.flatnonzero(held)})
+    return scene_from_text(TEXT.format(mesh=pack_mesh(kept), clamp=CLAMP, gravity=gravity, hard=hard))
+
+
+def _bent(size: tuple[float, float, float], cells: tuple[int, int, int], warp: Warp, gravity: float) -> Scene:
+    """Return a bar or plate along x that is bent to another shape and held where it begins."""
+    straight = bar(size, cells)
+    return _scene(HexMesh(warp(straight.vertices), straight.cells, {}, {}), straight.vertices[:, 0] == 0.0, gravity)
+
+
+def ring() -> Scene:
+    """Return a ring of fifty times its thickness, slit at the bottom and held at one lip, that its weight opens."""
+
+    def warp(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        angle, radius = (points[:, 0] / 0.3 * 1.96 - 0.48) * np.pi, 0.05 - points[:, 2]
+        return np.stack([radius * np.cos(angle), points[:, 1], radius * np.sin(angle)], axis=1)
+
+    return _bent((0.3, 0.006, 0.006), (120, 2, 2), warp, -1.5)
+
+
+def helix() -> Scene:
+    """Return a spring of three turns that hangs from its upper end."""
+
+    def warp(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        angle, radius = 6.0 * np.pi * points[:, 0] / 0.6, 0.03 - points[:, 1]
+        return np.stack([radius * np.cos(angle), radius * np.sin(angle), points[:, 2] - 0.1 * points[:, 0]], axis=1)
+
+    return _bent((0.6, 0.005, 0.005), (180, 2, 2), warp, -0.5)
+
+
+def shell() -> Scene:
+    """Return half a cylinder of a fiftieth of its radius, held along one edge, that its weight closes or opens."""
+
+    def warp(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        angle, radius = np.pi * points[:, 0] / 0.15, 0.05 + points[:, 2]
+        return np.stack([-radius * np.cos(angle), points[:, 1], radius * np.sin(angle)], axis=1)
+
+    return _bent((0.15, 0.1, 0.001), (30, 20, 1), warp, -0.3)
+
+
+def truss() -> Scene:
+    """Return a lattice of bars of ten times their thickness, four by two fields, held at one end."""
+    whole = bar((0.205, 0.005, 0.105), (41, 1, 21))
+    column, row = np.floor(whole.vertices[whole.cells].mean(axis=1)[:, [0, 2]] / 0.005).astype(int).T
+    mesh = keep_cells(whole, (column % 10 == 0) | (row % 10 == 0))
+    return _scene(mesh, mesh.vertices[:, 0] == 0.0, -4.0)
+
+
+def hairs() -> Scene:
+    """Return a block that is held at the bottom, with two hairs of fifty times their thickness at its side."""
+    whole = bar((0.24, 0.04, 0.04), (60, 10, 10))
+    x, y, z = np.floor(whole.vertices[whole.cells].mean(axis=1) / 0.004).astype(int).T
+    mesh = keep_cells(whole, (x < 10) | ((z == 0) & ((y == -3) | (y == 2))))
+    block = mesh.vertices[:, 0] < 0.0401
+    return _scene(mesh, block & (mesh.vertices[:, 2] == mesh.vertices[:, 2].min()), -0.3)
+
+
+def chain() -> Scene:
+    """Return a chain of hard links that soft hinges of a quarter of their height join."""
+    whole = bar((0.2, 0.02, 0.02), (50, 4, 4))
+    column, _, row = np.floor(whole.vertices[whole.cells].mean(axis=1) / [0.004, 0.005, 0.005]).astype(int).T
+    mesh = keep_cells(whole, (column % 10 < 8) | (row == 1))
+    links = "".join(f", {{material: hard, where: {{box: {{x: [{x:g}, {x + 0.032:g}]}}}}}}" for x in np.arange(5) * 0.04)
+    return _scene(mesh, mesh.vertices[:, 0] == 0.0, -1.0, links)
+
+
+SLENDER_BODIES: Mapping[str, Callable[[], Scene]] = {
+    "ring": ring,
+    "helix": helix,
+    "shell": shell,
+    "truss": truss,
+    "block with hairs": hairs,
+    "hinged chain": chain,
+}
