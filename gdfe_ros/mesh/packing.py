@@ -7,14 +7,17 @@ import base64
 import binascii
 import zipfile
 import zlib
+from dataclasses import fields
 from io import BytesIO
 
 import numpy as np
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.hexmesh import HexMesh
 
-_CELL_SET, _VERTEX_SET = "cell_set:", "vertex_set:"
+_CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"
+_FILLED = tuple(item.name for item in fields(Filling))
 
 
 def pack_mesh(mesh: HexMesh) -> str:
@@ -22,6 +25,8 @@ def pack_mesh(mesh: HexMesh) -> str:
     arrays = {"vertices": mesh.vertices, "cells": mesh.cells}
     arrays |= {_CELL_SET + name: ids for name, ids in mesh.cell_sets.items()}
     arrays |= {_VERTEX_SET + name: ids for name, ids in mesh.vertex_sets.items()}
+    if mesh.filling is not None:
+        arrays |= {_FILLING + item.name: getattr(mesh.filling, item.name) for item in fields(mesh.filling)}
     buffer = BytesIO()
     np.savez_compressed(buffer, **arrays)
     return base64.b64encode(buffer.getvalue()).decode("ascii")
@@ -37,10 +42,13 @@ def unpack_mesh(text: str) -> HexMesh:
         archive = np.load(BytesIO(base64.b64decode(text, validate=True)), allow_pickle=False)
         arrays = {name: archive[name] for name in archive.files}
         vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
+        filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
+        filling = Filling(**filled) if filled else None
     except (
         binascii.Error,
         ValueError,
         KeyError,
+        TypeError,
         EOFError,
         OSError,
         AttributeError,
@@ -54,4 +62,5 @@ def unpack_mesh(text: str) -> HexMesh:
         cells,
         {name.removeprefix(_CELL_SET): ids for name, ids in arrays.items() if name.startswith(_CELL_SET)},
         {name.removeprefix(_VERTEX_SET): ids for name, ids in arrays.items() if name.startswith(_VERTEX_SET)},
+        filling,
     )
