@@ -41,7 +41,8 @@ def make_stepper(
 
     if scene.dynamics is None:
         return Stepper(body, settings, acting())
-    mass = mass_matrix(body.rest, body.cells, cell_densities(scene.materials, scene.cell_material), scene.masses)
+    density, filling = cell_densities(scene.materials, scene.cell_material), scene.mesh.filling
+    mass = mass_matrix(body.rest, body.cells, density, scene.masses, filling=filling)
     return MotionStepper(body, settings, scene.dynamics, mass, acting)
 
 
@@ -53,7 +54,8 @@ def scene_body(scene: Scene, origin: NDArray[np.float64]) -> Body:
     handles = [handle.seen_from(origin) for handle in scene.handles]
     rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
     rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
-    return Body.build(rest, scene.mesh.cells, tuple(scene.materials.values()), scene.cell_material, handles)
+    mesh, materials = scene.mesh, tuple(scene.materials.values())
+    return Body.build(rest, mesh.cells, materials, scene.cell_material, handles, mesh.filling)
 
 
 def usual_steps(scene: Scene, policy: Policy) -> int | None:

@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from benchmarks import contact, motion
+from benchmarks import contact, cut_cells, motion
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.node import tables as node_tables
 from benchmarks.tables import all_tables, tables_beside
@@ -43,6 +43,7 @@ def texts() -> dict[str, str]:
     }
     found |= motion.all_tables(json.loads((DATA / "motion.json").read_text()))
     found |= contact.all_tables(json.loads((DATA / "contact.json").read_text()))
+    found |= cut_cells.all_tables(json.loads((DATA / "cut_cells.json").read_text()))
     for name in ("bench", "skip", "torture"):
         found |= all_tables(json.loads((DATA / f"{name}.json").read_text()))
     return {name: text.strip() for name, text in found.items()}

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import Embedding
-from gdfe_ros.mesh.operators import CORNERS
+from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.operators import CORNERS, trilinear_weights
 
 GAUSS = 3.0**-0.5
 
@@ -48,16 +49,18 @@ class Gravity:
         acceleration: (3,) [m/s^2].
         density: (m,) of each cell [kg/m^3].
         attached: masses that weigh, too.
+        filling: how far the cells are filled; None: wholly.
     """
 
     name: str
     acceleration: NDArray[np.float64]
     density: NDArray[np.float64]
     attached: tuple[AttachedMass, ...] = ()
+    filling: Filling | None = None
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
         """Return the force at each vertex (n, 3) [N]: each corner's share of the mass is exact for trilinear cells."""
-        share = corner_volumes(rest, cells)
+        share = corner_volumes(rest, cells, self.filling)
         forces = _collect(len(rest), cells, (self.density[:, None] * share)[..., None] * self.acceleration)
         for item in self.attached:
             forces += item.forces(len(rest), self.acceleration)
@@ -105,21 +108,29 @@ class SurfaceLoad:
 Load = Gravity | PointLoad | SurfaceLoad
 
 
-def corner_volumes(rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
+def corner_volumes(
+    rest: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
+) -> NDArray[np.float64]:
     """Return the share of each corner in the volume of each trilinear cell, (m, 8) [m^3], by 2 x 2 x 2 Gauss points."""
-    return sum(volume[:, None] * shape for volume, shape in gauss_points(rest, cells))
+    return sum(volume[:, None] * shape for volume, shape in gauss_points(rest, cells, filling))
 
 
 def gauss_points(
-    rest: NDArray[np.float64], cells: NDArray[np.int32]
+    rest: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Yield, for each of 2 x 2 x 2 points, the volume (m,) [m^3] it stands for in each cell and its shape (8,)."""
+    """Yield, for each of 2 x 2 x 2 points, the volume (m,) [m^3] it stands for in each cell and its shape (1 or m, 8).
+
+    The points of a cell that is filled in part are those of its box, and stand for the material only.
+    """
     corners = rest[cells]
     for point in GAUSS * CORNERS:
         factors = 1.0 + CORNERS * point
         local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
         volume = np.linalg.det(np.einsum("eai,aj->eij", corners, local))
-        yield volume, 0.125 * factors.prod(axis=1)
+        if filling is None:
+            yield volume, 0.125 * factors.prod(axis=1)[None]
+        else:
+            yield filling.share * volume, trilinear_weights(filling.points(point[None])[:, 0])
 
 
 def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:

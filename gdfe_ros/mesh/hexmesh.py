@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces, boundary_faces
+from gdfe_ros.mesh.filling import Filling
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +25,7 @@ class HexMesh:
             the bottom counter-clockwise seen from the top, then the four of the top above them).
         cell_sets: named sorted cell ids, int32 (physical groups, element sets of an imported file).
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
+        filling: how far the cells are filled with material; None: wholly.
 
     Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` looks at
     the content.
@@ -36,6 +38,7 @@ class HexMesh:
     cells: NDArray[np.int32]
     cell_sets: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
     vertex_sets: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
+    filling: Filling | None = None
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from gdfe_ros.mesh.filling import Filling
 
 CORNERS = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
@@ -33,10 +36,10 @@ class ShapeOperators(NamedTuple):
 
     Attributes:
         cells: (m, 8) int32 corner vertices, VTK order.
-        volume: (m,) float64 [m^3].
+        volume: (m,) float64 [m^3] of the material.
         gradient: (m, 8, 3) float64 [1/m], exact volume average of the trilinear gradients (Flanagan and
             Belytschko 1981): the mean deformation gradient is F = sum_a x_a (x) g_a.
-        hourglass: (m, 4, 8) float64, unit vectors gamma_k orthogonal to every linear field.
+        hourglass: (m, 4, 8) float64, vectors gamma_k orthogonal to every linear field, of unit length in whole cells.
         edge_axes: (m, 3, 3) float64, row i is the unit direction of the element's i-th edge at rest.
         edge_lengths: (m, 3) float64 [m], mean length of the edges along each direction.
         reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
@@ -55,12 +58,35 @@ class ShapeOperators(NamedTuple):
     corner_ratio: NDArray[np.float64]
 
 
-def shape_operators(vertices: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeOperators:
+def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the weights (..., 8) of a cell's corners at reference coordinates (..., 3)."""
+    return 0.125 * np.prod(1.0 + reference[..., None, :] * CORNERS, axis=-1)
+
+
+def shape_operators(
+    vertices: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
+) -> ShapeOperators:
     """Compute the operators of all elements from rest vertices (n, 3) [m] and cells (m, 8).
 
-    The volume and the mean gradient are integrated with 2 x 2 x 2 Gauss points, exact for trilinear shapes.
+    The volume and the mean gradient are integrated with 2 x 2 x 2 Gauss points, exact for trilinear shapes. A cut
+    cell has the operators of the box that its ``filling`` is, carried by the cell's corners.
     """
     corners = vertices[cells]
+    shape = _operators(corners, cells)
+    if filling is None or len(filling.cut) == 0:
+        return shape
+    cut, weights = filling.cut, filling.boxes
+    box = _operators(np.einsum("kba,kai->kbi", weights, corners[cut]), cells[cut])
+    shape.volume[cut] *= filling.share[cut]
+    shape.gradient[cut] = np.einsum("kba,kbi->kai", weights, box.gradient)
+    shape.hourglass[cut] = np.einsum("kba,kmb->kma", weights, box.hourglass)
+    shape.edge_axes[cut], shape.edge_lengths[cut] = box.edge_axes, box.edge_lengths
+    shape.reference[cut], shape.parallel[cut] = box.reference, False
+    return shape
+
+
+def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeOperators:
+    """Compute the operators of whole elements with ``corners`` (m, 8, 3) [m]."""
     volume = np.zeros(len(cells))
     weighted = np.zeros((len(cells), 8, 3))
     for point in CORNERS / np.sqrt(3.0):

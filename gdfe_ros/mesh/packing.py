@@ -7,15 +7,20 @@ import base64
 import binascii
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields
 from io import BytesIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.hexmesh import HexMesh
 
-_CELL_SET, _VERTEX_SET = "cell_set:", "vertex_set:"
+_CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"
+_FILLED = tuple(item.name for item in fields(Filling))
 
 
 def pack_mesh(mesh: HexMesh) -> str:
@@ -23,6 +28,8 @@ def pack_mesh(mesh: HexMesh) -> str:
     arrays = {"vertices": mesh.vertices, "cells": mesh.cells}
     arrays |= {_CELL_SET + name: ids for name, ids in mesh.cell_sets.items()}
     arrays |= {_VERTEX_SET + name: ids for name, ids in mesh.vertex_sets.items()}
+    if mesh.filling is not None:
+        arrays |= {_FILLING + item.name: getattr(mesh.filling, item.name) for item in fields(mesh.filling)}
     return _pack(arrays)
 
 
@@ -37,12 +44,17 @@ def unpack_mesh(text: str) -> HexMesh:
     Raises:
         MeshError: the text is not such a mesh.
     """
-    arrays, vertices, cells = _unpack(text, "cells")
+    with _undamaged():
+        arrays = _unpack(text)
+        vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
+        filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
+        filling = Filling(**filled) if filled else None
     return HexMesh(
         vertices,
         cells,
         {name.removeprefix(_CELL_SET): ids for name, ids in arrays.items() if name.startswith(_CELL_SET)},
         {name.removeprefix(_VERTEX_SET): ids for name, ids in arrays.items() if name.startswith(_VERTEX_SET)},
+        filling,
     )
 
 
@@ -52,7 +64,9 @@ def unpack_surface(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     Raises:
         MeshError: the text is not such a surface.
     """
-    return _unpack(text, "triangles")[1:]
+    with _undamaged():
+        arrays = _unpack(text)
+        return arrays["vertices"], arrays["triangles"]
 
 
 def _pack(arrays: dict[str, NDArray]) -> str:
@@ -61,15 +75,21 @@ def _pack(arrays: dict[str, NDArray]) -> str:
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def _unpack(text: str, ids: str) -> tuple[dict[str, NDArray], NDArray, NDArray]:
+def _unpack(text: str) -> dict[str, NDArray]:
+    archive = np.load(BytesIO(base64.b64decode(text, validate=True)), allow_pickle=False)
+    return {name: archive[name] for name in archive.files}
+
+
+@contextmanager
+def _undamaged() -> Iterator[None]:
+    """Tell of a text that is not what it should be."""
     try:
-        archive = np.load(BytesIO(base64.b64decode(text, validate=True)), allow_pickle=False)
-        arrays = {name: archive[name] for name in archive.files}
-        return arrays, arrays.pop("vertices"), arrays.pop(ids)
+        yield
     except (
         binascii.Error,
         ValueError,
         KeyError,
+        TypeError,
         EOFError,
         OSError,
         AttributeError,

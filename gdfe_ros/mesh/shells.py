@@ -82,21 +82,40 @@ def points_inside(
         Shape `count`.
     """
     toggles = np.zeros((count[0], count[1], count[2] + 1), dtype=np.uint8)
-    corners = vertices[triangles]
-    for which, x, y in _columns(corners, count):
-        hit = _pierced(corners[which], x, y)
-        which, x, y = which[hit], x[hit], y[hit]
-        layer = np.clip(np.ceil(_heights(corners[which], x, y)), 0, count[2]).astype(np.int64)
+    for x, y, height in _crossings(vertices[triangles], count[:2]):
+        layer = np.clip(np.ceil(height), 0, count[2]).astype(np.int64)
         np.add.at(toggles, (x, y, layer), 1)
     return np.cumsum(toggles[:, :, :-1], axis=2, dtype=np.uint8) % 2 == 1
 
 
+def crossings(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return where columns along z cross a surface: x, y of the column and the height, each (k,).
+
+    A column crosses a closed surface an even number of times; the arguments are those of `points_inside`.
+    """
+    none = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
+    parts = [none, *_crossings(vertices[triangles], count)]
+    x, y, height = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return x, y, height
+
+
+def _crossings(
+    corners: NDArray[np.float64], count: tuple[int, int]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]]:
+    """Yield x, y and height of the crossings of columns with triangles (t, 3, 3), in chunks."""
+    for which, x, y in _columns(corners, count):
+        hit = _pierced(corners[which], x, y)
+        yield x[hit], y[hit], _heights(corners[which[hit]], x[hit], y[hit])
+
+
 def _columns(
-    corners: NDArray[np.float64], count: tuple[int, int, int]
+    corners: NDArray[np.float64], count: tuple[int, int]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]]:
     """Yield triangle, x and y of the columns in the bounding box of each triangle, in chunks."""
     low = np.maximum(np.ceil(corners[:, :, :2].min(axis=1)), 0).astype(np.int64)
-    high = np.minimum(np.floor(corners[:, :, :2].max(axis=1)), np.array(count[:2]) - 1).astype(np.int64)
+    high = np.minimum(np.floor(corners[:, :, :2].max(axis=1)), np.array(count) - 1).astype(np.int64)
     width = np.maximum(high - low + 1, 0)
     pairs = width.prod(axis=1)
     chunk = np.cumsum(pairs) // _CHUNK

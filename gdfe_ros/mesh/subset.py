@@ -30,6 +30,7 @@ def keep_cells(mesh: HexMesh, keep: NDArray[np.bool_]) -> HexMesh:
         cells=vertex_number[cells],
         cell_sets={name: cell_number[ids[keep[ids]]] for name, ids in mesh.cell_sets.items()},
         vertex_sets={name: vertex_number[ids[used[ids]]] for name, ids in mesh.vertex_sets.items()},
+        filling=None if mesh.filling is None else mesh.filling.of(keep),
     )
 
 
@@ -55,6 +56,7 @@ def merge_vertices(mesh: HexMesh, tolerance: float | None = None) -> HexMesh:
         cells=new[mesh.cells],
         cell_sets=mesh.cell_sets,
         vertex_sets={name: new[ids] for name, ids in mesh.vertex_sets.items()},
+        filling=mesh.filling,
     )
 
 

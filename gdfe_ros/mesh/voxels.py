@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies from closed surfaces: the cubes of a grid whose centres lie inside, cavities kept."""
+"""Bodies from closed surfaces: the cubes of a grid whose centres lie inside, or cut ones, cavities kept."""
 
 from __future__ import annotations
 
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
+from enum import Enum
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
@@ -13,6 +15,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import find_cavities
+from gdfe_ros.mesh.cut_cells import cube_moments, gather_slivers
+from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.generators import grid
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.shells import Shells, points_inside, shells
@@ -27,7 +31,14 @@ MOST_CUBES = 50_000_000
 VOLUME_ERROR = 0.3
 
 
-def read_voxels(surface: str | Path, *, cell: float, scale: float | None = None) -> HexMesh:
+class Cells(str, Enum):
+    """What becomes of the cubes that a surface cuts."""
+
+    WHOLE = "whole"
+    CUT = "cut"
+
+
+def read_voxels(surface: str | Path, *, cell: float, scale: float | None = None, cells: Cells = Cells.WHOLE) -> HexMesh:
     """Fill a closed surface with cubes.
 
     Args:
@@ -35,6 +46,7 @@ def read_voxels(surface: str | Path, *, cell: float, scale: float | None = None)
         cell: edge of the cubes [m].
         scale: metres for each unit of the file, e.g. 0.001 for millimetres; None takes metres and refuses
             bodies that cannot be meant so.
+        cells: whole cubes whose centres lie inside, or cubes that count as far as they are filled.
 
     Returns:
         The mesh, its grid centred on the bounding box of the surface; vertices and cells run along x first.
@@ -45,7 +57,7 @@ def read_voxels(surface: str | Path, *, cell: float, scale: float | None = None)
     vertices, triangles, defects = examine_surface(surface, scale=scale)
     if defects:
         raise MeshError(f"surface {surface}", defects)
-    return fill_surface(vertices, triangles, cell=cell, where=f"surface {surface}")
+    return fill_surface(vertices, triangles, cell=cell, cells=cells, where=f"surface {surface}")
 
 
 def examine_surface(
@@ -67,14 +79,20 @@ def examine_surface(
 
 
 def fill_surface(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, cell: float, where: str = "surface"
+    vertices: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    *,
+    cell: float,
+    cells: Cells = Cells.WHOLE,
+    where: str = "surface",
 ) -> HexMesh:
-    """Fill a closed surface with cubes whose centres lie inside by the even-odd rule.
+    """Fill a closed surface with cubes; what is inside is told by the even-odd rule.
 
     Args:
         vertices: positions [m], shape (n, 3).
         triangles: vertex ids of a closed surface, shape (t, 3).
         cell: edge of the cubes [m].
+        cells: whole cubes whose centres lie inside, or cubes that count as far as they are filled.
         where: what to call the surface in an error.
 
     Raises:
@@ -90,9 +108,14 @@ def fill_surface(
         raise MeshError(where, [f"{text}; remedy: a cell of at least {fitting:.2g} m"])
     nx, ny, nz = count.astype(int)
     start = (low + high - count * cell) / 2
-    inside = points_inside((vertices - start) / cell - 0.5, triangles, (nx, ny, nz))
     axes = (origin + cell * np.arange(n + 1) for origin, n in zip(start, (nx, ny, nz), strict=True))
-    mesh = keep_cells(grid(*axes), inside.transpose(2, 1, 0).ravel())
+    if cells is Cells.CUT:
+        moments = gather_slivers(cube_moments((vertices - start) / cell, triangles, (nx, ny, nz)), (nx, ny, nz))
+        kept = moments[:, 0] > 0.0
+        mesh = replace(keep_cells(grid(*axes), kept), filling=Filling.of_moments(moments[kept]))
+    else:
+        inside = points_inside((vertices - start) / cell - 0.5, triangles, (nx, ny, nz))
+        mesh = keep_cells(grid(*axes), inside.transpose(2, 1, 0).ravel())
     defects = _too_coarse(mesh, shells(vertices, triangles), cell)
     if defects:
         raise MeshError(where, defects)
@@ -140,7 +163,8 @@ def _too_coarse(mesh: HexMesh, surface: Shells, cell: float) -> list[str]:
     remedy = "remedy: a smaller cell, at most half the thinnest wall"
     if mesh.n_cells == 0:
         return [f"cell = {cell:g} m: no cube's centre lies inside the surface; {remedy}"]
-    share = mesh.n_cells * cell**3 / surface.volume
+    filled = mesh.n_cells if mesh.filling is None else mesh.filling.share.sum()
+    share = filled * cell**3 / surface.volume
     defects = []
     if abs(share - 1) > VOLUME_ERROR:
         defects.append(f"cell = {cell:g} m: the cubes have {share:.0%} of the surface's volume; {remedy}")

@@ -206,7 +206,8 @@ def _load(
     report: Report,
 ) -> Load | None:
     if model.gravity is not None:
-        return _gravity(name, model.gravity, materials, cell_material, path, report)
+        gravity = _gravity(name, model.gravity, materials, cell_material, path, report)
+        return None if gravity is None else replace(gravity, filling=mesh.filling)
     if model.point is not None:
         point = _embedded(mesh, [model.point.at], (*path, "at"), report)
         return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))
@@ -214,6 +215,10 @@ def _load(
     if quads is None:
         return None
     traction = model.surface.traction
+    if traction is not None and mesh.filling is not None:
+        text = "faces of cut cells are larger than the surface in them; remedy: give the whole `force`, or cells: whole"
+        report.add((*path, "traction"), text)
+        return None
     if traction is None:
         traction = np.array(model.surface.force) / corner_areas(mesh.vertices, quads).sum()
     return SurfaceLoad(name=name, quads=quads, traction=np.array(traction))

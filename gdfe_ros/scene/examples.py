@@ -86,7 +86,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     generator_schema.FingerModel: (
         "{size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003, taper: 0.8}",
     ),
-    mesh_schema.VoxelsModel: ("{surface: hand.stl, cell: 0.002, scale: 0.001}",),
+    mesh_schema.VoxelsModel: ("{surface: hand.stl, cell: 0.002, scale: 0.001, cells: cut}",),
     where_schema.WhereModel: (
         "face: x-                                   # the smallest x of the body",
         "box: {x: [0.0, 0.1], z: [0.0, .inf]}",

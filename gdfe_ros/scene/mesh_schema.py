@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
-from gdfe_ros.mesh.voxels import read_voxels
+from gdfe_ros.mesh.voxels import Cells, read_voxels
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel
 from gdfe_ros.scene.paths import FilePath
@@ -26,10 +26,15 @@ class VoxelsModel(Entry):
     surface: FilePath = Field(description="STL, OBJ, PLY or OFF file")
     cell: Annotated[float, _CELL]
     scale: Annotated[float, _SCALE] | None = None
+    cells: Cells = Field(
+        Cells.WHOLE,
+        description="whole: the cubes whose centres lie inside; cut: every cube that the surface leaves material in, "
+        "its stiffness and mass those of what is filled",
+    )
 
     def build(self) -> HexMesh:
         """Return the mesh."""
-        return read_voxels(self.surface, cell=self.cell, scale=self.scale)
+        return read_voxels(self.surface, cell=self.cell, scale=self.scale, cells=self.cells)
 
 
 class MeshModel(Choice):

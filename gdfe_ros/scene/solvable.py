@@ -37,6 +37,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
         loads=scene.loads,
         dynamics=scene.dynamics,
         policy=settings.policy,
+        cut=scene.mesh.filling is not None,
     )
     if defects:
         raise SceneError(f"scene {scene.name}", [text for _, text in defects])
@@ -60,10 +61,12 @@ def unsolvable(
     loads: Sequence[Load],
     dynamics: Dynamics | None,
     policy: Policy,
+    cut: bool,
 ) -> list[tuple[tuple[str, ...], str]]:
     """Return why the parts of a scene do not go together: the key in a scene file, and a sentence.
 
     ``cell_material`` (m,) are places among the materials; without any, as where one is defective, no two are compared.
+    ``cut`` tells whether cells are filled in part.
     """
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
@@ -72,6 +75,7 @@ def unsolvable(
         *((("actuators", name), text) for name, text in held.items()),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
         (("bodies",), _still(handles) if dynamics is None else ""),
+        (("mesh", "voxels", "cells"), _beside(handles, actuators, policy) if cut else ""),
     ]
     return [(key, text) for key, text in found if text]
 
@@ -117,6 +121,18 @@ def _still(handles: Sequence[Handle]) -> str:
     if not names:
         return ""
     return f"{names} can only move in time; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
+
+
+def _beside(handles: Sequence[Handle], actuators: Sequence[Actuator], policy: Policy) -> str:
+    """Say what acts on faces of cells, which lie beside the surface where cells are cut; empty where nothing does."""
+    names = [item.name for item in actuators if isinstance(item, Chamber)]
+    names += [handle.name for handle in handles if isinstance(handle, Obstacle)]
+    if policy is Policy.ENERGY and not names:
+        return ""
+    if policy is not Policy.ENERGY:
+        return "the policy 'relative' does not weight cells that are cut; remedy: cells: whole, or policy: energy"
+    text = f"{', '.join(names)} would act on the faces of cut cells, up to a cell outside of the surface"
+    return f"{text}; remedy: cells: whole"
 
 
 def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:

@@ -13,6 +13,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import MaterialTable, pack
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
 from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
@@ -55,10 +56,11 @@ class Body:
         materials: Sequence[Material],
         material: NDArray[np.int32],
         handles: Sequence[Handle],
+        filling: Filling | None = None,
     ) -> Body:
-        """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8)."""
+        """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8), filled as far as told."""
         material = np.ascontiguousarray(material, dtype=np.int32)
-        shape, table = shape_operators(rest, cells), pack(materials)
+        shape, table = shape_operators(rest, cells, filling), pack(materials)
         return cls(
             rest,
             shape,

@@ -10,6 +10,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators.load import AttachedMass, gauss_points
+from gdfe_ros.mesh.filling import Filling
 
 
 def mass_matrix(
@@ -17,6 +18,8 @@ def mass_matrix(
     cells: NDArray[np.int32],
     density: NDArray[np.float64],
     attached: Sequence[AttachedMass] = (),
+    *,
+    filling: Filling | None = None,
 ) -> sparse.csr_matrix:
     """Return M_ab = sum_e rho_e int N_a N_b dV (n, n) [kg], and N_a N_b of each attached mass.
 
@@ -27,10 +30,11 @@ def mass_matrix(
         cells: (m, 8) their corners.
         density: (m,) [kg/m^3].
         attached: masses on points.
+        filling: how far the cells are filled.
     """
     blocks = np.zeros((len(cells), 8, 8))
-    for volume, shape in gauss_points(rest, cells):
-        blocks += (density * volume)[:, None, None] * np.outer(shape, shape)
+    for volume, shape in gauss_points(rest, cells, filling):
+        blocks += (density * volume)[:, None, None] * (shape[:, :, None] * shape[:, None, :])
     matrix = _collected(len(rest), cells, blocks)
     for item in attached:
         weights = item.points.weights

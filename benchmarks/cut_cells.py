@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A cylinder cut from voxels: its bending stiffness over E I, with whole cubes and with cut ones.
+
+``python -m benchmarks.cut_cells`` prints the table of docs/theory/cut_cells.md and keeps it in runs/cut_cells.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from benchmarks.markdown import markdown_table
+from gdfe_ros.command import Command
+from gdfe_ros.constraints import Pose
+from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.voxels import Cells, fill_surface
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.simulation import Simulation
+
+RADIUS, LENGTH, YOUNG, POISSON = 0.01, 0.06, 1e5, 0.3
+SECTIONS = 360
+"""Sides of the prism that stands for the cylinder; its second moment is 2e-4 below that of the circle."""
+ANGLE = 1e-3
+"""By which each end is turned [rad]: small, so that linear theory holds."""
+MIDDLE = 0.25
+"""Share of the length, about its middle, over which the curvature is measured, away from the clamped ends."""
+HELD = 0.95
+"""Beyond this share of half the length, vertices belong to the ends that are turned."""
+FINENESS = (4, 6, 8, 12)
+"""Cells over the diameter."""
+KINDS = ("whole", "cut")
+DIRECTIONS = (0.0, 30.0)
+"""Of the cylinder's axis in the grid, from x to y [degrees]."""
+
+
+def cylinder(direction: float) -> trimesh.Trimesh:
+    """Return the cylinder, its middle at the origin, with its axis in the plane of x and y."""
+    body = trimesh.creation.cylinder(RADIUS, LENGTH, sections=SECTIONS)
+    body.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
+    return body.apply_transform(trimesh.transformations.rotation_matrix(np.radians(direction), [0, 0, 1]))
+
+
+def bending_stiffness(fineness: int, cells: str, direction: float) -> dict[str, float]:
+    """Turn the ends of the cylinder towards each other, so that it bends without shear.
+
+    Args:
+        fineness: cells over the diameter.
+        cells: what becomes of the cubes that the surface cuts.
+        direction: of the axis in the grid [degrees].
+
+    Returns:
+        ``stiffness``: moment over curvature in the middle, over E I of the circle; ``count`` of cells; ``iterations``.
+    """
+    cell, angle = 2.0 * RADIUS / fineness, np.radians(direction)
+    axis, across = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
+    body = cylinder(direction)
+    mesh = fill_surface(body.vertices, body.faces, cell=cell, cells=Cells(cells))
+    along = mesh.vertices @ axis
+    ends = [np.flatnonzero(sign * along > HELD * LENGTH / 2.0).tolist() for sign in (-1.0, 1.0)]
+    scene = {
+        "name": "cylinder",
+        "mesh": {"embedded": pack_mesh(mesh)},
+        "materials": {"soft": {"law": "linear", "young": YOUNG, "poisson": POISSON}},
+        "regions": [{"material": "soft"}],
+        "handles": {name: {"where": {"vertices": end}} for name, end in zip(("left", "right"), ends, strict=True)},
+        "solver": {"tolerance": 1e-8, "max_iterations": 20000},
+    }
+    simulation = Simulation(scene_from_text(json.dumps(scene)))
+    turned = {"left": Pose(rotation=tuple(ANGLE * across)), "right": Pose(rotation=tuple(-ANGLE * across))}
+    result = simulation.step(Command(handles=turned))
+    rest = mesh.vertices
+    side, height = rest @ across, rest[:, 2]
+    chosen = (np.abs(along) < MIDDLE * LENGTH / 2.0 + 0.5 * cell) & (np.hypot(side, height) < RADIUS)
+    moved = ((result.positions - rest) @ axis)[chosen]
+    terms = np.stack([np.ones_like(along), along, height, along * height], axis=1)[chosen]
+    curvature = np.linalg.lstsq(terms / terms.max(axis=0), moved, rcond=None)[0][3] / terms[:, 3].max()
+    moment = 0.5 * float((result.reactions["right"][3:] - result.reactions["left"][3:]) @ across)
+    return {
+        "stiffness": float(moment / curvature / (YOUNG * np.pi / 4.0 * RADIUS**4)),
+        "count": mesh.n_cells,
+        "iterations": result.iterations,
+        "converged": result.converged,
+    }
+
+
+def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
+    """Return the table of a report by name; an order is that of two rows of one direction."""
+    rows = []
+    for direction in DIRECTIONS:
+        whole, cut = (report[f"{kind} {direction:g}"] for kind in KINDS)
+        for fineness, a, b in zip(FINENESS, whole, cut, strict=True):
+            errors = (f"{a['stiffness'] - 1.0:+.2%}", f"{b['stiffness'] - 1.0:+.3%}")
+            rows.append([f"{direction:g}", f"{fineness}", *errors, f"{a['count']} / {b['count']}",
+                         f"{a['iterations']} / {b['iterations']}"])  # fmt: skip
+    heads = ("axis [degrees]", "cells over the diameter", "whole cubes", "cut cells", "cells", "iterations")
+    return {"cut_cells": markdown_table(heads, rows)}
+
+
+def main(out: Path) -> None:
+    """Measure, keep, print."""
+    report = {
+        f"{kind} {direction:g}": [bending_stiffness(fineness, kind, direction) for fineness in FINENESS]
+        for kind in KINDS
+        for direction in DIRECTIONS
+    }
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "cut_cells.json").write_text(json.dumps(report, indent=1))
+    print("\n\n".join(all_tables(report).values()))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/cut_cells"))

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of each cube of a grid lies within a closed surface: volume, centroid, second moments."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh.shells import crossings
+
+#: Columns through a cube along an axis, on a lattice of two Fibonacci numbers: a wall square to one of the other axes
+#: meets no two at once. Along a column the integrals are exact.
+COLUMNS, LATTICE = 144, 89
+#: Cubes with a smaller share of material are no cells: theirs goes to the fullest cell beside them.
+LEAST_SHARE = 0.1
+#: Cubes whose share differs less from 0 or 1 are empty or whole.
+EXACT = 1e-9
+
+
+def cube_moments(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int]
+) -> NDArray[np.float64]:
+    """Integrate over what of each cube lies within a closed surface.
+
+    Args:
+        vertices: positions in units of the cubes' edge, from the grid's first corner, shape (n, 3).
+        triangles: vertex ids of a closed surface, shape (t, 3).
+        count: number of cubes along each axis.
+
+    Returns:
+        Shape (cubes, 7), x running first: means over the cube of 1, xi, eta, zeta, xi^2, eta^2, zeta^2, where there
+        is material, in reference coordinates -1 .. 1.
+    """
+    ways = [_along(vertices, triangles, count, axis) for axis in range(3)]
+    moments, crossed = (np.stack(part) for part in zip(*ways, strict=True))
+    moments = np.take_along_axis(moments, crossed.argmax(axis=0)[None, :, None], axis=0)[0]
+    whole = np.abs(moments[:, 0] - 1.0) < EXACT
+    moments[whole] = [1.0, 0.0, 0.0, 0.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0]
+    moments[moments[:, 0] < EXACT] = 0.0
+    return moments
+
+
+def _along(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int], axis: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the moments (cubes, 7) by columns along an axis, and how many of these cross the surface in each cube.
+
+    Where a surface is crossed by most columns it is most nearly square to them, and its place is exact.
+    """
+    turn = [(axis + 1) % 3, (axis + 2) % 3, axis]
+    size = tuple(count[i] for i in turn)
+    moments = np.zeros((8, np.prod(size)))
+    for number in range(COLUMNS):
+        place = (number + 0.5) / COLUMNS, (number * LATTICE % COLUMNS + 0.5) / COLUMNS
+        x, y, height = crossings(vertices[:, turn] - [*place, 0.0], triangles, size[:2])
+        order = np.lexsort((height, y, x))
+        _add_columns(moments, x[order], y[order], np.clip(height[order], 0.0, size[2]), place, size)
+    back = [turn.index(i) for i in range(3)]
+    rows = [0, *(1 + i for i in back), *(4 + i for i in back), 7]
+    grid = moments[rows].reshape(8, *size[::-1]).transpose(0, *(3 - back[i] for i in (2, 1, 0)))
+    grid = grid.reshape(8, -1).T
+    return grid[:, :7] / COLUMNS, grid[:, 7]
+
+
+def _add_columns(
+    moments: NDArray[np.float64],
+    x: NDArray[np.int64],
+    y: NDArray[np.int64],
+    height: NDArray[np.float64],
+    place: tuple[float, float],
+    size: tuple[int, int, int],
+) -> None:
+    """Add to ``moments`` (8, cubes) the columns at a place in the cubes x, y between every two heights, and these."""
+    nx, ny, nz = size
+    below = np.minimum(height.astype(np.int64), nz - 1)
+    moments[7] += np.bincount((below * ny + y) * nx + x, minlength=nx * ny * nz)
+    x, y, low, high = x[::2], y[::2], height[::2], height[1::2]
+    first = below[::2]
+    layers = np.maximum(np.ceil(high).astype(np.int64) - first, 0)
+    which = np.repeat(np.arange(len(x)), layers)
+    layer = first[which] + np.arange(len(which)) - np.repeat(np.cumsum(layers) - layers, layers)
+    start, end = np.maximum(low[which], layer) - layer, np.minimum(high[which], layer + 1) - layer
+    length, zeta = np.maximum(end - start, 0.0), start + end - 1.0
+    (xi, eta), width = 2.0 * np.array(place) - 1.0, 1.0 / (3.0 * COLUMNS**2)
+    cube = (layer * ny + y[which]) * nx + x[which]
+    values = (1.0, xi, eta, zeta, xi**2 + width, eta**2 + width, zeta**2 + length**2 / 3.0)
+    for row, value in zip(moments[:7], values, strict=True):
+        row += np.bincount(cube, weights=length * value, minlength=len(row))
+
+
+def gather_slivers(moments: NDArray[np.float64], count: tuple[int, int, int]) -> NDArray[np.float64]:
+    """Give what is in nearly empty cubes to the fullest cell across one of their faces; return new moments.
+
+    Left as they are, slivers would have corners that nothing but a millionth of a cell's stiffness holds; left out, the
+    error would be of first order. Their material is moved by the field of the cell that takes it, continued.
+    A sliver that has no such cell is left out.
+    """
+    nx, ny, nz = count
+    gathered = moments.copy()
+    share = moments[:, 0].reshape(nz, ny, nx)
+    slivers = np.argwhere((share > 0.0) & (share < LEAST_SHARE))
+    best, owner, away = np.zeros(len(slivers)), np.full(len(slivers), -1), np.zeros((len(slivers), 3))
+    for axis in range(3):
+        for side in (-1, 1):
+            beside = slivers.copy()
+            beside[:, axis] += side
+            there = (beside[:, axis] >= 0) & (beside[:, axis] < share.shape[axis])
+            beside[~there] = 0
+            full = np.where(there, share[tuple(beside.T)], 0.0)
+            better = (full >= LEAST_SHARE) & (full > best)
+            best[better] = full[better]
+            owner[better] = np.ravel_multi_index(tuple(beside[better].T), share.shape)
+            away[better] = 0.0
+            away[better, 2 - axis] = -2.0 * side
+    sliver, taken = np.ravel_multi_index(tuple(slivers.T), share.shape), owner >= 0
+    own = moments[sliver]
+    first = own[:, 1:4] + away * own[:, :1]
+    second = own[:, 4:] + 2.0 * away * own[:, 1:4] + away**2 * own[:, :1]
+    np.add.at(gathered, owner[taken], np.column_stack([own[:, 0], first, second])[taken])
+    gathered[sliver] = 0.0
+    return gathered

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far cells are filled with material: a box in each that has the moments of what is in it.
+
+The material of a cut cell is a piece of it of any form. What bends and weighs it to second order are its volume, its
+centroid and its second moments, and a box has as many: an element on that box, hung on the cell's corners by
+trilinear weights, stands for the cell (docs/theory/cut_cells.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh.operators import CORNERS, trilinear_weights
+
+
+@dataclass(frozen=True, eq=False)
+class Filling:
+    """The material in each cell.
+
+    Attributes:
+        share: (m,) its volume over that of the cell; above 1 where a cell stands for slivers beside it.
+        centre: (m, 3) its centroid in reference coordinates -1 .. 1.
+        spread: (m, 3) half the edges of the box with its second moments, in reference coordinates.
+    """
+
+    share: NDArray[np.float64]
+    centre: NDArray[np.float64]
+    spread: NDArray[np.float64]
+
+    @classmethod
+    def of_moments(cls, moments: NDArray[np.float64]) -> Filling:
+        """Return it from the means over cells (m, 7) of 1, xi, eta, zeta and their squares, each times the share."""
+        share = moments[:, 0]
+        centre = moments[:, 1:4] / share[:, None]
+        variance = moments[:, 4:] / share[:, None] - centre**2
+        return cls(share, centre, np.sqrt(3.0 * np.maximum(variance, 0.0)))
+
+    @cached_property
+    def cut(self) -> NDArray[np.intp]:
+        """The cells that are not filled wholly (k,)."""
+        return np.flatnonzero((self.share != 1.0) | (self.centre != 0.0).any(axis=1) | (self.spread != 1.0).any(axis=1))
+
+    @cached_property
+    def boxes(self) -> NDArray[np.float64]:
+        """Trilinear weights (k, 8, 8) of a cut cell's corners at the corners of its box."""
+        return trilinear_weights(self.points(CORNERS)[self.cut])
+
+    def points(self, reference: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where points (p, 3) of the boxes are in their cells, (m, p, 3)."""
+        return self.centre[:, None] + self.spread[:, None] * reference
+
+    def of(self, cells: NDArray[np.bool_] | NDArray[np.intp]) -> Filling:
+        """Return it for some of the cells."""
+        return Filling(*(getattr(self, item.name)[cells] for item in fields(self)))

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes with cells that their surface cuts: solved, rebuilt without the file, refused where faces would lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from gdfe_ros import Command, Simulation, load_scene
+from gdfe_ros.errors import SceneError
+from gdfe_ros.scene import scene_from_text
+
+SCENE = """
+name: rod
+mesh: {{voxels: {{surface: rod.stl, cell: 0.005, cells: {cells}}}}}
+materials: {{soft: {{law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}}}
+regions: [{{material: soft}}]
+handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
+loads: {{weight: {{gravity: [0, 0, -1]}}}}
+{more}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder with the surface of a rod of 4 x 4 cubes of which the outer ones are filled to 70 %."""
+    trimesh.creation.box((0.05, 0.017, 0.017)).export(tmp_path / "rod.stl")
+    return tmp_path
+
+
+def load(folder: Path, *, cells: str = "cut", more: str = "", **options: object):
+    """Load the rod."""
+    (folder / "scene.yaml").write_text(SCENE.format(cells=cells, more=more))
+    return load_scene(folder / "scene.yaml", **options)
+
+
+def test_a_rod_that_no_grid_line_bounds_weighs_and_sags_as_it_should(folder: Path) -> None:
+    """Hang a rod of 17 mm on cubes of 5 mm: its weight within 1 %, its sag within 5 % of a fitted mesh."""
+    scene = load(folder)
+    result = Simulation(scene).step()
+    assert result.converged
+    assert result.reactions["base"][2] == pytest.approx(0.05 * 0.017**2 * 1000, rel=0.01)
+    bar = "bar: {size: [0.05, 0.017, 0.017], cells: [10, 4, 4]}"
+    fitted = scene_from_text(
+        SCENE.format(cells="cut", more="").replace("voxels: {surface: rod.stl, cell: 0.005, cells: cut}", bar)
+    )
+    sags = [lowest(scene, result.positions), lowest(fitted, Simulation(fitted).step().positions)]
+    assert sags[0] == pytest.approx(sags[1], rel=0.05)
+    with pytest.raises(SceneError, match="the cubes have 138% of the surface's volume"):
+        load(folder, cells="whole")
+
+
+def lowest(scene: object, positions: np.ndarray) -> float:
+    """Return how far the axis' end has moved down [m]."""
+    rest = scene.mesh.vertices
+    end = (rest[:, 0] > rest[:, 0].max() - 1e-9) & (np.abs(rest[:, 1:] - rest[:, 1:].mean(axis=0)) < 1e-3).all(axis=1)
+    return float((rest - positions)[end, 2].mean())
+
+
+def test_a_cut_body_is_rebuilt_without_its_file(folder: Path) -> None:
+    """Take the scene from its own text: the same motion to the bit."""
+    scene = load(folder, more="dynamics: {step: 0.01}")
+    again = scene_from_text(scene.source)
+    first, second = (Simulation(item) for item in (scene, again))
+    for _ in range(3):
+        np.testing.assert_array_equal(first.step().positions, second.step().positions)
+    assert np.abs(first.positions - scene.mesh.vertices).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("more", "expected"),
+    [
+        (
+            "obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -1]}}",
+            "cells.*floor would act on the faces of cut cells.*",
+        ),
+        ("solver: {policy: relative}", "relative"),
+    ],
+)
+def test_what_acts_on_faces_is_refused(folder: Path, more: str, expected: str) -> None:
+    """Refuse contact and the policy that has no weights, and load both with whole cubes or say something else."""
+    with pytest.raises(SceneError, match=expected + "(?s:.*)remedy: cells: whole"):
+        load(folder, more=more)
+
+
+def test_a_traction_is_refused_and_a_force_is_taken(folder: Path) -> None:
+    """Name the remedy beside the key; the whole force acts."""
+    with pytest.raises(SceneError, match=r"loads.pull.*traction.*give the whole `force`"):
+        load(folder, overrides={"loads": {"pull": {"surface": {"where": {"face": "x+"}, "traction": [1.0, 0, 0]}}}})
+    scene = load(folder, overrides={"loads": {"pull": {"surface": {"where": {"face": "x+"}, "force": [0.1, 0, 0]}}}})
+    result = Simulation(scene).step(Command())
+    assert result.reactions["base"][0] == pytest.approx(-0.1, rel=1e-4)
