@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every shipped scene in which something is touched plays its program and does what it is for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Simulation, load_scene
+from gdfe_ros.solver.result import StepResult
+
+SCENES = ["finger_press", "ball_drop", "crawler", "peg_in_soft_hole"]
+Played = tuple[Simulation, list[StepResult]]
+
+
+@pytest.fixture(scope="module")
+def played() -> Callable[[str], Played]:
+    """Play each scene's program once: the simulation and its results."""
+    done: dict[str, Played] = {}
+
+    def play(name: str) -> Played:
+        if name not in done:
+            simulation = Simulation(load_scene(name))
+            done[name] = simulation, list(simulation.play())
+        return done[name]
+
+    return play
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_program_converges(name: str, played: Callable[[str], Played]) -> None:
+    """Converge in every step without crushing an element, enter nothing by more than 1e-4 of the body's size."""
+    simulation, results = played(name)
+    assert [(result.time, result.message) for result in results if not result.converged] == []
+    assert min(result.min_det for result in results) > 0.1
+    gaps = np.concatenate([touch.gaps for result in results for touch in result.contacts.values()])
+    assert len(gaps) > 0
+    assert gaps.min() > -1e-4 * simulation.mesh.size
+
+
+def test_the_finger_presses_with_the_tendon(played: Callable[[str], Played]) -> None:
+    """Press on the plate, harder with every newton of the tendon, and leave it."""
+    _, results = played("finger_press")
+    tensions = np.array([result.actuators["flexor"].effort for result in results])
+    forces = np.array([result.reactions["plate"][2] for result in results])
+    peak = int(np.argmax(tensions))
+    assert peak >= 5
+    assert np.diff(forces[: peak + 1]).min() > 0.0
+    assert forces[peak] > 1.0
+    assert forces[-1] == 0.0
+
+
+def test_the_ball_bounces_and_rolls(played: Callable[[str], Played]) -> None:
+    """Leave the slope with less energy at each bounce, and roll down, turning as it goes."""
+    simulation, results = played("ball_drop")
+    totals = np.array(
+        [sum(result.energies[name] for name in ("kinetic", "elastic", "potential")) for result in results]
+    )
+    touches = np.array([len(result.contacts["slope"].vertices) > 0 for result in results])
+    landings = np.flatnonzero(np.diff(touches.astype(int)) == 1) + 1
+    assert len(landings) >= 2
+    flights = [flight[~on] for flight, on in zip(np.split(totals, landings), np.split(touches, landings), strict=True)]
+    assert np.diff([flight.max() for flight in flights if len(flight)]).max() < 0.0
+    mesh, end = simulation.mesh, results[-1]
+    top = int(np.argmax(mesh.vertices[:, 2]))
+    middle = end.positions.mean(axis=0)
+    arm, turning = end.positions[top] - middle, end.velocities[top] - end.velocities.mean(axis=0)
+    spin = np.cross(arm, turning)[1] / (arm @ arm)
+    speed = end.velocities.mean(axis=0)[0]
+    assert speed > 0.1
+    assert middle[0] > 0.03
+    assert spin == pytest.approx(speed / 0.03, rel=0.2)
+
+
+def test_the_crawler_advances(played: Callable[[str], Played]) -> None:
+    """Come forward with every wave of the muscles, and be at rest with its own shape after the last."""
+    simulation, results = played("crawler")
+    times = np.array([result.time for result in results])
+    middles = np.array([result.positions[:, 0].mean() for result in results])
+    rest = simulation.mesh.vertices[:, 0].mean()
+    first, second = (middles[int(np.argmin(np.abs(times - moment)))] for moment in (1.0, 2.0))
+    assert first > rest + 0.001
+    assert second > first + 0.001
+    assert np.ptp(results[-1].positions[:, 0]) == pytest.approx(0.104, abs=1e-3)
+
+
+def test_the_peg_widens_the_hole(played: Callable[[str], Played]) -> None:
+    """Resist the peg on its way in, drag at it on its way out by friction, and close again behind it."""
+    simulation, results = played("peg_in_soft_hole")
+    times, along = (
+        np.array(values) for values in zip(*((r.time, r.reactions["peg"][0]) for r in results), strict=True)
+    )
+    assert along[(times > 0.9) & (times <= 2.5)].min() > 0.1
+    assert along[(times > 2.6) & (times < 3.4)].max() < -0.1
+    assert not results[-1].reactions["peg"].any()
+    moved = np.linalg.norm(results[-1].positions - simulation.mesh.vertices, axis=1)
+    assert moved.max() < 1e-3 * simulation.mesh.size
