@@ -53,7 +53,8 @@ def scene_body(scene: Scene, origin: NDArray[np.float64]) -> Body:
     handles = [handle.seen_from(origin) for handle in scene.handles]
     rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
     rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
-    return Body.build(rest, scene.mesh.cells, tuple(scene.materials.values()), scene.cell_material, handles)
+    materials = tuple(scene.materials.values())
+    return Body.build(rest, scene.mesh.cells, materials, scene.cell_material, handles, scene.self_contact)
 
 
 def usual_steps(scene: Scene, policy: Policy) -> int | None:

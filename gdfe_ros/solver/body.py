@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import MaterialTable, pack
 from gdfe_ros.mesh import HexMesh
@@ -35,6 +36,7 @@ class Body:
         handles: the sets of vertices that are held or moved.
         unknowns: what is free.
         size: diagonal of the rest bounding box [m].
+        self_contact: which faces may touch each other; None for none.
     """
 
     rest: NDArray[np.float64]
@@ -46,6 +48,7 @@ class Body:
     handles: tuple[Handle, ...]
     unknowns: Unknowns
     size: float
+    self_contact: SelfContact | None = None
 
     @classmethod
     def build(
@@ -55,6 +58,7 @@ class Body:
         materials: Sequence[Material],
         material: NDArray[np.int32],
         handles: Sequence[Handle],
+        self_contact: SelfContact | None = None,
     ) -> Body:
         """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8)."""
         material = np.ascontiguousarray(material, dtype=np.int32)
@@ -69,6 +73,7 @@ class Body:
             tuple(handles),
             number_unknowns(rest, cells, handles),
             float(np.linalg.norm(np.ptp(rest[: cells.max() + 1], axis=0))),
+            self_contact,
         )
 
     @property
