@@ -193,7 +193,7 @@ CONTACT_MARKERS = TopicSpec(
     type="visualization_msgs/msg/MarkerArray",
     meaning="shapes of obstacles and rigid bodies, and forces as arrows from the points that touch, green where they "
     "stick and red where they slip, the largest so far 0.3 of the body's size long; at most `marker_rate`; not "
-    "recorded; only of scenes with `obstacles` or `bodies`",
+    "recorded; only of scenes with `obstacles`, `bodies` or `self_contact`",
     recorded=False,
     delivery=Delivery.CLOUD,
 )
