@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from benchmarks import self_contact
 from benchmarks.markdown import markdown_table
 from gdfe_ros.command import Command
 from gdfe_ros.constraints import Pose
@@ -204,6 +205,7 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         "pressing": markdown_table(
             ("move [mm]", "same cells, other code", "gaps: vertices", "quadratic", "gaps: faces", "on 8^3 cells",
              "iterations"), pressed),
+        **self_contact.all_tables(report),
         "plates": markdown_table(("approach over radius", "Hertz [N]", "Tatara [N]", "here [N]"), balls),
         "slope": markdown_table(("friction", "theory [m/s^2]", "here [m/s^2]", "iterations a step"), slopes),
     }  # fmt: skip
@@ -221,6 +223,7 @@ def main(out: Path) -> None:
             for approach, force in ball_between_plates(cells=20, approaches=approaches).items()
         ],
         "slope": [slide(friction) for friction in FRICTIONS],
+        **self_contact.measure(),
         "grip": [{"demand": demand, **grip(demand * least, seconds=held)} for demand, held in HELD.items()],
     }  # fmt: skip
     out.mkdir(parents=True, exist_ok=True)

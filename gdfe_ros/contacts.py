@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.self_contact import NAME as SELF
+from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.solver.contact.touch import Touch
 from gdfe_ros.solver.result import StepResult
 
 _PLACE, _NORMAL, _PUSH, _SHEAR = ("x", "y", "z"), ("nx", "ny", "nz"), ("fx", "fy", "fz"), ("tx", "ty", "tz")
 POINT = np.dtype(
     [(name, "<f4") for name in (*_PLACE, *_NORMAL, "gap", *_PUSH, *_SHEAR)]
-    + [(name, "<i4") for name in ("slips", "vertex", "contact")]
+    + [(name, "<i4") for name in ("slips", "vertex", "contact", "other")]
 )
 """A point that touches: where it is [m], the normal out of what it touches, the gap [m], the force along the normal and
-by friction [N], 1 where it slips, its vertex, -1 of a rigid body's corner, and the place of its contact's name."""
+by friction [N], 1 where it slips, its vertex, -1 of a rigid body's corner, the place of its contact's name, and the
+vertex that it touches, -1 where that is none of the body."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,16 +61,19 @@ class ContactSensor:
         return total
 
 
-def contact_names(handles: Iterable[Handle]) -> list[str]:
+def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = None) -> list[str]:
     """Name what `StepResult.contacts` has of a scene's handles, in its order.
 
-    The body with each obstacle and rigid body, by the name of these; then each rigid body on each obstacle.
+    The body with each obstacle and rigid body, by the name of these; then each rigid body on each obstacle; then the
+    body with itself, where it has ``self_contact``.
     """
     touched = [handle for handle in handles if isinstance(handle, Obstacle)]
     rigid = [handle.name for handle in touched if isinstance(handle, RigidBody)]
-    return [handle.name for handle in touched] + [
-        f"{name} on {other.name}" for name in rigid for other in touched if not isinstance(other, RigidBody)
-    ]
+    return (
+        [handle.name for handle in touched]
+        + [f"{name} on {other.name}" for name in rigid for other in touched if not isinstance(other, RigidBody)]
+        + [SELF] * (self_contact is not None)
+    )
 
 
 def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
@@ -84,4 +90,5 @@ def _points(number: int, touch: Touch) -> NDArray[np.void]:
             points[name] = column
     points["gap"], points["slips"], points["contact"] = touch.gaps, touch.slips, number
     points["vertex"] = touch.vertices if len(touch.vertices) else -1
+    points["other"] = touch.others if len(touch.others) else -1
     return points

@@ -55,7 +55,8 @@ def scene_body(scene: Scene, origin: NDArray[np.float64]) -> Body:
     rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
     rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
     mesh, materials = scene.mesh, tuple(scene.materials.values())
-    return Body.build(rest, mesh.cells, materials, scene.cell_material, handles, mesh.filling)
+    options = {"filling": mesh.filling, "self_contact": scene.self_contact}
+    return Body.build(rest, mesh.cells, materials, scene.cell_material, handles, **options)
 
 
 def usual_steps(scene: Scene, policy: Policy) -> int | None:

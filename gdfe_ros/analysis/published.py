@@ -13,8 +13,7 @@ from gdfe_ros.actuators import ActuatorState, Mode, Readings
 from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD
 from gdfe_ros.analysis.difference import VELOCITIES
 from gdfe_ros.analysis.message_values import Values, record_values
-from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.contacts import contact_points
+from gdfe_ros.contacts import contact_names, contact_points
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.motion.imu import ImuReading
@@ -58,7 +57,7 @@ class Publication:
             name, topic = handle.name, f"{handle.section}/{handle.name}"
             makers[f"{topic}/pose"] = lambda name=name: _handle(simulation, name)
             makers[f"{topic}/wrench"] = lambda name=name: _wrench(result.reactions[name])
-        if any(isinstance(handle, Obstacle) for handle in simulation.scene.handles):
+        if contact_names(simulation.scene.handles, simulation.scene.self_contact):
             makers[CONTACTS] = lambda: _contacts(result)
         for name, sensor in simulation.scene.sensors.items():
             makers[f"sensors/{name}/wrench"] = lambda sensor=sensor: _wrench(sensor.wrench(result))

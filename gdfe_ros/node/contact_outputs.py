@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics of contact: points for scenes with obstacles or rigid bodies, and what contact sensors feel."""
+"""The topics of contact: points for scenes where anything can touch, and what contact sensors feel."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ class ContactOutputs:
     """
 
     def __init__(self, run: Run, channel: Callable[..., Channel]) -> None:
-        self._run, self._names, self._sensors = run, contact_names(run.scene.handles), run.scene.sensors
+        self._run, self._sensors = run, run.scene.sensors
+        self._names = contact_names(run.scene.handles, run.scene.self_contact)
         self._frame_id = run.frames.frame_id
         self._points = channel(topics.CONTACTS) if self._names else None
         self._told = Channel(run.node, topics.CONTACT_NAMES) if self._names else None

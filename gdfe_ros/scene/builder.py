@@ -13,9 +13,10 @@ from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle, TriangleMesh
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material
-from gdfe_ros.mesh import HexMesh, check_mesh, select_cells, select_vertices
+from gdfe_ros.mesh import HexMesh, check_mesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.mesh.solid import Solid
@@ -144,6 +145,17 @@ def build_bodies(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Ri
             report.add(("bodies", name), "a handle or an obstacle has this name; remedy: another one", value=NO_VALUE)
     first = mesh.n_vertices if mesh is not None else 0
     return tuple(model.build(name, first + 4 * i) for i, (name, model) in enumerate(draft.bodies.items()))
+
+
+def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Report) -> SelfContact | None:
+    """Return which faces of the mesh may touch each other; None where none may."""
+    model = draft.self_contact
+    if model is None or mesh is None:
+        return None
+    quads = mesh.surface()
+    if model.where is not None:
+        quads = select(select_faces, mesh, model.where, ("self_contact", "where"), "boundary face", report)
+    return None if quads is None else SelfContact(quads=quads, friction=model.friction)
 
 
 def require_held(mesh: HexMesh, part: NDArray[np.int32], handles: tuple[Handle, ...], report: Report) -> None:

@@ -13,6 +13,7 @@ from gdfe_ros.scene import (
     motion_schema,
     obstacle_schema,
     schema,
+    self_contact_schema,
     where_schema,
 )
 
@@ -40,6 +41,7 @@ masses:
   camera: {mass: 0.02, where: {face: x+}}
 probes:
   tip: [0.2, 0.0, 0.0]
+self_contact: {friction: 0.5}
 sensors:
   pad: {where: {face: z-}}
 dynamics: {scheme: bdf2, step: 0.01}
@@ -131,6 +133,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.08], rotation_deg: [0, 0, 30], friction: 0.5}",
         "{cylinder: {radius: 0.01, length: 0.1}, density: 800, gaps: vertices}",
     ),
+    self_contact_schema.SelfContactModel: ("{friction: 0.5, where: {box: {x: [0.0, 0.1]}}}",),
     obstacle_schema.SensorModel: ("{where: {face: z-}}",),
     obstacle_schema.SphereObstacleModel: ("{radius: 0.04}",),
     obstacle_schema.BoxObstacleModel: ("{size: [0.1, 0.2, 0.02]}",),

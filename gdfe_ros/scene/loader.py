@@ -81,8 +81,9 @@ _SECTIONS = (
 def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
     document = parse_document(text, heading=heading)
     report = Report(heading, document)
-    if document.data.get("dynamics", {}) is None:
-        report.add(("dynamics",), "it is empty; write {} for the defaults, or leave it out for equilibria")
+    for key, without in (("dynamics", "equilibria"), ("self_contact", "surfaces that pass through each other")):
+        if document.data.get(key, {}) is None:
+            report.add((key,), f"it is empty; write {{}} for the defaults, or leave it out for {without}")
     for key, value in (overrides or {}).items():
         apply_override(document, key, value, report)
     draft = _validate(document, report, path.parent if path else None)
@@ -100,6 +101,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     masses = (*attached, *(item.attached for item in rigid))
     loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     sensors = actuation.build_sensors(draft, mesh, report)
+    self_contact = builder.build_self_contact(draft, mesh, report)
     program = None
     if draft.program is not None:
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
@@ -109,7 +111,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
     sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
     parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
-    parts["cut"] = mesh is not None and mesh.filling is not None
+    parts |= {"cut": mesh is not None and mesh.filling is not None, "self_contact": self_contact}
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
         report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
@@ -130,6 +132,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         probes=probes,
         sensors=sensors,
         masses=masses,
+        self_contact=self_contact,
         dynamics=dynamics,
     )
 

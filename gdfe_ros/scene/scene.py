@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, AttachedMass, Embedding, Load
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import HexMesh
@@ -41,6 +42,7 @@ class Scene:
         probes: material points by name, in the order of the file.
         sensors: contact sensors by name, in the order of the file.
         masses: attached masses, in the order of the file.
+        self_contact: which faces of the mesh may touch each other; None where they pass through each other.
         dynamics: inertia, damping and steps in time; None for a scene whose every step is an equilibrium.
     """
 
@@ -59,4 +61,5 @@ class Scene:
     probes: Mapping[str, Embedding] = field(default_factory=dict)
     sensors: Mapping[str, ContactSensor] = field(default_factory=dict)
     masses: tuple[AttachedMass, ...] = ()
+    self_contact: SelfContact | None = None
     dynamics: Dynamics | None = None

@@ -18,6 +18,7 @@ from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
 from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SensorModel
 from gdfe_ros.scene.program import Keyframe
 from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.self_contact_schema import SelfContactModel
 from gdfe_ros.scene.where_schema import WhereModel
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 
@@ -152,6 +153,7 @@ class SceneModel(Entry):
         {},
         description="contact sensors by name, as pad: {where: {face: x+}}: what touches these faces",
     )
+    self_contact: SelfContactModel | None = None
     dynamics: DynamicsModel | None = None
     program: ProgramModel | None = None
     solver: SolverModel = SolverModel()
@@ -169,6 +171,7 @@ class Draft(BaseModel):
     actuators: dict[str, ActuatorModel] = {}
     loads: dict[str, LoadModel] = {}
     masses: dict[str, MassModel] = {}
+    self_contact: SelfContactModel | None = None
     dynamics: DynamicsModel | None = None
     probes: dict[str, Point3] = {}
     sensors: dict[str, SensorModel] = {}

@@ -12,6 +12,7 @@ from gdfe_ros.actuators import Actuator, Cable, Chamber, Growth, Load, Mode
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
 from gdfe_ros.scene.scene import Scene
@@ -36,6 +37,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
         actuators=scene.actuators,
         loads=scene.loads,
         dynamics=scene.dynamics,
+        self_contact=scene.self_contact,
         policy=settings.policy,
         cut=scene.mesh.filling is not None,
     )
@@ -61,7 +63,8 @@ def unsolvable(
     loads: Sequence[Load],
     dynamics: Dynamics | None,
     policy: Policy,
-    cut: bool,
+    self_contact: SelfContact | None = None,
+    cut: bool = False,
 ) -> list[tuple[tuple[str, ...], str]]:
     """Return why the parts of a scene do not go together: the key in a scene file, and a sentence.
 
@@ -71,11 +74,11 @@ def unsolvable(
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
         (("materials",), _contrast(materials, cell_material)),
-        (("solver", "policy"), _forces(handles, actuators, loads, policy)),
+        (("solver", "policy"), _forces(handles, actuators, loads, self_contact, policy)),
         *((("actuators", name), text) for name, text in held.items()),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
         (("bodies",), _still(handles) if dynamics is None else ""),
-        (("mesh", "voxels", "cells"), _beside(handles, actuators, policy) if cut else ""),
+        (("mesh", "voxels", "cells"), _beside(handles, actuators, self_contact, policy) if cut else ""),
     ]
     return [(key, text) for key, text in found if text]
 
@@ -95,13 +98,20 @@ def _contrast(materials: Mapping[str, Material], cell_material: NDArray[np.int32
     )
 
 
-def _forces(handles: Sequence[Handle], actuators: Sequence[Actuator], loads: Sequence[Load], policy: Policy) -> str:
+def _forces(
+    handles: Sequence[Handle],
+    actuators: Sequence[Actuator],
+    loads: Sequence[Load],
+    self_contact: SelfContact | None,
+    policy: Policy,
+) -> str:
     """Say what the ``relative`` policy cannot take, which has no newtons; empty where there is nothing."""
     if policy is Policy.ENERGY:
         return ""
     names = [item.name for item in actuators if not isinstance(item, Growth)]
     names += [load.name for load in loads]
     names += [handle.name for handle in handles if handle.turning or isinstance(handle, Obstacle)]
+    names += ["self_contact"] * (self_contact is not None)
     if not names:
         return ""
     text = f"the policy 'relative' has no forces and cannot take {', '.join(names)}"
@@ -123,10 +133,13 @@ def _still(handles: Sequence[Handle]) -> str:
     return f"{names} can only move in time; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
 
 
-def _beside(handles: Sequence[Handle], actuators: Sequence[Actuator], policy: Policy) -> str:
+def _beside(
+    handles: Sequence[Handle], actuators: Sequence[Actuator], self_contact: SelfContact | None, policy: Policy
+) -> str:
     """Say what acts on faces of cells, which lie beside the surface where cells are cut; empty where nothing does."""
     names = [item.name for item in actuators if isinstance(item, Chamber)]
     names += [handle.name for handle in handles if isinstance(handle, Obstacle)]
+    names += ["self_contact"] * (self_contact is not None)
     if policy is Policy.ENERGY and not names:
         return ""
     if policy is not Policy.ENERGY:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import MaterialTable, pack
 from gdfe_ros.mesh import HexMesh
@@ -36,6 +37,7 @@ class Body:
         handles: the sets of vertices that are held or moved.
         unknowns: what is free.
         size: diagonal of the rest bounding box [m].
+        self_contact: which faces may touch each other; None for none.
     """
 
     rest: NDArray[np.float64]
@@ -47,6 +49,7 @@ class Body:
     handles: tuple[Handle, ...]
     unknowns: Unknowns
     size: float
+    self_contact: SelfContact | None = None
 
     @classmethod
     def build(
@@ -57,6 +60,7 @@ class Body:
         material: NDArray[np.int32],
         handles: Sequence[Handle],
         filling: Filling | None = None,
+        self_contact: SelfContact | None = None,
     ) -> Body:
         """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8), filled as far as told."""
         material = np.ascontiguousarray(material, dtype=np.int32)
@@ -71,6 +75,7 @@ class Body:
             tuple(handles),
             number_unknowns(rest, cells, handles),
             float(np.linalg.norm(np.ptp(rest[: cells.max() + 1], axis=0))),
+            self_contact,
         )
 
     @property

@@ -30,7 +30,8 @@ class StepResult:
             inverted.
         reactions: by handle and obstacle (6,) float64: the force [N] and the moment [N m] about the handle's deformed
             centre, or the obstacle's origin, that it exerts on the body.
-        contacts: by obstacle, the vertices that touch it and the forces there.
+        contacts: by obstacle, the vertices that touch it and the forces there; under ``(self)`` those that touch the
+            body itself.
         skipped: work that was not needed, by name.
         substeps: increments that the step was cut into.
         wall_time: time spent [s].

@@ -70,7 +70,7 @@ def state_topics(scene: Scene) -> dict[str, str]:
         for spec in _specs(handle):
             found[spec.key(**{handle.noun: handle.name})] = spec.type
     found |= {topics.PROBE.key(probe=name): topics.PROBE.type for name in scene.probes}
-    if contact_names(scene.handles):
+    if contact_names(scene.handles, scene.self_contact):
         found[topics.CONTACTS.key()] = topics.CONTACTS.type
     found |= {topics.SENSOR_WRENCH.key(sensor=name): topics.SENSOR_WRENCH.type for name in scene.sensors}
     if scene.dynamics is not None:

@@ -77,6 +77,7 @@ def test_a_cut_body_is_rebuilt_without_its_file(folder: Path) -> None:
             "obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -1]}}",
             "cells.*floor would act on the faces of cut cells.*",
         ),
+        ("self_contact: {}", "cells.*self_contact would act on the faces of cut cells.*"),
         ("solver: {policy: relative}", "relative"),
     ],
 )

@@ -135,14 +135,15 @@ CONTACTS = TopicSpec(
     type="sensor_msgs/msg/PointCloud2",
     meaning="each point that touches: x, y, z [m], normal nx, ny, nz out of what it touches, gap [m], force along the "
     "normal fx, fy, fz and by friction tx, ty, tz [N] on what touches, float32; slips (1, else 0), vertex (-1: corner "
-    "of a rigid body), contact (place in `~/contact_names`), int32; only of scenes with `obstacles` or `bodies`",
+    "of a rigid body), contact (place in `~/contact_names`), other (vertex that it touches, -1: none of the body), "
+    "int32; only of scenes with `obstacles`, `bodies` or `self_contact`",
     delivery=Delivery.CLOUD,
 )
 CONTACT_NAMES = TopicSpec(
     name="~/contact_names",
     type="std_msgs/msg/String",
     meaning="JSON: the names that `contact` of `~/contacts` counts from 0: obstacles and bodies in the scene's order, "
-    "which the elastic body touches, then `<body> on <obstacle>`",
+    "which the elastic body touches, then `<body> on <obstacle>`, then `(self)`",
     delivery=Delivery.LATCHED,
 )
 SENSOR_WRENCH = TopicSpec(
@@ -192,7 +193,7 @@ CONTACT_MARKERS = TopicSpec(
     type="visualization_msgs/msg/MarkerArray",
     meaning="shapes of obstacles and rigid bodies, and forces as arrows from the points that touch, green where they "
     "stick and red where they slip, the largest so far 0.3 of the body's size long; at most `marker_rate`; not "
-    "recorded; only of scenes with `obstacles` or `bodies`",
+    "recorded; only of scenes with `obstacles`, `bodies` or `self_contact`",
     recorded=False,
     delivery=Delivery.CLOUD,
 )

@@ -7,11 +7,12 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.skin_contact import SkinContact
 from gdfe_ros.solver.contact.surface import Corners, Surface
 
 
-def contacts_of(body: Body) -> list[Contact]:
-    """Return the contacts of a body with its obstacles, and of rigid bodies with these."""
+def contacts_of(body: Body) -> list[Contact | SkinContact]:
+    """Return the contacts of a body with its obstacles, of rigid bodies with these, and of the body with itself."""
     touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
     surface, found = Surface.of(body) if touched else None, []
     for thing in touched:
@@ -20,4 +21,6 @@ def contacts_of(body: Body) -> list[Contact]:
         for thing in (other for other in touched if not isinstance(other, RigidBody)):
             friction = max(rigid.friction, thing.friction)
             found.append(Contact(f"{rigid.name} on {thing.name}", thing, body, Corners.of(rigid), friction))
+    if body.self_contact is not None:
+        found.append(SkinContact(body.self_contact, body))
     return found

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What touches an obstacle."""
+"""What touches an obstacle, or another part of the body."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Touch:
-    """The vertices that touch an obstacle.
+    """The vertices that touch an obstacle, or another part of the body.
 
     Attributes:
         vertices: (k,) int32.
@@ -22,6 +22,7 @@ class Touch:
         presses: (k,) [N] along the normal.
         shears: (k, 3) [N] by friction, on the body.
         slips: (k,) whether a vertex slips, or is free to.
+        others: (k,) int32 vertices of the body that these touch most; none where it is an obstacle that they touch.
     """
 
     vertices: NDArray[np.int32]
@@ -31,6 +32,7 @@ class Touch:
     presses: NDArray[np.float64]
     shears: NDArray[np.float64]
     slips: NDArray[np.bool_]
+    others: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
 
     @property
     def forces(self) -> NDArray[np.float64]:

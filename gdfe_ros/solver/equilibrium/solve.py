@@ -246,10 +246,7 @@ class Solve:
         )
 
     def _update(self, active: ActiveSet, *, still: bool) -> bool:
-        """Update pressures, multipliers and scales; tell whether the positions stay within the tolerance all the same.
-
-        Where no descent is left above the tolerance, new pressures and scales may open one.
-        """
+        """Update pressures, multipliers and scales; tell whether the positions stay in tolerance all the same."""
         body, shape, x, settled = self._body, self._operators.shape, active.workspace.x, True
         tolerance = self.problem.keeping or self.problem.tolerance
         slack = WARM_SLACK if self._warm and not self._minimiser.certified else 1.0
@@ -270,7 +267,8 @@ class Solve:
         """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""
         tolerance, residual = self.problem.tolerance, self._minimiser.residual(active)
         if residual <= tolerance and self._settled and (self._warm or not self._cut):
-            return True, residual, ""
+            flaw = self._actuation.flaw
+            return not flaw, residual, flaw
         if self._cut:
             late = past(self.problem.deadline)
             reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"

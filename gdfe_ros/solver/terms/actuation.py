@@ -46,7 +46,7 @@ class Actuation:
         growths: what changes the elements' rest shape.
         neutral: command of every actuator and load at which it does nothing.
         loaded: names of the loads.
-        contacts: one for each obstacle.
+        contacts: one for each obstacle, and that of the body with itself.
     """
 
     def __init__(
@@ -118,6 +118,11 @@ class Actuation:
     def resolution(self) -> float:
         """To what share of the body's size descents must go for contact forces to be known; infinite without any."""
         return max(FINEST, min((contact.resolution for contact in self.contacts), default=np.inf) / self._body.size)
+
+    @property
+    def flaw(self) -> str:
+        """Why what the last solve found cannot stand; empty where it can."""
+        return "; ".join(text for term in self.contacts if (text := term.flaw()))
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether a descent came upon what a term had left out."""

@@ -153,6 +153,10 @@ class Term:
             return 0.0
         return float(terms_energy(positions, TermTable.of(self), np.zeros_like(positions), np.zeros(1)))
 
+    def flaw(self) -> str:
+        """Say why what a solve found cannot stand, though nothing moves any more; empty where it can."""
+        return ""
+
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
         """Return what users may want to know of the term, by name, in SI units; it appears in `StepResult.terms`."""
         return {}

@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The key of a scene file by which surfaces of the mesh touch each other."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.where_schema import WhereModel
+
+_FRICTION = Quantity("Coulomb's coefficient", least=0.0, most=100.0)
+
+
+class SelfContactModel(Entry):
+    """Parts of the mesh cannot enter each other, nor each itself."""
+
+    friction: Annotated[float, _FRICTION] = 0.0
+    where: WhereModel | None = Field(
+        None, description="the faces that take part: those of which all four vertices lie there; all if left out"
+    )

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Closest points on bilinear faces, compiled, and which of them a vertex can touch."""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import inlined, kernel
+
+MOST_STEPS = 12
+"""Of Gauss and Newton's method on a face: two where it is flat."""
+OPPOSED = -0.1
+"""Cosine between the normals of two faces below which they can touch."""
+
+
+@kernel
+def face_areas(x, quads, out):
+    """Write area vectors (q, 3) [m^2] of faces, out of the body."""
+    for f in range(len(quads)):
+        a, b, c, d = quads[f, 0], quads[f, 1], quads[f, 2], quads[f, 3]
+        p0, p1, p2 = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
+        q0, q1, q2 = x[d, 0] - x[b, 0], x[d, 1] - x[b, 1], x[d, 2] - x[b, 2]
+        out[f, 0] = 0.5 * (p1 * q2 - p2 * q1)
+        out[f, 1] = 0.5 * (p2 * q0 - p0 * q2)
+        out[f, 2] = 0.5 * (p0 * q1 - p1 * q0)
+
+
+@kernel
+def corner_normals(areas, starts, smooth, out):
+    """Write unit normals (q, 4, 3) at the corners of faces: the mean over faces that go on smoothly there.
+
+    Args:
+        areas: (q, 3) [m^2] of the faces.
+        starts: (4 q + 1,) where those of each corner begin among ``smooth``.
+        smooth: faces.
+        out: is written.
+    """
+    for f in range(len(areas)):
+        for a in range(4):
+            n0, n1, n2 = 0.0, 0.0, 0.0
+            for i in range(starts[4 * f + a], starts[4 * f + a + 1]):
+                n0, n1, n2 = n0 + areas[smooth[i], 0], n1 + areas[smooth[i], 1], n2 + areas[smooth[i], 2]
+            length = math.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+            scale = 1.0 / length if length > 0.0 else 0.0
+            out[f, a, 0], out[f, a, 1], out[f, a, 2] = scale * n0, scale * n1, scale * n2
+
+
+@inlined
+def weights_at(u, v):
+    """Return the weights of a face's corners at its coordinates, each from 0 to 1."""
+    return (1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v
+
+
+@inlined
+def clamped(value):
+    """Return a coordinate within a face."""
+    return min(max(value, 0.0), 1.0)
+
+
+@inlined
+def closest_on(x, quads, f, px, py, pz):
+    """Return the coordinates of the point of a face that is closest to a point [m]."""
+    a, b, c, d = quads[f, 0], quads[f, 1], quads[f, 2], quads[f, 3]
+    u, v = 0.5, 0.5
+    for _ in range(MOST_STEPS):
+        uu, uv, vv, ru, rv = 0.0, 0.0, 0.0, 0.0, 0.0
+        wa, wb, wc, wd = weights_at(u, v)
+        for axis in range(3):
+            p = px if axis == 0 else (py if axis == 1 else pz)
+            xa, xb, xc, xd = x[a, axis], x[b, axis], x[c, axis], x[d, axis]
+            e = (1.0 - v) * (xb - xa) + v * (xc - xd)
+            g = (1.0 - u) * (xd - xa) + u * (xc - xb)
+            r = p - (wa * xa + wb * xb + wc * xc + wd * xd)
+            uu, uv, vv, ru, rv = uu + e * e, uv + e * g, vv + g * g, ru + e * r, rv + g * r
+        det = uu * vv - uv * uv
+        if not det > 0.0:
+            break
+        du, dv = (vv * ru - uv * rv) / det, (uu * rv - uv * ru) / det
+        if not (0.0 <= u + du <= 1.0 and 0.0 <= v + dv <= 1.0):
+            # The least of a quadratic over a square lies on one of the sides that its free least is beyond.
+            du1 = clamped(u + du) - u
+            dv1 = clamped(v + (rv - uv * du1) / vv) - v
+            dv2 = clamped(v + dv) - v
+            du2 = clamped(u + (ru - uv * dv2) / uu) - u
+            one = 0.5 * (uu * du1 * du1 + 2.0 * uv * du1 * dv1 + vv * dv1 * dv1) - ru * du1 - rv * dv1
+            two = 0.5 * (uu * du2 * du2 + 2.0 * uv * du2 * dv2 + vv * dv2 * dv2) - ru * du2 - rv * dv2
+            du, dv = (du1, dv1) if one <= two else (du2, dv2)
+        u, v = clamped(u + du), clamped(v + dv)
+        if abs(du) + abs(dv) < 1e-12:
+            break
+    return u, v
+
+
+@inlined
+def point_on(x, quads, f, u, v):
+    """Return the point [m] of a face at its coordinates."""
+    w = weights_at(u, v)
+    p0, p1, p2 = 0.0, 0.0, 0.0
+    for a in range(4):
+        q = quads[f, a]
+        p0, p1, p2 = p0 + w[a] * x[q, 0], p1 + w[a] * x[q, 1], p2 + w[a] * x[q, 2]
+    return p0, p1, p2
+
+
+@inlined
+def opposes(areas, starts, about, vertex, n0, n1, n2):
+    """Tell whether one of the faces about a vertex looks against a normal."""
+    for i in range(starts[vertex], starts[vertex + 1]):
+        m0, m1, m2 = areas[about[i], 0], areas[about[i], 1], areas[about[i], 2]
+        if m0 * n0 + m1 * n1 + m2 * n2 < OPPOSED * math.sqrt(m0 * m0 + m1 * m1 + m2 * m2):
+            return True
+    return False
+
+
+@inlined
+def among(starts, values, row, value):
+    """Tell whether a value is among those of a row, which ascend."""
+    low, high = starts[row], starts[row + 1]
+    while low < high:
+        middle = (low + high) // 2
+        if values[middle] < value:
+            low = middle + 1
+        else:
+            high = middle
+    return low < starts[row + 1] and values[low] == value
+
+
+@kernel
+def nearest_faces(x, last, pairs, faces, skin, areas, normals, reach, distance, face, weights, normal, gap):
+    """Find of each vertex the nearest face that it can touch.
+
+    Args:
+        x: (n, 3) [m].
+        last: (n, 3) [m] where nothing had entered anything.
+        pairs: (p,) places of vertices among the skin's.
+        faces: (p,) of faces that may be nearest.
+        skin: the topology of a `Skin`.
+        areas: (q, 3) [m^2] of the faces at ``x``.
+        normals: (q, 4, 3) at their corners.
+        reach: [m] beyond which nothing is found.
+        distance: (k,) [m]; infinite where nothing is found, as all the following are written.
+        face: (k,) int64; -1 where there is none.
+        weights: (k, 4) of its corners at the closest point.
+        normal: (k, 3) of the plane that the vertex must stay in front of.
+        gap: (k,) [m] to that plane.
+    """
+    quads = skin.quads
+    for pair in range(len(pairs)):
+        i, f = pairs[pair], faces[pair]
+        vertex = skin.vertices[i]
+        if among(skin.near_starts, skin.near, f, vertex):
+            continue
+        size = math.sqrt(areas[f, 0] ** 2 + areas[f, 1] ** 2 + areas[f, 2] ** 2)
+        if not size > 0.0:
+            continue
+        n0, n1, n2 = areas[f, 0] / size, areas[f, 1] / size, areas[f, 2] / size
+        if not opposes(areas, skin.about_starts, skin.about, vertex, n0, n1, n2):
+            continue
+        px, py, pz = x[vertex, 0], x[vertex, 1], x[vertex, 2]
+        u, v = closest_on(x, quads, f, px, py, pz)
+        c0, c1, c2 = point_on(x, quads, f, u, v)
+        d0, d1, d2 = px - c0, py - c1, pz - c2
+        away = math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+        if away > reach or away > distance[i] or (away == distance[i] and f > face[i]):
+            continue
+        w = weights_at(u, v)
+        m0, m1, m2 = 0.0, 0.0, 0.0
+        for a in range(4):
+            m0, m1, m2 = m0 + w[a] * normals[f, a, 0], m1 + w[a] * normals[f, a, 1], m2 + w[a] * normals[f, a, 2]
+        length = math.sqrt(m0 * m0 + m1 * m1 + m2 * m2)
+        if not length > 0.0:
+            continue
+        m0, m1, m2 = m0 / length, m1 / length, m2 / length
+        height = m0 * d0 + m1 * d1 + m2 * d2
+        beside = math.sqrt(max(0.0, away * away - height * height))
+        if beside > skin.rim:
+            if height < 0.0:
+                continue
+            # Round an edge: what is nearest is the edge itself.
+            m0, m1, m2, height = d0 / away, d1 / away, d2 / away, away
+        if height < -skin.depth and not was_before(last, quads, f, vertex, w):
+            continue
+        distance[i], face[i], gap[i] = away, f, height
+        normal[i, 0], normal[i, 1], normal[i, 2] = m0, m1, m2
+        for a in range(4):
+            weights[i, a] = w[a]
+
+
+@inlined
+def was_before(last, quads, f, vertex, w):
+    """Tell whether a vertex was in front of a point of a face at positions ``last`` (n, 3) [m]."""
+    c0, c1, c2 = 0.0, 0.0, 0.0
+    for a in range(4):
+        q = quads[f, a]
+        c0, c1, c2 = c0 + w[a] * last[q, 0], c1 + w[a] * last[q, 1], c2 + w[a] * last[q, 2]
+    d0, d1, d2 = last[vertex, 0] - c0, last[vertex, 1] - c1, last[vertex, 2] - c2
+    a, b, c, d = quads[f, 0], quads[f, 1], quads[f, 2], quads[f, 3]
+    p0, p1, p2 = last[c, 0] - last[a, 0], last[c, 1] - last[a, 1], last[c, 2] - last[a, 2]
+    q0, q1, q2 = last[d, 0] - last[b, 0], last[d, 1] - last[b, 1], last[d, 2] - last[b, 2]
+    n0, n1, n2 = p1 * q2 - p2 * q1, p2 * q0 - p0 * q2, p0 * q1 - p1 * q0
+    return n0 * d0 + n1 * d1 + n2 * d2 > 0.0

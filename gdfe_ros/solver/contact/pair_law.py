@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The augmented Lagrangian of gaps and friction between vertices and faces of the same body, compiled.
+
+The law is that of `gdfe_ros.solver.contact.law`. While a descent lasts, a vertex at x has the plane with the normal n
+through the point sum w_a x_a of its face: g = n . (x - sum w_a x_a). Friction holds it to the point sum v_b x_b of the
+face where it stuck last: s is what x - sum v_b x_b - o has in the plane, with o from when it stuck. Both are linear in
+the positions and do not change when all is shifted: what a vertex is pushed by, its faces are pushed back by, to
+rounding.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.solver.terms.term import as_arrays, term_kernel
+
+FRICTION, HEAD = 0, 1
+"""Where the coefficient lies among the numbers, and where pairs begin."""
+PENALTY, PRESS, NORMAL, WEIGHTS, SHEAR, HOLD, OFFSET, STRIDE = 0, 1, 2, 5, 9, 12, 16, 19
+"""Of each pair: k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,)."""
+COUNT, VERTICES = 0, 1
+"""Where the number of pairs lies among the integers, and where those of pairs begin."""
+VERTEX, FACE, HELD, WIDTH = 0, 1, 5, 9
+"""Of each pair: the vertex, the corners of its face (4,), those of the face that holds it (4,)."""
+
+
+@inlined
+def away(x, reals, integers, weights, vertex, corners):
+    """Return the vector [m] to a vertex from a point of a face."""
+    v = integers[vertex]
+    d0, d1, d2 = x[v, 0], x[v, 1], x[v, 2]
+    for a in range(4):
+        w, q = reals[weights + a], integers[corners + a]
+        d0, d1, d2 = d0 - w * x[q, 0], d1 - w * x[q, 1], d2 - w * x[q, 2]
+    return d0, d1, d2
+
+
+@inlined
+def push(reals, integers, weights, vertex, corners, f0, f1, f2, force):
+    """Add a dE/dx [N] of `away` to ``force`` (n, 3)."""
+    v = integers[vertex]
+    force[v, 0] += f0
+    force[v, 1] += f1
+    force[v, 2] += f2
+    for a in range(4):
+        w, q = reals[weights + a], integers[corners + a]
+        force[q, 0] -= w * f0
+        force[q, 1] -= w * f1
+        force[q, 2] -= w * f2
+
+
+@inlined
+def gap_of(x, reals, integers, r, i):
+    """Return the gap [m] of a pair."""
+    d0, d1, d2 = away(x, reals, integers, r + WEIGHTS, i + VERTEX, i + FACE)
+    return reals[r + NORMAL] * d0 + reals[r + NORMAL + 1] * d1 + reals[r + NORMAL + 2] * d2
+
+
+@inlined
+def slip_of(x, reals, integers, r, i):
+    """Return the slip (3,) [m] of a pair, in its plane."""
+    d0, d1, d2 = away(x, reals, integers, r + HOLD, i + VERTEX, i + HELD)
+    d0, d1, d2 = d0 - reals[r + OFFSET], d1 - reals[r + OFFSET + 1], d2 - reals[r + OFFSET + 2]
+    n0, n1, n2 = reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
+    along = n0 * d0 + n1 * d1 + n2 * d2
+    return d0 - along * n0, d1 - along * n1, d2 - along * n2
+
+
+@inlined
+def shear_of(x, reals, integers, r, i, limit):
+    """Return the shear [N] that friction up to ``limit`` [N] holds in a pair, and the length of its trial."""
+    k = reals[r + PENALTY]
+    s0, s1, s2 = slip_of(x, reals, integers, r, i)
+    t0, t1, t2 = reals[r + SHEAR] + k * s0, reals[r + SHEAR + 1] + k * s1, reals[r + SHEAR + 2] + k * s2
+    trial = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+    share = limit / trial if trial > limit else 1.0
+    return share * t0, share * t1, share * t2, trial
+
+
+@kernel
+def pair_energy(x, reals, integers, force, size):
+    """Return the energy [J] of all pairs; `term_kernel` wants this signature."""
+    energy = 0.0
+    for pair in range(integers[COUNT]):
+        r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
+        k, held = reals[r + PENALTY], reals[r + PRESS]
+        press = max(0.0, held - k * gap_of(x, reals, integers, r, i))
+        stored, given = press * press, held * held
+        if press > 0.0:
+            n0, n1, n2 = reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
+            push(reals, integers, r + WEIGHTS, i + VERTEX, i + FACE, -press * n0, -press * n1, -press * n2, force)
+        limit = reals[FRICTION] * held
+        if limit > 0.0:
+            t0, t1, t2, trial = shear_of(x, reals, integers, r, i, limit)
+            push(reals, integers, r + HOLD, i + VERTEX, i + HELD, t0, t1, t2, force)
+            stored += trial * trial if trial <= limit else limit * (2.0 * trial - limit)
+            given += reals[r + SHEAR] ** 2 + reals[r + SHEAR + 1] ** 2 + reals[r + SHEAR + 2] ** 2
+        energy += 0.5 * (stored - given) / k
+        size[0] += 0.5 * (stored + given) / k
+    return energy
+
+
+@term_kernel
+def pair_entry(x, n, reals, k, integers, i, force, size):
+    """Stand for `pair_energy` among the terms."""
+    return pair_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+@kernel
+def pair_forces(x, reals, integers, gaps, presses, shears, slips, slid):
+    """Write of each pair its gap [m], what presses, its shear [N] on the face, whether it slips, and its slip [m]."""
+    for pair in range(integers[COUNT]):
+        r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
+        gaps[pair] = gap_of(x, reals, integers, r, i)
+        presses[pair] = max(0.0, reals[r + PRESS] - reals[r + PENALTY] * gaps[pair])
+        limit = reals[FRICTION] * reals[r + PRESS]
+        t0, t1, t2, trial = shear_of(x, reals, integers, r, i, limit)
+        slips[pair] = trial >= limit
+        shears[pair, 0], shears[pair, 1], shears[pair, 2] = t0, t1, t2
+        slid[pair, 0], slid[pair, 1], slid[pair, 2] = slip_of(x, reals, integers, r, i)
+
+
+@kernel
+def update_pairs(x, reals, integers):
+    """Update l and t.
+
+    Returns:
+        By how far [m] a pair missed its gap or slipped against its multiplier, at most; the forces [N] that were
+        changed, and those that there are now; the penalties [N/m] where there are.
+    """
+    miss, changed, held_now, stiff = 0.0, 0.0, 0.0, 0.0
+    for pair in range(integers[COUNT]):
+        r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
+        k, held = reals[r + PENALTY], reals[r + PRESS]
+        press = max(0.0, held - k * gap_of(x, reals, integers, r, i))
+        change = abs(press - held)
+        t0, t1, t2, _ = shear_of(x, reals, integers, r, i, reals[FRICTION] * press)
+        if reals[FRICTION] > 0.0:
+            d0, d1, d2 = t0 - reals[r + SHEAR], t1 - reals[r + SHEAR + 1], t2 - reals[r + SHEAR + 2]
+            change = max(change, math.sqrt(d0 * d0 + d1 * d1 + d2 * d2))
+        miss, changed = max(miss, change / k), changed + change
+        if press > 0.0:
+            held_now, stiff = held_now + press, stiff + k
+        reals[r + PRESS] = press
+        reals[r + SHEAR], reals[r + SHEAR + 1], reals[r + SHEAR + 2] = t0, t1, t2
+    return miss, changed, held_now, stiff

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What users get of pairs of vertices and faces: forces at vertices, on both sides."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.contact.touch import Touch
+
+
+def touching_vertices(
+    x: NDArray[np.float64],
+    origin: NDArray[np.float64],
+    vertices: NDArray[np.int32],
+    quads: NDArray[np.int32],
+    *,
+    weights: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    presses: NDArray[np.float64],
+    shears: NDArray[np.float64],
+    slips: NDArray[np.bool_],
+) -> Touch:
+    """Return the forces at all vertices that touch, those of faces by their share.
+
+    Args:
+        x: (n, 3) [m], counted from ``origin`` (3,) [m].
+        origin: of ``x``.
+        vertices: (k,) of pairs.
+        quads: (k, 4) their faces.
+        weights: (k, 4) of the faces' corners where they touch.
+        normals: (k, 3) out of the faces.
+        presses: (k,) [N] on the vertices.
+        shears: (k, 3) [N] on the vertices.
+        slips: (k,) which pairs slip.
+    """
+    places = np.einsum("ka,kai->ki", weights, x[quads])
+    gaps = np.einsum("ki,ki->k", normals, x[vertices] - places)
+    nearest = quads[np.arange(len(quads)), weights.argmax(axis=1)]
+    # Each pair five times: its vertex, and the corners of its face, which feel the opposite.
+    ends = np.column_stack([vertices, quads])
+    share = np.column_stack([np.ones(len(weights)), -weights])
+    other = np.column_stack([nearest, *[vertices] * 4])
+    pushes = (share * presses[:, None])[:, :, None] * normals[:, None]
+    rubs = share[:, :, None] * shears[:, None]
+    touched, place = np.unique(ends, return_inverse=True)
+    place = place.reshape(ends.shape)
+    size, count = np.abs(share) * presses[:, None], len(touched)
+    push, rub, slip = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
+    np.add.at(push, place, pushes)
+    np.add.at(rub, place, rubs)
+    np.add.at(slip, place, np.where(slips[:, None], size, -size))
+    # Whom a vertex touches most it is said to touch, at that gap.
+    order = np.argsort(size, axis=None, kind="stable")
+    partner, gap = np.zeros(count, np.int32), np.zeros(count)
+    partner[place.ravel()[order]] = other.ravel()[order]
+    gap[place.ravel()[order]] = np.repeat(gaps, 5)[order]
+    length = np.linalg.norm(push, axis=1)
+    on = (length > 0.0) | rub.any(axis=1)
+    return Touch(
+        vertices=touched[on].astype(np.int32),
+        others=partner[on],
+        places=x[touched[on]] + origin,
+        normals=push[on] / np.where(length > 0.0, length, 1.0)[on, None],
+        gaps=gap[on],
+        presses=length[on],
+        shears=rub[on],
+        slips=slip[on] > 0.0,
+    )

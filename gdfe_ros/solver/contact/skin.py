@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The surface of a body as contact with itself sees it: what lies about what, and which face is nearest to a vertex."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from gdfe_ros.mesh.faces import boundary_faces
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_faces
+
+CREASE = 0.7
+"""Cosine between the rest normals of two faces above which the surface goes on smoothly over their edge."""
+DEPTH, RIM = 0.25, 0.05
+"""Of the shortest edge: how deep a vertex may lie behind a face that it was never seen in front of, and how far beside
+it counts as over it."""
+
+
+class Topology(NamedTuple):
+    """What lies about what at rest, for the kernels; rows of lists of different lengths.
+
+    Attributes:
+        vertices: (k,) int32 of the faces, sorted.
+        quads: (q, 4) int32.
+        about_starts, about: (n + 1,) faces about each vertex of the body.
+        smooth_starts, smooth: (4 q + 1,) faces over which the normal at each corner is taken.
+        near_starts, near: (q + 1,) vertices that never touch each face, ascending: those of the cells about its own.
+        depth, rim: [m].
+    """
+
+    vertices: NDArray[np.int32]
+    quads: NDArray[np.int32]
+    about_starts: NDArray[np.int64]
+    about: NDArray[np.int64]
+    smooth_starts: NDArray[np.int64]
+    smooth: NDArray[np.int64]
+    near_starts: NDArray[np.int64]
+    near: NDArray[np.int64]
+    depth: float
+    rim: float
+
+
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """Of each vertex of a skin the nearest face that it can touch.
+
+    Attributes:
+        face: (k,) int64, -1 where there is none.
+        weights: (k, 4) of its corners at the closest point.
+        normal: (k, 3) of the plane that the vertex must stay in front of.
+        gap: (k,) [m] to that plane; infinite where there is no face.
+    """
+
+    face: NDArray[np.int64]
+    weights: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    gap: NDArray[np.float64]
+
+
+class Skin:
+    """The faces of a body that may touch each other.
+
+    Args:
+        body: the discretised body.
+        quads: (q, 4) int32 of its boundary faces.
+
+    Attributes:
+        topology: at rest.
+    """
+
+    def __init__(self, body: Body, quads: NDArray[np.int32]) -> None:
+        count, corners = len(body.rest), quads.ravel().astype(np.int64)
+        faces = np.repeat(np.arange(len(quads), dtype=np.int64), 4)
+        order = np.argsort(corners, kind="stable")
+        about, about_starts = faces[order], _starts(np.bincount(corners, minlength=count))
+        rest = np.empty((len(quads), 3))
+        face_areas(body.rest, quads, rest)
+        normals = rest / np.linalg.norm(rest, axis=1)[:, None]
+        shared = np.bincount(corners, minlength=count)[corners]
+        owner, other = np.repeat(np.arange(4 * len(quads)), shared), np.concatenate(
+            [about[about_starts[v] : about_starts[v + 1]] for v in corners]
+        )  # fmt: skip
+        on = np.einsum("ij,ij->i", normals[faces[owner]], normals[other]) > CREASE
+        near = _near(body, quads)
+        edges = body.rest[body.cells]
+        shortest = min(
+            float(np.linalg.norm(edges[:, a] - edges[:, b], axis=1).min())
+            for a, b in ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+        )
+        self.topology = Topology(
+            vertices=np.unique(quads).astype(np.int32),
+            quads=np.ascontiguousarray(quads, dtype=np.int32),
+            about_starts=about_starts,
+            about=about,
+            smooth_starts=_starts(np.bincount(owner[on], minlength=4 * len(quads))),
+            smooth=other[on],
+            near_starts=near.indptr.astype(np.int64),
+            near=near.indices.astype(np.int64),
+            depth=DEPTH * shortest,
+            rim=RIM * shortest,
+        )
+
+    def look(self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float) -> Nearest:
+        """Return the nearest face of each vertex that it can touch within a distance.
+
+        What lies deep behind a face touches it only where it was in front of it before: the other side of a wall has
+        always been behind.
+
+        Args:
+            x: (n, 3) [m].
+            last: (n, 3) [m] where nothing had entered anything.
+            reach: [m].
+        """
+        skin = self.topology
+        count, points, quads = len(skin.vertices), x[skin.vertices], skin.quads
+        centres = x[quads].mean(axis=1)
+        radius = float(np.sqrt(np.square(x[quads] - centres[:, None]).sum(axis=2).max()))
+        near = cKDTree(points).sparse_distance_matrix(cKDTree(centres), reach + radius, output_type="ndarray")
+        areas, normals = np.empty((len(quads), 3)), np.empty((len(quads), 4, 3))
+        face_areas(x, quads, areas)
+        corner_normals(areas, skin.smooth_starts, skin.smooth, normals)
+        distance, face = np.full(count, np.inf), np.full(count, -1, dtype=np.int64)
+        weights, normal, gap = np.zeros((count, 4)), np.zeros((count, 3)), np.full(count, np.inf)
+        pairs, faces = np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])
+        found = (distance, face, weights, normal, gap)
+        nearest_faces(x, last, pairs, faces, skin, areas, normals, reach, *found)
+        return Nearest(face, weights, normal, gap)
+
+
+def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def _near(body: Body, quads: NDArray[np.int32]) -> sparse.csr_matrix:
+    """Return the vertices (q, n) of the cells that share one with the cell of each face."""
+    cells, boundary = body.cells, boundary_faces(body.cells)
+    owner = {tuple(quad): cell for quad, cell in zip(boundary.quads.tolist(), boundary.cells.tolist(), strict=True)}
+    own = np.array([owner[tuple(quad)] for quad in quads.tolist()])
+    rows = np.repeat(np.arange(len(cells)), 8)
+    incidence = sparse.csr_matrix(
+        (np.ones(cells.size, np.int32), (rows, cells.ravel())), shape=(len(cells), len(body.rest))
+    )
+    near = (incidence[own] @ incidence.T @ incidence).tocsr()
+    near.sort_indices()
+    return near

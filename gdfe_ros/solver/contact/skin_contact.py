@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact of a body's surface with itself, as a term: each vertex with the face that is nearest to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.self_contact import NAME, SelfContact
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact import pair_law as law
+from gdfe_ros.solver.contact.contact import FAINT, FORCE, PENALTY
+from gdfe_ros.solver.contact.pair_touch import touching_vertices
+from gdfe_ros.solver.contact.skin import Nearest, Skin
+from gdfe_ros.solver.contact.touch import NOTHING, Touch
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.term import Saved, Term
+
+REACH, FARTHEST = 0.02, 0.25
+"""Distance, over the body's size, within which faces are looked for beside twice of what a step moves, and the most."""
+DEEPEST = 1e-4
+"""How deep, over the body's size, a vertex may be at the end of a step that counts as converged."""
+SAME_SIDE = 0.5
+"""Cosine between the normals of what a vertex touched and of what it is nearest to now, above which its forces stay."""
+
+
+class SkinContact(Term):
+    """Contact of parts of a mesh with each other, and of each with itself.
+
+    Which vertex has which face is fixed while a descent lasts, with the face's plane there; both are looked for anew
+    between descents, from the last accepted state on: there nothing had entered anything.
+
+    Args:
+        meant: what may touch.
+        body: the discretised body.
+
+    Attributes:
+        resolution, share: as of `Contact`.
+        on_body: no obstacle's reaction comes of it.
+    """
+
+    kernel, on_body = law.pair_entry, False
+
+    def __init__(self, meant: SelfContact, body: Body) -> None:
+        self._body, self.skin = body, Skin(body, meant.quads)
+        self._vertices, self._quads = self.skin.topology.vertices, self.skin.topology.quads
+        count = len(self._vertices)
+        reals = np.zeros(law.HEAD + law.STRIDE * count)
+        reals[law.FRICTION] = meant.friction
+        super().__init__(NAME, reals, np.zeros(law.VERTICES + law.WIDTH * count, dtype=np.int32))
+        self._yielding = np.zeros(len(body.rest))
+        self._chosen, self._on = np.zeros(0, dtype=np.int64), False
+        self._last: State | None = None
+        self.resolution, self.share, self._reach, self._deepest = np.inf, 1.0, 0.0, 0.0
+        none = np.zeros((count, 3))
+        self._free = {
+            "press": np.zeros(count), "shear": none, "normal": none, "slips": np.ones(count),
+            "face": np.full(count, -1.0), "weights": np.zeros((count, 4)), "offset": none,
+        }  # fmt: skip
+
+    @property
+    def updates(self) -> bool:
+        """Whether anything touches."""
+        return self._on
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Take penalties from the constant matrix' diagonal; what handles drive does not give way at all."""
+        self._yielding = 1.0 / matrix.assembled.diagonal()
+        for handle in self._body.handles:
+            if not (handle.free or handle.turning):
+                self._yielding[handle.vertices] = 0.0
+
+    def neutral(self) -> Saved:
+        """Return that nothing touches."""
+        return {**self._free, "lost": np.zeros(1)}
+
+    def aim(self, poses: Mapping[str, Pose], last: State) -> None:
+        """Take where everything was."""
+        self._last = last
+
+    def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
+        """Take the multipliers of the last step, turned on with the faces."""
+        last = positions if self._last is None else self._last.positions
+        self._from, size = last, self._body.size
+        moved = positions - last
+        far = float(np.abs(moved - moved[self._vertices].mean(axis=0)).max(initial=0.0))
+        self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
+        found = self.skin.look(last, last, self._reach)
+        kept = saved["slips"] == 0.0
+        face = np.where(kept, saved["face"], found.face).astype(np.int64)
+        some = saved["face"] >= 0.0
+        axes = _axes(positions, self._quads[saved["face"][some].astype(np.int64)])
+        self._press, self._shear, self._normal = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
+        self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
+        self._hold, self._hold_weights = face, np.where(kept[:, None], saved["weights"], found.weights)
+        self._offset = last[self._vertices] - np.einsum("ka,kai->ki", self._hold_weights, last[self._quads[face]])
+        self._offset[kept] = np.einsum("kij,kj->ki", axes[kept[some]], saved["offset"][kept])
+        on = found.face >= 0
+        before, after = (_axes(x, self._quads[found.face[on]]) for x in (last, positions))
+        found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
+        self._pack(found, last)
+        self._on, self._deepest, rows = bool(self._press.any()), 0.0, self._rows()
+        touching = rows[:, law.PRESS] > 0.0
+        stiff, press = rows[touching, law.PENALTY].sum(), rows[touching, law.PRESS].sum()
+        self.resolution = FORCE * press / stiff if touching.any() else np.inf
+
+    def update(self, positions: NDArray[np.float64]) -> float:
+        """Update the multipliers and look for the nearest faces anew."""
+        size = self._body.size
+        miss, change, forces, penalties = law.update_pairs(positions, self.reals, self.integers)
+        rows, chosen = self._rows(), self._chosen
+        press, gaps, pushed = rows[:, law.PRESS].copy(), self._forces(positions)[0], rows[:, law.PRESS] > 0.0
+        self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
+        given_up = press / rows[:, law.PENALTY]
+        found = self.skin.look(positions, self._from, self._reach)
+        self._pack(found, positions)
+        kept = pushed & (self._press[chosen] > 0.0)
+        shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
+        miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
+        self._deepest = max(0.0, -float(found.gap[self._chosen].min(initial=0.0)))
+        known = max(forces, FAINT * size * penalties)
+        self.resolution = FORCE * known / penalties if forces > 0.0 else np.inf
+        relative = change / known if forces > 0.0 else 0.0
+        return max(miss, FORCE * size * relative, self._deepest)
+
+    def reached(self, positions: NDArray[np.float64]) -> bool:
+        """Tell whether anything has come to touch that did not."""
+        if self._on:
+            return False
+        found = self.skin.look(positions, self._from, self._reach)
+        self._pack(found, positions)
+        self._on = bool((found.gap[self._chosen] < 0.0).any())
+        return self._on
+
+    def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
+        """Keep forces, and where what sticks does; ``lost`` is what friction has turned to heat so far [J]."""
+        if not self._on:
+            return {**self._free, "lost": saved["lost"]}
+        chosen, rows, kept = self._chosen, self._rows(), {name: array.copy() for name, array in self._free.items()}
+        _, presses, shears, slips, slid = self._forces(positions)
+        slips |= ~(presses > 0.0)
+        face, weights = self._hold[chosen], self._hold_weights[chosen]
+        face, weights = np.where(slips, self._face, face), np.where(slips[:, None], self._weights, weights)
+        quads, axes = self._quads[face], _axes(positions, self._quads[face])
+        places = np.einsum("ka,kai->ki", weights, positions[quads])
+        offset = positions[self._vertices[chosen]] - places
+        offset[~slips] = rows[~slips, law.OFFSET : law.OFFSET + 3]
+        kept["press"][chosen], kept["slips"][chosen] = presses, slips
+        kept["shear"][chosen] = np.einsum("kji,kj->ki", axes, shears)
+        kept["offset"][chosen] = np.einsum("kji,kj->ki", axes, offset)
+        kept["normal"][chosen] = rows[:, law.NORMAL : law.NORMAL + 3]
+        kept["face"][chosen], kept["weights"][chosen] = face, weights
+        rubbed = float(np.einsum("ki,ki->", shears[slips], slid[slips]))
+        return {**kept, "lost": saved["lost"] + self.share * rubbed}
+
+    def energy(self, positions: NDArray[np.float64]) -> float:
+        """Return nothing: contact stores nothing."""
+        return 0.0
+
+    def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
+        """Add the forces of a solve that ended at ``positions`` (n, 3) [m] to those on vertices (n, 3) [N]."""
+        slopes = np.zeros_like(forces)
+        law.pair_energy(positions, self.reals, self.integers, slopes, np.zeros(1))
+        forces -= slopes
+
+    def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
+        """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]: both of each pair."""
+        saved = state.terms[self.name]
+        on = np.flatnonzero(saved["press"])
+        if not len(on):
+            return NOTHING
+        quads = self._quads[saved["face"][on].astype(np.int64)]
+        shears = np.einsum("kij,kj->ki", _axes(state.positions, quads), saved["shear"][on])
+        return touching_vertices(
+            state.positions,
+            origin,
+            self._vertices[on],
+            quads,
+            weights=saved["weights"][on],
+            normals=saved["normal"][on],
+            presses=self.share * saved["press"][on],
+            shears=-self.share * shears,
+            slips=saved["slips"][on] > 0.0,
+        )
+
+    def flaw(self) -> str:
+        """Say how deep surfaces are in each other at the end of a solve; empty where that is within the bound."""
+        if self._deepest <= DEEPEST * self._body.size:
+            return ""
+        return f"surfaces of the body enter each other by {self._deepest:.3g} m; smaller steps lead nearer"
+
+    def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
+        """Take the pairs that were found at ``x`` (n, 3) [m], with the multipliers of those that go on."""
+        on = found.face >= 0
+        corners = self._quads[found.face]
+        give = self._yielding[self._vertices] + np.einsum("ka,ka->k", found.weights**2, self._yielding[corners])
+        on &= give > 0.0
+        turned = np.einsum("ki,ki->k", self._normal, found.normal) < SAME_SIDE
+        lost = ~on | turned
+        self._press[lost], self._shear[lost] = 0.0, 0.0
+        fresh = on & (self._hold < 0)
+        self._hold[fresh], self._hold_weights[fresh] = found.face[fresh], found.weights[fresh]
+        places = np.einsum("ka,kai->ki", found.weights[fresh], x[corners[fresh]])
+        self._offset[fresh] = x[self._vertices[fresh]] - places
+        self._normal = found.normal
+        chosen = np.flatnonzero(on)
+        normal, shear = found.normal[chosen], self._shear[chosen]
+        shear = shear - np.einsum("ki,ki->k", shear, normal)[:, None] * normal
+        self._chosen, self._face, self._weights = chosen, found.face[chosen], found.weights[chosen]
+        self.integers[law.COUNT] = len(chosen)
+        rows = self._rows()
+        rows[:, law.PENALTY], rows[:, law.PRESS] = PENALTY / give[chosen], self._press[chosen]
+        rows[:, law.NORMAL : law.WEIGHTS], rows[:, law.WEIGHTS : law.SHEAR] = normal, self._weights
+        rows[:, law.SHEAR : law.HOLD], rows[:, law.HOLD : law.OFFSET] = shear, self._hold_weights[chosen]
+        rows[:, law.OFFSET :] = self._offset[chosen]
+        ends = self.integers[law.VERTICES : law.VERTICES + law.WIDTH * len(chosen)].reshape(-1, law.WIDTH)
+        ends[:, law.VERTEX], ends[:, law.FACE : law.HELD] = self._vertices[chosen], corners[chosen]
+        ends[:, law.HELD :] = self._quads[self._hold[chosen]]
+
+    def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+        """Return gaps [m], presses (k,), shears (k, 3) [N], which slip (k,), and slips (k, 3) [m] of the pairs."""
+        count = len(self._chosen)
+        gaps, presses, slips = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_)
+        shears, slid = np.zeros((count, 3)), np.zeros((count, 3))
+        law.pair_forces(positions, self.reals, self.integers, gaps, presses, shears, slips, slid)
+        return gaps, presses, shears, slips, slid
+
+    def _rows(self) -> NDArray[np.float64]:
+        return self.reals[law.HEAD : law.HEAD + law.STRIDE * len(self._chosen)].reshape(-1, law.STRIDE)
+
+
+def _axes(x: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]; the axes are columns."""
+    a, b, c, d = np.moveaxis(x[quads], 1, 0)
+    along, normal = b + c - a - d, np.cross(c - a, d - b)
+    along = along / np.linalg.norm(along, axis=1)[:, None]
+    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+    return np.stack([along, np.cross(normal, along), normal], axis=2)

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parts of a mesh that touch each other, and bodies that touch themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.self_contact import PRESSED, pressures, stack
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.constraints.self_contact import NAME
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.result import StepResult
+
+SHOT = """
+name: shot
+mesh: {bar: {size: [0.09, 0.03, 0.03], cells: [9, 3, 3], cut: [{box: {x: [0.03, 0.05]}}]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+loads: {push: {surface: {where: {face: x-}, force: [0.63, 0, 0]}}}
+self_contact: {}
+dynamics: {step: 0.001}
+"""
+
+
+def pressed(simulation: Simulation, depth: float, *, slide: float = 0.0) -> StepResult:
+    """Move the upper block down and aside by so much [m]; return a sound step."""
+    result = simulation.step(Command(handles={"high": Pose((slide, 0.0, -depth))}))
+    assert result.converged, result.message
+    return result
+
+
+@pytest.mark.parametrize(("low", "high"), [(4, 4), (4, 3), (2, 5)])
+def test_pressure_is_uniform_where_blocks_are_pressed(low: int, high: int) -> None:
+    """Two cubes pressed on each other carry the same pressure at every vertex of both, within 2 %, on any cells."""
+    simulation = stack(low, high)
+    result = pressed(simulation, PRESSED)
+    for side in pressures(simulation, result):
+        np.testing.assert_allclose(side, side.mean(), rtol=0.02)
+    alike = stack(4, 4)
+    assert result.reactions["high"][2] == pytest.approx(pressed(alike, PRESSED).reactions["high"][2], rel=1e-4)
+
+
+def test_what_acts_acts_back() -> None:
+    """Forces of contact and the moments of both handles sum to nothing, with friction and on unlike cells."""
+    simulation = stack(3, 4, friction=0.5)
+    pressed(simulation, 0.004)
+    result = pressed(simulation, 0.006, slide=0.004)
+    touch = result.contacts[NAME]
+    assert touch.presses.max() > 0.1
+    np.testing.assert_allclose(touch.forces.sum(axis=0), 0.0, atol=1e-9 * touch.presses.sum())
+    total = result.reactions["low"][:3] + result.reactions["high"][:3]
+    np.testing.assert_allclose(total, 0.0, atol=2e-3 * np.abs(result.reactions["low"]).max())
+    assert set(np.sign(simulation.mesh.vertices[touch.vertices, 2])) == {-1.0, 1.0}
+    heights = simulation.mesh.vertices[:, 2]
+    assert (heights[touch.vertices] * heights[touch.others] < 0.0).all()
+
+
+def test_a_block_sticks_to_a_block_and_slips_beyond() -> None:
+    """Pushed aside, friction carries the push as one body would until it is mu times the press, and then no more."""
+    loose, tied = stack(3, 3, friction=0.2), stack(3, 3, friction=50.0)
+    for simulation in (loose, tied):
+        pressed(simulation, PRESSED)
+    for way in (0.0005, 0.004):
+        sticking = [pressed(simulation, PRESSED, slide=way) for simulation in (loose, tied)]
+        assert not any(result.contacts[NAME].slips.any() for result in sticking)
+        assert sticking[0].reactions["high"][0] == pytest.approx(sticking[1].reactions["high"][0], rel=0.01)
+    touch = pressed(loose, PRESSED, slide=0.008).contacts[NAME]
+    assert touch.slips.all()
+    np.testing.assert_allclose(np.linalg.norm(touch.shears, axis=1), 0.2 * touch.presses, rtol=0.02)
+    assert not pressed(tied, PRESSED, slide=0.008).contacts[NAME].slips.any()
+
+
+def test_a_notch_closes_and_holds() -> None:
+    """Pull the finger's tendon: its links come to lie on each other, carry what is pulled more, and let go again."""
+    simulation, tips = Simulation(load_scene("tendon_finger", overrides={"self_contact": {}})), {}
+    for tension in (3.0, 6.0, 9.0, 12.0, 3.0):
+        result = simulation.step(Command(actuators={"flexor": tension}))
+        assert result.converged, result.message
+        tips[tension], touch = result.positions[-1], result.contacts[NAME]
+        assert touch.gaps.min(initial=0.0) > -1e-4 * simulation.mesh.size
+        assert (len(touch.presses) > 10) == (tension > 3.0)
+    assert np.linalg.norm(tips[12.0] - tips[9.0]) < 0.05 * np.linalg.norm(tips[6.0] - tips[3.0])
+    assert result.min_det > 0.0
+
+
+@pytest.mark.parametrize(("scheme", "swing"), [("newmark", 1e-6), ("generalised_alpha", 0.015), ("bdf2", 1e-6)])
+def test_two_soft_bodies_collide(scheme: str, swing: float) -> None:
+    """A block that is pushed off hits another that floats: momentum is kept to 0.1 %, and no energy is made.
+
+    Generalised alpha takes forces between the ends of a step: what it counts at the ends swings when blocks part.
+    """
+    simulation, totals, touched = Simulation(scene_from_text(SHOT, overrides={"dynamics.scheme": scheme})), [], []
+    for step in range(150):
+        result = simulation.step(Command(loads={"push": 1.0 if step < 30 else 0.0}))
+        assert result.converged, result.message
+        momentum = (simulation._stepper._mass @ result.velocities).sum(axis=0)
+        touched.append(len(result.contacts[NAME].presses))
+        totals.append((momentum, result.energies["kinetic"] + result.energies["elastic"]))
+    before, after = totals[40], totals[-1]
+    assert not any(touched[:41])
+    assert any(touched)
+    assert not touched[-1]
+    np.testing.assert_allclose(after[0], before[0], atol=1e-3 * np.abs(before[0]).max())
+    left = simulation.mesh.vertices[:, 0] < 0.04
+    assert result.velocities[~left, 0].mean() > 2.0 * abs(result.velocities[left, 0].mean())
+    assert max(energy for _, energy in totals[40:]) < before[1] * (1.0 + swing)
+    assert after[1] < before[1]
+    assert after[1] > 0.5 * before[1] or scheme == "bdf2"

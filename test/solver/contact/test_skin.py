@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which face of a body's surface is nearest to a vertex, and the law between them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.self_contact import stack
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact import pair_law
+from gdfe_ros.solver.contact.skin import Skin
+from gdfe_ros.solver.contact.skin_contact import SkinContact
+from gdfe_ros.steppers import scene_body
+
+
+def the_contact(simulation: Simulation) -> SkinContact:
+    """Return the term of contact of a body with itself."""
+    return simulation._stepper.actuation.contacts[-1]
+
+
+def skin_of(name: str) -> tuple[Body, Skin]:
+    """Return the body and the whole surface of a shipped scene."""
+    scene = load_scene(name)
+    body = scene_body(scene, np.zeros(3))
+    return body, Skin(body, scene.mesh.surface())
+
+
+def test_cells_across_a_notch_face_each_other() -> None:
+    """Of a pneumatic actuator's cells, 2 mm apart, vertices find the wall across the gap, and none through a wall."""
+    body, skin = skin_of("pneunet")
+    found = skin.look(body.rest, body.rest, 2.1e-3)
+    on = found.face >= 0
+    assert on.sum() > 300
+    np.testing.assert_allclose(found.gap[on], 2e-3, rtol=1e-9)
+    vertices = skin.topology.vertices[on]
+    feet = np.einsum("ka,kai->ki", found.weights[on], body.rest[skin.topology.quads[found.face[on]]])
+    np.testing.assert_allclose(body.rest[vertices] - feet, found.gap[on, None] * found.normal[on], atol=1e-12)
+
+
+def test_a_finger_at_rest_is_near_to_nothing() -> None:
+    """A body whose parts are farther apart than the reach finds nothing, whatever its own thickness."""
+    body, skin = skin_of("tendon_finger")
+    assert (skin.look(body.rest, body.rest, 3e-3).face < 0).all()
+
+
+def test_what_has_passed_a_face_is_remembered() -> None:
+    """A vertex deep behind a face is found where it was in front of it before, and not where it never was."""
+    simulation = stack(2, 2)
+    skin, rest = the_contact(simulation).skin, simulation.mesh.vertices
+    deep = rest.copy()
+    deep[27:, 2] -= 0.015
+    before = skin.look(deep, rest, 0.02)
+    assert before.gap[before.face >= 0].min() == pytest.approx(-0.0148)
+    never = skin.look(deep, deep, 0.02)
+    assert (never.gap > -skin.topology.depth).all()
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05, 5.0])
+def test_the_gradient_is_that_of_the_energy_and_sums_to_nothing(friction: float) -> None:
+    """Central differences agree with the forces, sticking or slipping; what acts is what acts back, to rounding."""
+    simulation = stack(3, 2, friction=friction)
+    simulation.step(Command(handles={"high": Pose((0.0, 0.0, -0.003))}))
+    simulation.step(Command(handles={"high": Pose((0.001, 0.0, -0.003))}))
+    term, x = the_contact(simulation), simulation._state.positions
+    x = x + np.random.default_rng(4).normal(scale=3e-5, size=x.shape)
+    force, size = np.zeros_like(x), np.zeros(1)
+    pair_law.pair_energy(x, term.reals, term.integers, force, size)
+    assert np.abs(force).max() > 0.1
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-13 * np.abs(force).sum())
+    for vertex, axis in np.argwhere(force != 0.0)[::5]:
+        beside, energies = np.zeros_like(x), []
+        beside[vertex, axis] = 1e-7
+        for sign in (1, -1):
+            energies.append(
+                pair_law.pair_energy(x + sign * beside, term.reals, term.integers, np.zeros_like(x), np.zeros(1))
+            )
+        slope = (energies[0] - energies[1]) / 2e-7
+        assert slope == pytest.approx(force[vertex, axis], abs=2e-5 * np.abs(force).max())
