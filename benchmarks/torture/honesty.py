@@ -91,16 +91,21 @@ def _truth(name: str) -> tuple[StepResult, ...]:
 
 
 def _played(name: str, tolerance: float) -> tuple[StepResult, ...]:
-    stream = STREAMS[name]
-    scene = stream.scene()
+    scene = STREAMS[name].scene()
     simulation = Simulation(replace(scene, solver=replace(scene.solver, tolerance=tolerance)))
-    if scene.program is not None:
+    return play(simulation, STREAMS[name])
+
+
+def play(simulation: Simulation, stream: Stream) -> tuple[StepResult, ...]:
+    """Make the steps of a stream: of its program, or of a weight that grows."""
+    if simulation.scene.program is not None:
         return tuple(result for result, _ in zip(simulation.play(stream.steps), range(stream.played), strict=False))
     shares = np.arange(1, stream.played + 1) / stream.steps
     return tuple(simulation.step(Command(loads={"weight": float(share)})) for share in shares)
 
 
-def _error(found: StepResult, true: StepResult, size: float) -> float:
+def error_of(found: StepResult, true: StepResult, size: float) -> float:
+    """Return the largest distance of a vertex from where it should be, over the body's size [m]."""
     distance: NDArray[np.float64] = np.linalg.norm(found.positions - true.positions, axis=1)
     return float(distance.max()) / size
 
@@ -108,7 +113,7 @@ def _error(found: StepResult, true: StepResult, size: float) -> float:
 def _run(name: str, tolerance: float) -> Finding:
     size, truth, results = STREAMS[name].scene().mesh.size, _truth(name), _played(name, tolerance)
     pairs = [(found, true) for found, true in zip(results, truth, strict=True) if found.converged and true.converged]
-    errors = [_error(found, true, size) / tolerance for found, true in pairs]
+    errors = [error_of(found, true, size) / tolerance for found, true in pairs]
     iterations = sum(result.iterations for result in results) / len(results)
     figures = {"steps": len(results), "judged": len(pairs), "iterations a step": iterations}
     return Finding(results, max(errors, default=np.nan), figures=figures)

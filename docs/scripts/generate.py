@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from benchmarks import contact, cut_cells, motion
+from benchmarks import contact, cut_cells, motion, second_level
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.node import tables as node_tables
 from benchmarks.tables import all_tables, tables_beside
@@ -37,6 +37,7 @@ def texts() -> dict[str, str]:
         "scene": scene_reference.markdown(),
         "node": node_reference.markdown(),
         "constants": constant_table(),
+        "second_level": second_level.table(json.loads((DATA / "second_level.json").read_text())["rows"]),
         "manners": manners_table(json.loads((DATA / "manners.json").read_text())),
         **tables_beside(DATA / "bench.json"),
         **node_tables.all_tables(json.loads((DATA / "bench_node.json").read_text())),
