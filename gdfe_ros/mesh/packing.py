@@ -7,10 +7,13 @@ import base64
 import binascii
 import zipfile
 import zlib
+from collections.abc import Mapping
 from dataclasses import fields
 from io import BytesIO
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.filling import Filling
@@ -27,9 +30,7 @@ def pack_mesh(mesh: HexMesh) -> str:
     arrays |= {_VERTEX_SET + name: ids for name, ids in mesh.vertex_sets.items()}
     if mesh.filling is not None:
         arrays |= {_FILLING + item.name: getattr(mesh.filling, item.name) for item in fields(mesh.filling)}
-    buffer = BytesIO()
-    np.savez_compressed(buffer, **arrays)
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+    return _pack(arrays)
 
 
 def unpack_mesh(text: str) -> HexMesh:
@@ -38,25 +39,10 @@ def unpack_mesh(text: str) -> HexMesh:
     Raises:
         MeshError: the text is not such a mesh.
     """
-    try:
-        archive = np.load(BytesIO(base64.b64decode(text, validate=True)), allow_pickle=False)
-        arrays = {name: archive[name] for name in archive.files}
-        vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
-        filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
-        filling = Filling(**filled) if filled else None
-    except (
-        binascii.Error,
-        ValueError,
-        KeyError,
-        TypeError,
-        EOFError,
-        OSError,
-        AttributeError,
-        zipfile.BadZipFile,
-        zlib.error,
-    ) as error:
-        text = f"damaged: {error}; remedy: take the scene from its file or bag again"
-        raise MeshError("the embedded mesh", [text]) from error
+    arrays = _unpack(text, ("vertices", "cells"), "the embedded mesh")
+    vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
+    filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
+    filling = Filling(**filled) if len(filled) == len(_FILLED) else None
     return HexMesh(
         vertices,
         cells,
@@ -64,3 +50,46 @@ def unpack_mesh(text: str) -> HexMesh:
         {name.removeprefix(_VERTEX_SET): ids for name, ids in arrays.items() if name.startswith(_VERTEX_SET)},
         filling,
     )
+
+
+def pack_surface(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> str:
+    """Return a triangle surface likewise: vertices (k, 3) [m] and triangles (t, 3)."""
+    return _pack({"vertices": vertices, "triangles": triangles.astype(np.int32)})
+
+
+def unpack_surface(text: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return the vertices and triangles that `pack_surface` wrote.
+
+    Raises:
+        MeshError: the text is not such a surface.
+    """
+    arrays = _unpack(text, ("vertices", "triangles"), "the embedded skin")
+    return arrays["vertices"], arrays["triangles"]
+
+
+def _pack(arrays: Mapping[str, NDArray[Any]]) -> str:
+    buffer = BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _unpack(text: str, wanted: tuple[str, ...], heading: str) -> dict[str, NDArray[Any]]:
+    try:
+        archive = np.load(BytesIO(base64.b64decode(text, validate=True)), allow_pickle=False)
+        arrays = {name: archive[name] for name in archive.files}
+    except (
+        binascii.Error,
+        ValueError,
+        EOFError,
+        OSError,
+        AttributeError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
+        text = f"damaged: {error}; remedy: take the scene from its file or bag again"
+        raise MeshError(heading, [text]) from error
+    missing = [name for name in wanted if name not in arrays]
+    if missing:
+        text = f"damaged: without {', '.join(missing)}; remedy: take the scene from its file or bag again"
+        raise MeshError(heading, [text])
+    return arrays
