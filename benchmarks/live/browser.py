@@ -71,7 +71,7 @@ class Browser:
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self.chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
         self.chrome.set_script_timeout(100.0)  # below the 120 s after which a request counts as lost
-        source = _WATCH % {"bytes": 12 * len(surface.vertices), "indices": surface.triangles.size}
+        source = _WATCH % {"bytes": 12 * surface.count, "indices": surface.triangles.size}
         self.chrome.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": source})
 
     def __enter__(self) -> Browser:

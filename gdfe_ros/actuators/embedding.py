@@ -11,12 +11,11 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.hexmesh import HexMesh
-from gdfe_ros.mesh.operators import CORNERS
+from gdfe_ros.mesh.operators import reference_coordinates, trilinear_weights
 
 SLACK = 1e-5
 """Points this far outside of a cell, in its reference coordinates -1 .. 1, still lie on its face."""
 NEIGHBOURS = 64
-NEWTON_STEPS = 25
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +59,10 @@ def embed(mesh: HexMesh, points: ArrayLike, *, what: str) -> Embedding:
     weights = np.zeros((len(points), 8))
     defects = []
     for i, candidates in enumerate(np.atleast_2d(nearest.reshape(len(points), -1))):
-        reference = _reference(points[i], corners[candidates])
+        reference = reference_coordinates(points[i], corners[candidates])
         beyond = np.abs(reference).max(axis=1)
         best = int(np.argmin(beyond))
-        weights[i] = _weights(np.clip(reference[best], -1.0, 1.0)[None])[0]
+        weights[i] = trilinear_weights(np.clip(reference[best], -1.0, 1.0))
         cells[i] = candidates[best]
         if not beyond[best] <= 1.0 + SLACK:
             found = ", ".join(f"{value:.4g}" for value in weights[i] @ corners[cells[i]])
@@ -72,27 +71,3 @@ def embed(mesh: HexMesh, points: ArrayLike, *, what: str) -> Embedding:
     if defects:
         raise MeshError(what, defects)
     return Embedding(np.ascontiguousarray(mesh.cells[cells], dtype=np.int32), weights)
-
-
-def _weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
-    return 0.125 * np.prod(1.0 + reference[:, None, :] * CORNERS, axis=2)
-
-
-def _reference(point: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Invert the trilinear map of cells (k, 8, 3) at one point by Newton's method: reference coordinates (k, 3)."""
-    reference = np.zeros((len(corners), 3))
-    for _ in range(NEWTON_STEPS):
-        factors = 1.0 + reference[:, None, :] * CORNERS
-        gap = point - np.einsum("ka,kai->ki", 0.125 * factors.prod(axis=2), corners)
-        local = 0.125 * np.stack(
-            [
-                CORNERS[:, 0] * factors[..., 1] * factors[..., 2],
-                CORNERS[:, 1] * factors[..., 0] * factors[..., 2],
-                CORNERS[:, 2] * factors[..., 0] * factors[..., 1],
-            ],
-            axis=2,
-        )
-        jacobian = np.einsum("kai,kaj->kij", corners, local)
-        reference += np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
-        reference = np.clip(reference, -3.0, 3.0)
-    return reference

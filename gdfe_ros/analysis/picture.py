@@ -33,6 +33,8 @@ def draw_body(
 ) -> None:
     """Draw the surface at ``positions`` (n, 3) [m] coloured by cell ``values`` (m,), over the outline at rest.
 
+    The surface is the skin of a mesh that has one.
+
     Args:
         path: PNG file, or a stream.
         mesh: at rest.
@@ -48,12 +50,14 @@ def draw_body(
     """
     figure = Figure(figsize=(9.0, 5.0), dpi=150)
     axes = figure.add_axes((0.0, 0.02, 0.88, 0.9), projection="3d")
-    quads = positions[mesh.surface()]
+    outside = mesh.outside
+    faces = outside.at(positions)[outside.faces]
     colours = matplotlib.colormaps[COLOURS]
     low, high = limits or (float(values.min()), float(values.max()))
     norm = matplotlib.colors.Normalize(low, max(high, low + 1e-12))
-    faces = shaded(colours(norm(values[mesh.boundary.cells])), quads)
-    axes.add_collection3d(Poly3DCollection(quads, facecolors=faces, edgecolors=(0, 0, 0, 0.25), linewidths=0.3))
+    shown = shaded(colours(norm(values[outside.cells])), faces)
+    edges = {"edgecolors": shown} if outside.skin else {"edgecolors": (0, 0, 0, 0.25)}
+    axes.add_collection3d(Poly3DCollection(faces, facecolors=shown, linewidths=0.3, **edges))
     axes.add_collection3d(Line3DCollection(_box_edges(mesh.bounds), colors="0.6", linewidths=0.7, linestyles="dashed"))
     _frame(axes, np.vstack([positions, mesh.bounds, *([] if around is None else [around])]))
     bar = figure.colorbar(matplotlib.cm.ScalarMappable(norm, colours), cax=figure.add_axes((0.88, 0.2, 0.016, 0.55)))
@@ -62,9 +66,9 @@ def draw_body(
     figure.savefig(path, format="png" if not isinstance(path, Path) else None)
 
 
-def shaded(colours: NDArray[np.float64], quads: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return colours (q, 4) of quads (q, 4, 3) as a light from the upper left leaves them."""
-    normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+def shaded(colours: NDArray[np.float64], faces: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return colours (q, 4) of triangles or quads (q, 3 or 4, 3) as a light from the upper left leaves them."""
+    normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, -1] - faces[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-300
     brightness = 1.0 - SHADE + SHADE * np.clip(normals @ LIGHT, -1.0, 1.0)
     shaded = colours.copy()

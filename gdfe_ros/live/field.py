@@ -21,7 +21,7 @@ class Field:
 
     Attributes:
         label: for people, with the unit.
-        values: gives the field at the vertices of the boundary (k,) after a step.
+        values: gives the field at the points of the surface (k,) after a step.
     """
 
     label: str
@@ -35,7 +35,7 @@ def fields_of(scene: Scene) -> dict[str, Field]:
         return Field(label, lambda step, surface: surface.at_vertices(getattr(step.fields(), name)))
 
     def of_vertices(label: str, give: Callable[[Step], NDArray[np.float64]]) -> Field:
-        return Field(label, lambda step, surface: np.linalg.norm(give(step)[surface.vertices], axis=1))
+        return Field(label, lambda step, surface: np.linalg.norm(surface.outside.at(give(step)), axis=1))
 
     found = [
         of_cells("equivalent strain [1]", "eps_eq"),

@@ -33,33 +33,33 @@ _LINEAR = _linear(colour(np.linspace(0.0, 1.0, 256)))
 
 
 class Surface:
-    """The boundary of a mesh as triangles, coloured by vertex.
+    """The boundary of a mesh, or its skin, as triangles, coloured by vertex.
 
     Args:
         mesh: the body at rest.
         scale: from metres to the units of the picture.
 
     Attributes:
-        vertices: (k,) ids of the vertices on the boundary.
-        triangles: (t, 3) uint32 numbers within ``vertices``.
+        outside: what is shown, with its points.
+        count: number of the points.
+        triangles: (t, 3) uint32 numbers of points.
     """
 
     def __init__(self, mesh: HexMesh, *, scale: float = 1.0) -> None:
-        quads, cells = mesh.boundary.quads, mesh.boundary.cells
-        self.vertices, local = np.unique(quads, return_inverse=True)
-        local = local.reshape(-1, 4).astype(np.uint32)
-        self.triangles = np.ascontiguousarray(local[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
-        self._corners, self._owners = local.ravel(), np.repeat(cells, 4)
-        self._sharing = np.bincount(self._corners, minlength=len(self.vertices)).astype(np.float64)
+        self.outside = outside = mesh.outside
+        self.count = len(outside.corners)
+        self.triangles = np.ascontiguousarray(outside.triangles, dtype=np.uint32)
+        self._corners, self._owners = outside.faces.ravel(), np.repeat(outside.cells, outside.faces.shape[1])
+        self._sharing = np.maximum(np.bincount(self._corners, minlength=self.count), 1).astype(np.float64)
         self._scale = scale
         self._data = bytearray(self._template())
-        count = 3 * len(self.vertices)
+        count = 3 * self.count
         numbers = np.frombuffer(self._data, "<f4", count=2 * count, offset=self._start)
         self._positions, self._colours = numbers[:count].reshape(-1, 3), numbers[count:].reshape(-1, 3)
 
     def at_vertices(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Average values of the cells (m,) at the vertices of the boundary (k,), over the faces around each."""
-        total = np.bincount(self._corners, weights=values[self._owners], minlength=len(self.vertices))
+        """Average values of the cells (m,) at the points (k,), over the faces around each."""
+        total = np.bincount(self._corners, weights=values[self._owners], minlength=self.count)
         return total / self._sharing
 
     def pack(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> bytes:
@@ -67,9 +67,9 @@ class Surface:
 
         Args:
             positions: of all vertices of the mesh (n, 3) [m].
-            shares: place of each vertex of the boundary in the colour map (k,), 0 to 1; None: all in one grey.
+            shares: place of each point in the colour map (k,), 0 to 1; None: all in one grey.
         """
-        np.multiply(positions[self.vertices], self._scale, out=self._positions, casting="same_kind")
+        np.multiply(self.outside.at(positions), self._scale, out=self._positions, casting="same_kind")
         if shares is None:
             self._colours[:] = _GREY
         else:
@@ -81,7 +81,7 @@ class Surface:
 
     def _template(self) -> bytes:
         """Lay out the file, with zeros for what each frame writes; note where these places are."""
-        count, faces = len(self.vertices), self.triangles.tobytes()
+        count, faces = self.count, self.triangles.tobytes()
         size = 12 * count
         views = [(0, size, _ARRAY), (size, size, _ARRAY), (2 * size, len(faces), _INDICES)]
         vectors = {"componentType": _FLOAT32, "count": count, "type": "VEC3"}

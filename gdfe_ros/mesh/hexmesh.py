@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces, boundary_faces
 from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.outside import Outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +27,7 @@ class HexMesh:
         cell_sets: named sorted cell ids, int32 (physical groups, element sets of an imported file).
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
         filling: how far the cells are filled with material; None: wholly.
+        skin: what is shown instead of the cells' outer faces; None: these.
 
     Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` looks at
     the content.
@@ -39,6 +41,7 @@ class HexMesh:
     cell_sets: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
     vertex_sets: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
     filling: Filling | None = None
+    skin: Outside | None = None
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)
@@ -87,6 +90,11 @@ class HexMesh:
     def boundary(self) -> Faces:
         """Faces that belong to one cell only, oriented out of the material."""
         return boundary_faces(self.cells)
+
+    @cached_property
+    def outside(self) -> Outside:
+        """What the body is shown by: its skin, or its boundary."""
+        return self.skin or Outside.of_faces(self.boundary)
 
     def surface(self) -> NDArray[np.int32]:
         """Boundary quads, shape (q, 4), int32, VTK quad order, normals out of the material."""

@@ -27,6 +27,8 @@ MODES = np.stack(
 )
 """Corner values (4, 8) of the fields eta zeta, xi zeta, xi eta and xi eta zeta: mode i < 3 lacks axis i."""
 
+NEWTON_STEPS = 25
+"""To find a point's place in a cell; on a parallelepiped the first is exact."""
 PARALLEL = 1e-9
 """Largest hourglass amplitude, over the shortest edge, of an element that counts as a parallelepiped."""
 
@@ -61,6 +63,30 @@ class ShapeOperators(NamedTuple):
 def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the weights (..., 8) of a cell's corners at reference coordinates (..., 3)."""
     return 0.125 * np.prod(1.0 + reference[..., None, :] * CORNERS, axis=-1)
+
+
+def reference_coordinates(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Invert the trilinear map of cells (k, 8, 3) at points (k, 3), or at one (3,), by Newton's method.
+
+    Returns:
+        Reference coordinates (k, 3), within -3 .. 3.
+    """
+    reference = np.zeros((len(corners), 3))
+    for _ in range(NEWTON_STEPS):
+        factors = 1.0 + reference[:, None, :] * CORNERS
+        gap = points - np.einsum("ka,kai->ki", 0.125 * factors.prod(axis=2), corners)
+        local = 0.125 * np.stack(
+            [
+                CORNERS[:, 0] * factors[..., 1] * factors[..., 2],
+                CORNERS[:, 1] * factors[..., 0] * factors[..., 2],
+                CORNERS[:, 2] * factors[..., 0] * factors[..., 1],
+            ],
+            axis=2,
+        )
+        jacobian = np.einsum("kai,kaj->kij", corners, local)
+        reference += np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
+        reference = np.clip(reference, -3.0, 3.0)
+    return reference
 
 
 def shape_operators(

@@ -44,7 +44,7 @@ def unpack_mesh(text: str) -> HexMesh:
     Raises:
         MeshError: the text is not such a mesh.
     """
-    with _undamaged():
+    with _undamaged("mesh"):
         arrays = _unpack(text)
         vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
         filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
@@ -64,7 +64,7 @@ def unpack_surface(text: str) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     Raises:
         MeshError: the text is not such a surface.
     """
-    with _undamaged():
+    with _undamaged("surface"):
         arrays = _unpack(text)
         return arrays["vertices"], arrays["triangles"]
 
@@ -81,7 +81,7 @@ def _unpack(text: str) -> dict[str, NDArray]:
 
 
 @contextmanager
-def _undamaged() -> Iterator[None]:
+def _undamaged(what: str) -> Iterator[None]:
     """Tell of a text that is not what it should be."""
     try:
         yield
@@ -97,4 +97,4 @@ def _undamaged() -> Iterator[None]:
         zlib.error,
     ) as error:
         text = f"damaged: {error}; remedy: take the scene from its file or bag again"
-        raise MeshError("the embedded mesh", [text]) from error
+        raise MeshError(f"the embedded {what}", [text]) from error

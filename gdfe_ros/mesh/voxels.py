@@ -61,19 +61,20 @@ def read_voxels(surface: str | Path, *, cell: float, scale: float | None = None,
 
 
 def examine_surface(
-    surface: str | Path, *, scale: float | None = None
+    surface: str | Path, *, scale: float | None = None, closed: bool = True
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], list[str]]:
     """Read a surface file.
 
     Returns:
-        Vertices [m], shape (n, 3), triangles, shape (t, 3), and the defects that keep it from being filled.
+        Vertices [m], shape (n, 3), triangles, shape (t, 3), and the defects that keep it from being filled or, where
+        it need not be ``closed``, from being shown.
 
     Raises:
         MeshError: there is no surface to return, with the reason.
     """
     path = Path(surface)
     vertices, triangles = _read(path, f"surface {path}")
-    defects = _open_edges(vertices, triangles)
+    defects = _open_edges(vertices, triangles) if closed else []
     defects += unit_defects(float(np.linalg.norm(np.ptp(vertices, axis=0))), scale)
     return vertices * (scale or 1.0), triangles, defects
 

@@ -23,7 +23,7 @@ _COLOUR_PROBE = -1.2345678e30
 
 
 class SurfaceMarker:
-    """Serialised markers of a mesh's surface.
+    """Serialised markers of a mesh's surface, or of its skin.
 
     Args:
         mesh: the body at rest.
@@ -31,9 +31,9 @@ class SurfaceMarker:
     """
 
     def __init__(self, mesh: HexMesh, frame_id: str) -> None:
-        quads = mesh.boundary.quads
-        self._corners = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1)
-        self._cells = np.repeat(mesh.boundary.cells, 6)
+        self._outside = mesh.outside
+        self._corners = self._outside.triangles.reshape(-1)
+        self._cells = np.repeat(self._outside.cells, len(self._corners) // len(self._outside.cells))
         count = len(self._corners)
         self._template = Template(_marker(count, frame_id))
         self._points = self._template.view(struct.pack("<d", _PROBE), (count, 3), "<f8")
@@ -47,7 +47,7 @@ class SurfaceMarker:
             positions: of the vertices (n, 3) [m].
             values: of the cells (m,), shown by colour from the least to the largest.
         """
-        self._points[:] = positions[self._corners]
+        self._points[:] = self._outside.at(positions)[self._corners]
         self._colours[:, :3] = colour(values)[self._cells]
         self._colours[:, 3] = 1.0
         return self._template.stamped(stamp)

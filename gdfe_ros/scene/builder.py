@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +50,20 @@ def build_mesh(draft: Draft, report: Report) -> tuple[HexMesh | None, NDArray[np
     for defect in quality.defects:
         report.add(draft.mesh.place, defect)
     return (None, none) if quality.defects else (mesh, quality.vertex_part)
+
+
+def build_skin(draft: Draft, mesh: HexMesh | None, data: dict[str, Any], report: Report) -> HexMesh | None:
+    """Return the mesh with the skin that the scene gives it, and put that into ``data`` in the place of its file."""
+    if mesh is None or draft.skin is None:
+        return mesh
+    try:
+        skin, entry = draft.skin.build(mesh)
+    except MeshError as error:
+        for defect in error.defects:
+            report.add(draft.skin.place, defect)
+        return mesh
+    data["skin"] = entry
+    return replace(mesh, skin=skin)
 
 
 def build_materials(draft: Draft, report: Report) -> dict[str, Material]:

@@ -14,6 +14,7 @@ from gdfe_ros.scene import (
     obstacle_schema,
     schema,
     self_contact_schema,
+    skin_schema,
     where_schema,
 )
 
@@ -54,6 +55,15 @@ program:
 solver: {policy: energy, tolerance: 1.0e-4}
 """
 
+SKINNED = """\
+name: hand
+mesh: {voxels: {surface: hand.stl, cell: 0.003, cells: cut}}
+skin: {file: hand.stl}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
+regions: [{material: soft}]
+handles: {wrist: {where: {face: x-}, fixed: true}}
+"""
+
 EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     motion_schema.DynamicsModel: (
         "{scheme: generalised_alpha, rho_inf: 0.8, step: 0.005, damping: {viscosity: 50.0}, velocity: [0, 0, 0.1], "
@@ -63,7 +73,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     motion_schema.DampingModel: ("{mass: 0.5, viscosity: 100.0}",),
     motion_schema.BranchModel: ("{share: 0.2, time: 0.05}",),
     motion_schema.MassModel: ("{mass: 0.052, where: {face: x+}}", "{mass: 0.1, probe: tip}"),
-    schema.SceneModel: (SCENE,),
+    schema.SceneModel: (SCENE, SKINNED),
     mesh_schema.MeshModel: (
         "bar: {size: [0.20, 0.05, 0.05], cells: [20, 5, 5]}",
         "grid: {x: [0.0, 0.01, 0.03], y: [0.0, 0.01], z: [0.0, 0.01]}",
@@ -88,6 +98,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     generator_schema.FingerModel: (
         "{size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003, taper: 0.8}",
     ),
+    skin_schema.SkinModel: ("{file: hand.stl, scale: 0.001}", "embedded: QUJD   # as bags carry it"),
     mesh_schema.VoxelsModel: ("{surface: hand.stl, cell: 0.002, scale: 0.001, cells: cut}",),
     where_schema.WhereModel: (
         "face: x-                                   # the smallest x of the body",

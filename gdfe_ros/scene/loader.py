@@ -88,6 +88,8 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         apply_override(document, key, value, report)
     draft = _validate(document, report, path.parent if path else None)
     mesh, part = builder.build_mesh(draft, report)
+    shown: dict[str, Any] = {}
+    mesh = builder.build_skin(draft, mesh, shown, report)
     materials = builder.build_materials(draft, report)
     cell_material = builder.assign_materials(draft, mesh, _names(document, "materials"), report)
     handles = builder.build_handles(draft, mesh, report)
@@ -115,7 +117,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
         report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
-    data = document.data
+    data = {**document.data, **shown}
     return Scene(
         name=data["name"],
         description=data.get("description", ""),
@@ -125,7 +127,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         handles=handles,
         program=program,
         solver=solver,
-        source=_source(text, data, draft, mesh, handles, changed=bool(overrides)),
+        source=_source(text, data, draft, mesh, handles, changed=bool(overrides or shown)),
         path=path,
         actuators=actuators,
         loads=loads,

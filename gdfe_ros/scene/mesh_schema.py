@@ -16,7 +16,7 @@ from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, Ri
 from gdfe_ros.scene.paths import FilePath
 from gdfe_ros.scene.quantity import Quantity
 
-_SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
+SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
 _CELL = Quantity("edge of the cubes", "m", above=0.0, most=1.0)
 
 
@@ -25,7 +25,7 @@ class VoxelsModel(Entry):
 
     surface: FilePath = Field(description="STL, OBJ, PLY or OFF file")
     cell: Annotated[float, _CELL]
-    scale: Annotated[float, _SCALE] | None = None
+    scale: Annotated[float, SCALE] | None = None
     cells: Cells = Field(
         Cells.WHOLE,
         description="whole: the cubes whose centres lie inside; cut: every cube that the surface leaves material in, "
@@ -51,7 +51,7 @@ class MeshModel(Choice):
     file: FilePath | None = Field(None, description="hexahedra in a .msh, .vtk, .vtu or .inp file")
     voxels: VoxelsModel | None = None
     embedded: str | None = Field(None, description="a mesh as a recorded scene carries it")
-    scale: Annotated[float, _SCALE] | None = None
+    scale: Annotated[float, SCALE] | None = None
     merge: bool = Field(False, description="make vertices at the same place one")
     first_order: bool = Field(False, description="take the corners of second-order hexahedra")
 

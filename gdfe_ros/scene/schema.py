@@ -19,6 +19,7 @@ from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SensorModel
 from gdfe_ros.scene.program import Keyframe
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.self_contact_schema import SelfContactModel
+from gdfe_ros.scene.skin_schema import SkinModel
 from gdfe_ros.scene.where_schema import WhereModel
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 
@@ -128,6 +129,7 @@ class SceneModel(Entry):
     name: Annotated[str, StringConstraints(min_length=1)] = Field(description="a short name")
     description: str = Field("", description="a sentence for people")
     mesh: MeshModel = Field(description="the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}")
+    skin: SkinModel | None = None
     materials: dict[Name, MaterialModel] = Field(
         description="materials by name, e.g. soft: {law: linear, young: 1.0e5, poisson: 0.45}", min_length=1
     )
@@ -163,6 +165,7 @@ class Draft(BaseModel):
     """What is sound in a scene file with defects: a subset of `SceneModel`, so that the rest is checked."""
 
     mesh: MeshModel | None = None
+    skin: SkinModel | None = None
     materials: dict[str, MaterialModel] = {}
     regions: tuple[RegionModel | None, ...] = ()
     handles: dict[str, HandleModel] = {}

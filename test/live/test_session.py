@@ -51,11 +51,11 @@ def test_the_surface_is_a_sound_gltf() -> None:
     mesh = load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}).mesh
     surface = Surface(mesh, scale=10.0)
     positions = np.add(mesh.vertices, [0.0, 0.0, 0.01])
-    shares = np.linspace(0.0, 1.0, len(surface.vertices))
+    shares = np.linspace(0.0, 1.0, surface.count)
     (read,) = trimesh.load(
         io.BytesIO(surface.pack(positions, shares)), file_type="glb", process=False
     ).geometry.values()
-    np.testing.assert_allclose(read.vertices, 10.0 * positions[surface.vertices], atol=1e-6)
+    np.testing.assert_allclose(read.vertices, 10.0 * surface.outside.at(positions), atol=1e-6)
     np.testing.assert_array_equal(read.faces, surface.triangles)
     assert read.is_watertight
     assert read.volume == pytest.approx(1000.0 * np.prod(np.ptp(mesh.vertices, axis=0)), rel=1e-5)
@@ -67,5 +67,5 @@ def test_fields_of_cells_are_averaged_at_the_vertices() -> None:
     surface = Surface(mesh)
     np.testing.assert_allclose(surface.at_vertices(np.full(mesh.n_cells, 3.0)), 3.0)
     along = surface.at_vertices(mesh.centroids[:, 0])
-    inner = np.isclose(mesh.vertices[surface.vertices, 0], np.median(np.unique(mesh.vertices[:, 0])))
+    inner = np.isclose(surface.outside.at(mesh.vertices)[:, 0], np.median(np.unique(mesh.vertices[:, 0])))
     np.testing.assert_allclose(along[inner], np.median(np.unique(mesh.vertices[:, 0])), atol=1e-12)

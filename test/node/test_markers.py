@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from gdfe_ros.colour_map import colour
 from gdfe_ros.constraints import Pose
 from gdfe_ros.contacts import POINT
 from gdfe_ros.mesh.generators import bar
+from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.node.contact_markers import MOST_TRIANGLES, ContactMarkers
 from gdfe_ros.node.markers import SurfaceMarker
@@ -135,3 +137,14 @@ def test_a_mesh_is_shown_as_its_triangles(subdivisions: int) -> None:
 
 def _place(point: Any) -> list[float]:
     return [point.x, point.y, point.z]
+
+
+def test_a_marker_shows_the_skin_of_a_mesh_that_has_one() -> None:
+    """Read the corners of a triangle that one cell carries, moved with it, in that cell's colour."""
+    points = np.array([[0.1, 0.1, 0.1], [0.9, 0.2, 0.3], [0.2, 0.8, 0.6]]) * MESH.size / 10.0 + MESH.bounds[0]
+    skin = carry_skin(MESH.vertices, MESH.cells, points, np.array([[0, 1, 2]]))
+    moved = 2.0 * MESH.vertices + 1.0
+    data = SurfaceMarker(replace(MESH, skin=skin), "base_link").pack(0, moved, np.arange(float(MESH.n_cells)))
+    marker = deserialize_message(data, Marker)
+    found = sorted((point.x, point.y, point.z) for point in marker.points)
+    np.testing.assert_allclose(found, sorted(map(tuple, 2.0 * points + 1.0)), atol=1e-9)

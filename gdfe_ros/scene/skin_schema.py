@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The key `skin` of a scene file: a surface that the cells carry and that is shown in their place."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.outside import Outside, carry_skin
+from gdfe_ros.mesh.packing import pack_surface, unpack_surface
+from gdfe_ros.mesh.voxels import examine_surface
+from gdfe_ros.scene.entry import Choice
+from gdfe_ros.scene.mesh_schema import SCALE
+from gdfe_ros.scene.paths import FilePath
+
+
+class SkinModel(Choice):
+    """A triangle surface that the cells carry; shown instead of their faces, nothing else. It need not be closed."""
+
+    options: ClassVar[tuple[str, ...]] = ("scale",)
+
+    file: FilePath | None = Field(None, description="STL, OBJ, PLY or OFF file, placed as the body at rest")
+    embedded: str | None = Field(None, description="a surface as a recorded scene carries it")
+    scale: Annotated[float, SCALE] | None = None
+
+    @property
+    def place(self) -> tuple[str, ...]:
+        """Key path of what describes the surface, for errors."""
+        return ("skin", self.chosen[0])
+
+    def build(self, mesh: HexMesh) -> tuple[Outside, dict[str, Any]]:
+        """Return the surface on the cells, and the entry that carries it without a file.
+
+        Raises:
+            MeshError: it cannot be read, or lies beside the body.
+        """
+        if self.embedded is not None:
+            points, triangles = unpack_surface(self.embedded)
+        else:
+            points, triangles, defects = examine_surface(self.file, scale=self.scale, closed=False)
+            if defects:
+                raise MeshError(f"surface {self.file}", defects)
+        skin = carry_skin(mesh.vertices, mesh.cells, points, triangles)
+        return skin, {"embedded": pack_surface(points, triangles)}

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A skin is carried by the cells, shown in their place, kept by bags, and refused where it lies beside the body."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from gdfe_ros.analysis.picture import draw_body
+from gdfe_ros.errors import SceneError
+from gdfe_ros.live.surface import Surface
+from gdfe_ros.mesh.outside import REACH
+from gdfe_ros.scene import load_scene, scene_from_text
+from gdfe_ros.scene.scene import Scene
+
+SCENE = """
+name: rod
+mesh: {{voxels: {{surface: rod.stl, cell: 0.005, cells: cut}}}}
+skin: {skin}
+materials: {{soft: {{law: neo_hookean, young: 1.0e5, poisson: 0.45}}}}
+regions: [{{material: soft}}]
+handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
+"""
+RNG = np.random.default_rng(3)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder with a rod in metres and in millimetres, an open half of it, and one beside it."""
+    rod = trimesh.creation.capsule(height=0.05, radius=0.01, count=[24, 24])
+    rod.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
+    rod.export(tmp_path / "rod.stl")
+    rod.copy().apply_scale(1000.0).export(tmp_path / "rod_mm.stl")
+    rod.copy().apply_translation([0.0, 0.02, 0.0]).export(tmp_path / "beside.stl")
+    trimesh.Trimesh(rod.vertices, rod.faces[: len(rod.faces) // 2]).export(tmp_path / "open.stl")
+    return tmp_path
+
+
+def load(folder: Path, skin: str = "{file: rod.stl}") -> Scene:
+    """Load the rod with a skin."""
+    (folder / "scene.yaml").write_text(SCENE.format(skin=skin))
+    return load_scene(folder / "scene.yaml")
+
+
+def test_a_skin_is_where_its_file_is_and_follows_any_affine_motion(folder: Path) -> None:
+    """Put the skin at rest on the file's surface in pieces that can bend, and move it as the cells move."""
+    mesh = load(folder).mesh
+    wanted = trimesh.load(folder / "rod.stl")
+    at_rest = mesh.outside.at(mesh.vertices)
+    found = trimesh.Trimesh(at_rest, mesh.outside.faces, process=False)
+    assert (found.area, found.volume) == pytest.approx((wanted.area, wanted.volume), rel=1e-6)
+    assert found.is_watertight
+    assert found.edges_unique_length.max() <= 0.005 < wanted.edges_unique_length.max()
+    matrix, shift = RNG.normal(size=(3, 3)), RNG.normal(size=3)
+    np.testing.assert_allclose(mesh.outside.at(mesh.vertices @ matrix + shift), at_rest @ matrix + shift, atol=1e-12)
+    nearest = np.linalg.norm(mesh.centroids[mesh.outside.cells] - at_rest[mesh.outside.faces[:, 0]], axis=1)
+    assert nearest.max() < 0.005 * REACH * 3**0.5 / 2.0
+
+
+@pytest.mark.parametrize("skin", ["{file: rod_mm.stl, scale: 0.001}", "{file: open.stl}"])
+def test_a_scene_carries_its_skin_without_the_file(folder: Path, skin: str) -> None:
+    """Rebuild the scene from its text, as a bag has it: the same skin to the bit, open ones, too."""
+    scene = load(folder, skin)
+    (folder / "scene.yaml").unlink()
+    again = scene_from_text(scene.source).mesh.outside
+    assert again.skin
+    for name in ("faces", "cells", "corners", "weights"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(scene.mesh.outside, name))
+
+
+def test_a_skin_that_faces_inwards_is_turned(folder: Path) -> None:
+    """Turn the triangles of a closed skin outwards, so that light falls on them."""
+    inverted = trimesh.load(folder / "rod.stl")
+    inverted.invert()
+    inverted.export(folder / "rod.stl")
+    outside = load(folder).mesh.outside
+    assert trimesh.Trimesh(outside.at(load(folder).mesh.vertices), outside.faces, process=False).volume > 0.0
+
+
+@pytest.mark.parametrize(
+    ("skin", "expected"),
+    [
+        ("{file: none.stl}", r"skin.file = 'none.stl' \(line 4\): there is no such file"),
+        ("{file: rod_mm.stl}", r"skin.file = 'rod_mm.stl' .*scale: 0.001"),
+        (
+            "{file: beside.stl}",
+            r"skin.file .*\d+ of \d+ vertices lie far outside of the cells, the farthest 0.0\d+ m, at \(.*\) m; "
+            r"allowed: 0.75 of a cell's edge, which is 0.005 m there; remedy: check scale and place of the file",
+        ),
+        ("{embedded: abc}", r"skin.embedded = 'abc' .*damaged"),
+        ("{}", r"skin .*give exactly one of file, embedded"),
+    ],
+)
+def test_bad_skins_are_defects_with_key_and_remedy(folder: Path, skin: str, expected: str) -> None:
+    """Say what is wrong with a skin, where, and what to do."""
+    with pytest.raises(SceneError, match=expected):
+        load(folder, skin)
+
+
+def test_pictures_and_the_page_show_the_skin(folder: Path) -> None:
+    """Find the skin's own points in the page's glTF, and a picture that differs from the cells'."""
+    scene = load(folder)
+    mesh, bare = scene.mesh, load(folder, "null").mesh
+    surface = Surface(mesh)
+    data = surface.pack(mesh.vertices, np.linspace(0.0, 1.0, surface.count))
+    read = trimesh.load(io.BytesIO(data), file_type="glb", process=False).geometry.popitem()[1]
+    np.testing.assert_allclose(read.vertices, mesh.outside.at(mesh.vertices), atol=1e-6)
+    assert not bare.outside.skin
+    pictures = []
+    for shown in (mesh, bare):
+        draw_body(picture := io.BytesIO(), shown, shown.vertices, shown.centroids[:, 0], title="rod", label="x [m]")
+        pictures.append(picture.getvalue())
+    assert pictures[0] != pictures[1]
