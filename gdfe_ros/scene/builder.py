@@ -13,26 +13,17 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.constraints import Handle
-from gdfe_ros.constraints.obstacle import Obstacle, TriangleMesh
-from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material
-from gdfe_ros.mesh import HexMesh, check_mesh, select_cells, select_faces, select_vertices
+from gdfe_ros.mesh import HexMesh, check_mesh, select_cells, select_vertices
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.mesh.selection import Where
-from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.obstacle_schema import ObstacleModel
 from gdfe_ros.scene.program import Point, Program
 from gdfe_ros.scene.report import NO_VALUE, Report, suggest
 from gdfe_ros.scene.schema import Draft, HandleModel, KeyframeModel, PointModel, ProgramModel
 from gdfe_ros.scene.where_schema import WhereModel
-
-SMALLEST, LARGEST = 1e-3, 1e3
-"""Size of a mesh that is an obstacle, over the body's, beyond which its unit was mistaken."""
-COARSEST = 0.25
-"""Cell of its grid over the body's size beyond which the body would not find its form."""
 
 
 def build_mesh(draft: Draft, report: Report) -> tuple[HexMesh | None, NDArray[np.int32]]:
@@ -119,59 +110,6 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[H
                 "remedy: make one of the two smaller",
             )
     return tuple(handles)
-
-
-def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Obstacle, ...]:
-    """Return the obstacles that can be made; no handle may have the name of one."""
-    obstacles = []
-    for name, model in draft.obstacles.items():
-        if name in draft.handles:
-            report.add(("obstacles", name), "a handle has this name; remedy: another one", value=NO_VALUE)
-            continue
-        try:
-            obstacle = model.build(name)
-        except MeshError as error:
-            for defect in error.defects:
-                report.add(("obstacles", name, "mesh", model.mesh.chosen[0]), defect)
-            continue
-        obstacles.append(obstacle)
-        if mesh is not None and isinstance(obstacle.form, TriangleMesh):
-            _require_scale(obstacle.form.solid, mesh, ("obstacles", name, "mesh"), report)
-    return tuple(obstacles)
-
-
-def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Report) -> None:
-    """Note a solid that is out of all proportion to the body, or whose grid is."""
-    ratio = solid.size / mesh.size
-    if not SMALLEST <= ratio <= LARGEST:
-        allowed = f"allowed: {SMALLEST:g} to {LARGEST:g} times"
-        text = (
-            f"it measures {solid.size:.3g} m, {ratio:.3g} times as much as the body ({allowed}); remedy: check `scale`"
-        )
-        report.add(path, text, value=NO_VALUE)
-    elif solid.cell > COARSEST * mesh.size:
-        text = f"its cell, {solid.cell:.3g} m, is too coarse for a body of {mesh.size:.3g} m"
-        report.add(path, f"{text}; remedy: cell: {0.2 * COARSEST * mesh.size:.2g}, or check `scale`", value=NO_VALUE)
-
-
-def build_bodies(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[RigidBody, ...]:
-    """Return the rigid bodies; nothing else that moves may have the name of one."""
-    for name in draft.bodies:
-        if name in draft.handles or name in draft.obstacles:
-            report.add(("bodies", name), "a handle or an obstacle has this name; remedy: another one", value=NO_VALUE)
-    first = mesh.n_vertices if mesh is not None else 0
-    return tuple(model.build(name, first + 4 * i) for i, (name, model) in enumerate(draft.bodies.items()))
-
-
-def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Report) -> SelfContact | None:
-    """Return which faces of the mesh may touch each other; None where none may."""
-    model = draft.self_contact
-    if model is None or mesh is None:
-        return None
-    quads = mesh.surface()
-    if model.where is not None:
-        quads = select(select_faces, mesh, model.where, ("self_contact", "where"), "boundary face", report)
-    return None if quads is None else SelfContact(quads=quads, friction=model.friction)
 
 
 def require_held(mesh: HexMesh, part: NDArray[np.int32], handles: tuple[Handle, ...], report: Report) -> None:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.scene import actuation, builder
+from gdfe_ros.scene import actuation, builder, touchable
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
 from gdfe_ros.scene.override import apply_override
 from gdfe_ros.scene.report import NO_VALUE, Report
@@ -95,15 +95,15 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     handles = builder.build_handles(draft, mesh, report)
     if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
         builder.require_held(mesh, part, handles, report)
-    rigid = builder.build_bodies(draft, mesh, report)
-    handles = (*handles, *builder.build_obstacles(draft, mesh, report), *rigid)
+    rigid = touchable.build_bodies(draft, mesh, report)
+    handles = (*handles, *touchable.build_obstacles(draft, mesh, report), *rigid)
     actuators = actuation.build_actuators(draft, mesh, report)
     probes = actuation.build_probes(draft, mesh, report)
     attached = actuation.build_masses(draft, mesh, probes, _names(document, "probes"), report)
     masses = (*attached, *(item.attached for item in rigid))
     loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
     sensors = actuation.build_sensors(draft, mesh, report)
-    self_contact = builder.build_self_contact(draft, mesh, report)
+    self_contact = touchable.build_self_contact(draft, mesh, report)
     program = None
     if draft.program is not None:
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}

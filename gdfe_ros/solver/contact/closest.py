@@ -126,15 +126,15 @@ def among(starts, values, row, value):
 
 
 @kernel
-def nearest_faces(x, last, pairs, faces, skin, areas, normals, reach, distance, face, weights, normal, gap):
+def nearest_faces(x, last, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap):
     """Find of each vertex the nearest face that it can touch.
 
     Args:
         x: (n, 3) [m].
         last: (n, 3) [m] where nothing had entered anything.
-        pairs: (p,) places of vertices among the skin's.
+        pairs: (p,) places of vertices among the surface's.
         faces: (p,) of faces that may be nearest.
-        skin: the topology of a `Skin`.
+        surface: the topology of a `OwnSurface`.
         areas: (q, 3) [m^2] of the faces at ``x``.
         normals: (q, 4, 3) at their corners.
         reach: [m] beyond which nothing is found.
@@ -144,17 +144,17 @@ def nearest_faces(x, last, pairs, faces, skin, areas, normals, reach, distance, 
         normal: (k, 3) of the plane that the vertex must stay in front of.
         gap: (k,) [m] to that plane.
     """
-    quads = skin.quads
+    quads = surface.quads
     for pair in range(len(pairs)):
         i, f = pairs[pair], faces[pair]
-        vertex = skin.vertices[i]
-        if among(skin.near_starts, skin.near, f, vertex):
+        vertex = surface.vertices[i]
+        if among(surface.near_starts, surface.near, f, vertex):
             continue
         size = math.sqrt(areas[f, 0] ** 2 + areas[f, 1] ** 2 + areas[f, 2] ** 2)
         if not size > 0.0:
             continue
         n0, n1, n2 = areas[f, 0] / size, areas[f, 1] / size, areas[f, 2] / size
-        if not opposes(areas, skin.about_starts, skin.about, vertex, n0, n1, n2):
+        if not opposes(areas, surface.about_starts, surface.about, vertex, n0, n1, n2):
             continue
         px, py, pz = x[vertex, 0], x[vertex, 1], x[vertex, 2]
         u, v = closest_on(x, quads, f, px, py, pz)
@@ -173,12 +173,12 @@ def nearest_faces(x, last, pairs, faces, skin, areas, normals, reach, distance, 
         m0, m1, m2 = m0 / length, m1 / length, m2 / length
         height = m0 * d0 + m1 * d1 + m2 * d2
         beside = math.sqrt(max(0.0, away * away - height * height))
-        if beside > skin.rim:
+        if beside > surface.rim:
             if height < 0.0:
                 continue
             # Round an edge: what is nearest is the edge itself.
             m0, m1, m2, height = d0 / away, d1 / away, d2 / away, away
-        if height < -skin.depth and not was_before(last, quads, f, vertex, w):
+        if height < -surface.depth and not was_before(last, quads, f, vertex, w):
             continue
         distance[i], face[i], gap[i] = away, f, height
         normal[i, 0], normal[i, 1], normal[i, 2] = m0, m1, m2

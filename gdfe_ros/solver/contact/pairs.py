@@ -7,11 +7,11 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
-from gdfe_ros.solver.contact.skin_contact import SkinContact
+from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.surface import Corners, Surface
 
 
-def contacts_of(body: Body) -> list[Contact | SkinContact]:
+def contacts_of(body: Body) -> list[Contact | OwnContact]:
     """Return the contacts of a body with its obstacles, of rigid bodies with these, and of the body with itself."""
     touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
     surface, found = Surface.of(body) if touched else None, []
@@ -22,5 +22,5 @@ def contacts_of(body: Body) -> list[Contact | SkinContact]:
             friction = max(rigid.friction, thing.friction)
             found.append(Contact(f"{rigid.name} on {thing.name}", thing, body, Corners.of(rigid), friction))
     if body.self_contact is not None:
-        found.append(SkinContact(body.self_contact, body))
+        found.append(OwnContact(body.self_contact, body))
     return found

@@ -13,8 +13,8 @@ from gdfe_ros.constraints.self_contact import NAME, SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
 from gdfe_ros.solver.contact.contact import FAINT, FORCE, PENALTY
+from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
 from gdfe_ros.solver.contact.pair_touch import touching_vertices
-from gdfe_ros.solver.contact.skin import Nearest, Skin
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
@@ -28,7 +28,7 @@ SAME_SIDE = 0.5
 """Cosine between the normals of what a vertex touched and of what it is nearest to now, above which its forces stay."""
 
 
-class SkinContact(Term):
+class OwnContact(Term):
     """Contact of parts of a mesh with each other, and of each with itself.
 
     Which vertex has which face is fixed while a descent lasts, with the face's plane there; both are looked for anew
@@ -46,8 +46,8 @@ class SkinContact(Term):
     kernel, on_body = law.pair_entry, False
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
-        self._body, self.skin = body, Skin(body, meant.quads)
-        self._vertices, self._quads = self.skin.topology.vertices, self.skin.topology.quads
+        self._body, self.surface = body, OwnSurface(body, meant.quads)
+        self._vertices, self._quads = self.surface.topology.vertices, self.surface.topology.quads
         count = len(self._vertices)
         reals = np.zeros(law.HEAD + law.STRIDE * count)
         reals[law.FRICTION] = meant.friction
@@ -89,7 +89,7 @@ class SkinContact(Term):
         moved = positions - last
         far = float(np.abs(moved - moved[self._vertices].mean(axis=0)).max(initial=0.0))
         self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
-        found = self.skin.look(last, last, self._reach)
+        found = self.surface.look(last, last, self._reach)
         kept = saved["slips"] == 0.0
         face = np.where(kept, saved["face"], found.face).astype(np.int64)
         some = saved["face"] >= 0.0
@@ -116,7 +116,7 @@ class SkinContact(Term):
         press, gaps, pushed = rows[:, law.PRESS].copy(), self._forces(positions)[0], rows[:, law.PRESS] > 0.0
         self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
         given_up = press / rows[:, law.PENALTY]
-        found = self.skin.look(positions, self._from, self._reach)
+        found = self.surface.look(positions, self._from, self._reach)
         self._pack(found, positions)
         kept = pushed & (self._press[chosen] > 0.0)
         shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
@@ -131,7 +131,7 @@ class SkinContact(Term):
         """Tell whether anything has come to touch that did not."""
         if self._on:
             return False
-        found = self.skin.look(positions, self._from, self._reach)
+        found = self.surface.look(positions, self._from, self._reach)
         self._pack(found, positions)
         self._on = bool((found.gap[self._chosen] < 0.0).any())
         return self._on

@@ -10,51 +10,51 @@ from benchmarks.self_contact import stack
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law
-from gdfe_ros.solver.contact.skin import Skin
-from gdfe_ros.solver.contact.skin_contact import SkinContact
+from gdfe_ros.solver.contact.own_contact import OwnContact
+from gdfe_ros.solver.contact.own_surface import OwnSurface
 from gdfe_ros.steppers import scene_body
 
 
-def the_contact(simulation: Simulation) -> SkinContact:
+def the_contact(simulation: Simulation) -> OwnContact:
     """Return the term of contact of a body with itself."""
     return simulation._stepper.actuation.contacts[-1]
 
 
-def skin_of(name: str) -> tuple[Body, Skin]:
+def skin_of(name: str) -> tuple[Body, OwnSurface]:
     """Return the body and the whole surface of a shipped scene."""
     scene = load_scene(name)
     body = scene_body(scene, np.zeros(3))
-    return body, Skin(body, scene.mesh.surface())
+    return body, OwnSurface(body, scene.mesh.surface())
 
 
 def test_cells_across_a_notch_face_each_other() -> None:
     """Of a pneumatic actuator's cells, 2 mm apart, vertices find the wall across the gap, and none through a wall."""
-    body, skin = skin_of("pneunet")
-    found = skin.look(body.rest, body.rest, 2.1e-3)
+    body, surface = skin_of("pneunet")
+    found = surface.look(body.rest, body.rest, 2.1e-3)
     on = found.face >= 0
     assert on.sum() > 300
     np.testing.assert_allclose(found.gap[on], 2e-3, rtol=1e-9)
-    vertices = skin.topology.vertices[on]
-    feet = np.einsum("ka,kai->ki", found.weights[on], body.rest[skin.topology.quads[found.face[on]]])
+    vertices = surface.topology.vertices[on]
+    feet = np.einsum("ka,kai->ki", found.weights[on], body.rest[surface.topology.quads[found.face[on]]])
     np.testing.assert_allclose(body.rest[vertices] - feet, found.gap[on, None] * found.normal[on], atol=1e-12)
 
 
 def test_a_finger_at_rest_is_near_to_nothing() -> None:
     """A body whose parts are farther apart than the reach finds nothing, whatever its own thickness."""
-    body, skin = skin_of("tendon_finger")
-    assert (skin.look(body.rest, body.rest, 3e-3).face < 0).all()
+    body, surface = skin_of("tendon_finger")
+    assert (surface.look(body.rest, body.rest, 3e-3).face < 0).all()
 
 
 def test_what_has_passed_a_face_is_remembered() -> None:
     """A vertex deep behind a face is found where it was in front of it before, and not where it never was."""
     simulation = stack(2, 2)
-    skin, rest = the_contact(simulation).skin, simulation.mesh.vertices
+    surface, rest = the_contact(simulation).surface, simulation.mesh.vertices
     deep = rest.copy()
     deep[27:, 2] -= 0.015
-    before = skin.look(deep, rest, 0.02)
+    before = surface.look(deep, rest, 0.02)
     assert before.gap[before.face >= 0].min() == pytest.approx(-0.0148)
-    never = skin.look(deep, deep, 0.02)
-    assert (never.gap > -skin.topology.depth).all()
+    never = surface.look(deep, deep, 0.02)
+    assert (never.gap > -surface.topology.depth).all()
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.05, 5.0])

@@ -48,7 +48,7 @@ class Topology(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """Of each vertex of a skin the nearest face that it can touch.
+    """Of each vertex of a surface the nearest face that it can touch.
 
     Attributes:
         face: (k,) int64, -1 where there is none.
@@ -63,7 +63,7 @@ class Nearest:
     gap: NDArray[np.float64]
 
 
-class Skin:
+class OwnSurface:
     """The faces of a body that may touch each other.
 
     Args:
@@ -117,19 +117,19 @@ class Skin:
             last: (n, 3) [m] where nothing had entered anything.
             reach: [m].
         """
-        skin = self.topology
-        count, points, quads = len(skin.vertices), x[skin.vertices], skin.quads
+        surface = self.topology
+        count, points, quads = len(surface.vertices), x[surface.vertices], surface.quads
         centres = x[quads].mean(axis=1)
         radius = float(np.sqrt(np.square(x[quads] - centres[:, None]).sum(axis=2).max()))
         near = cKDTree(points).sparse_distance_matrix(cKDTree(centres), reach + radius, output_type="ndarray")
         areas, normals = np.empty((len(quads), 3)), np.empty((len(quads), 4, 3))
         face_areas(x, quads, areas)
-        corner_normals(areas, skin.smooth_starts, skin.smooth, normals)
+        corner_normals(areas, surface.smooth_starts, surface.smooth, normals)
         distance, face = np.full(count, np.inf), np.full(count, -1, dtype=np.int64)
         weights, normal, gap = np.zeros((count, 4)), np.zeros((count, 3)), np.full(count, np.inf)
         pairs, faces = np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])
         found = (distance, face, weights, normal, gap)
-        nearest_faces(x, last, pairs, faces, skin, areas, normals, reach, *found)
+        nearest_faces(x, last, pairs, faces, surface, areas, normals, reach, *found)
         return Nearest(face, weights, normal, gap)
 
 
