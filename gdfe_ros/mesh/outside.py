@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
 from gdfe_ros.mesh.operators import reference_coordinates, trilinear_weights
+from gdfe_ros.mesh.refinement import refine
 
 NEAR = 12
 """Cells about a point of a skin of which one carries it."""
@@ -80,7 +81,7 @@ def carry_skin(
     """
     corners = vertices[cells]
     edge = float(np.linalg.norm(corners[:, [1, 3, 4]] - corners[:, :1], axis=2).mean())
-    points, triangles = divide(points, triangles, edge)
+    points, triangles = refine(points, triangles, edge)
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(cells)))
     near = near.reshape(len(points), -1)
     best, place = near[:, 0].copy(), np.full((len(points), 3), np.inf)
@@ -97,34 +98,6 @@ def carry_skin(
     carriers = np.ascontiguousarray(cells[best], dtype=np.int32)
     owners = best[triangles[:, 0]].astype(np.int32)
     return Outside(triangles.astype(np.int32), owners, carriers, trilinear_weights(place))
-
-
-def divide(
-    points: NDArray[np.float64], triangles: NDArray[np.int64], longest: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Halve the edges of a triangle surface until none is longer than ``longest`` [m]; neighbours stay connected."""
-    while True:
-        pairs = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
-        edges, which = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
-        long = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1) > longest
-        if not long.any():
-            return points, triangles
-        middle = np.where(long, len(points) + np.cumsum(long) - 1, -1)[which.reshape(-1, 3)]
-        points = np.concatenate([points, points[edges[long]].mean(axis=1)])
-        count = (middle >= 0).sum(axis=1)
-        turn = np.where(
-            count == 1, (middle >= 0).argmax(axis=1), np.where(count == 2, (middle < 0).argmax(axis=1) + 1, 0)
-        )
-        order = (turn[:, None] + np.arange(3)) % 3
-        (a, b, c), (ab, bc, ca) = np.take_along_axis(triangles, order, 1).T, np.take_along_axis(middle, order, 1).T
-        parts = [triangles[count == 0]]
-        for halves, pieces in {
-            1: ((a, ab, c), (ab, b, c)),
-            2: ((ab, b, bc), (a, ab, bc), (a, bc, c)),
-            3: ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)),
-        }.items():
-            parts += [np.stack(piece, axis=1)[count == halves] for piece in pieces]
-        triangles = np.concatenate(parts)
 
 
 def _too_far(

@@ -56,9 +56,9 @@ solver: {policy: energy, tolerance: 1.0e-4}
 """
 
 SKINNED = """\
-name: hand
 mesh: {voxels: {surface: hand.stl, cell: 0.003, cells: cut}}
 skin: {file: hand.stl}
+name: hand
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
 regions: [{material: soft}]
 handles: {wrist: {where: {face: x-}, fixed: true}}

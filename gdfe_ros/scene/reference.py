@@ -56,7 +56,10 @@ def _section(model: type[BaseModel]) -> str:
     if only and model.options:
         lines[-1] += f" Beside it may stand: {', '.join(f'`{name}`' for name in model.options)}."
     lines += ["", *(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)), ""]
-    return "\n".join([*lines, "```yaml", "\n# or\n".join(example.strip() for example in EXAMPLES[model]), "```", ""])
+    whole = [example for example in EXAMPLES[model] if "\n" in example]
+    short = [example for example in EXAMPLES[model] if "\n" not in example]
+    blocks = [*whole, *(["\n# or\n".join(short)] if short else [])]
+    return "\n".join([*lines, "\n\n".join(f"```yaml\n{block.strip()}\n```" for block in blocks), ""])
 
 
 def _row(name: str, field: FieldInfo, *, optional: bool) -> tuple[str, ...]:

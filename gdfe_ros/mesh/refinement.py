@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Surfaces of triangles with shorter edges: neighbours stay connected, slender triangles become strips."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Levels = tuple[int, int, int]
+"""How often each edge of a triangle is halved; edge j lies opposite of corner j."""
+
+
+def refine(
+    points: NDArray[np.float64], triangles: NDArray[np.int64], longest: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Divide triangles until the edges that were given are cut into parts of at most ``longest`` [m].
+
+    Each edge falls into equal parts, a power of two. A triangle of which all edges are cut falls into four of its own
+    form, again and again; one with an edge that is short enough, as long thin facets have, becomes a strip across its
+    other edges. Lines inside of a strip are at most that short edge longer than ``longest``.
+
+    Args:
+        points: (k, 3) [m].
+        triangles: (t, 3) ids of points.
+        longest: [m].
+
+    Returns:
+        Points, the given ones first, and triangles that face the same way.
+    """
+    ends = np.sort(np.stack([triangles[:, [1, 2, 0]], triangles[:, [2, 0, 1]]], axis=2), axis=2)
+    edges, which = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    which = which.reshape(-1, 3)
+    lengths = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
+    levels = np.ceil(np.log2(np.maximum(lengths / longest, 1.0))).astype(np.int64)
+    inner = 2**levels - 1
+    first = len(points) + np.cumsum(inner) - inner
+    owner = np.repeat(np.arange(len(edges)), inner)
+    share = (np.arange(len(owner)) - (first - len(points))[owner] + 1) / 2.0 ** levels[owner]
+    start, end = points[edges[owner, 0]], points[edges[owner, 1]]
+    found = [points, start + share[:, None] * (end - start)]
+    count, pieces = len(points) + len(owner), []
+    kinds, kind = np.unique(levels[which], axis=0, return_inverse=True)
+    for number, cut in enumerate(kinds):
+        rows = np.flatnonzero(kind.reshape(-1) == number)
+        places, parts = _template(tuple(map(int, cut)))
+        ids = np.empty((len(rows), len(places)), dtype=np.int64)
+        inside = (places > 0.0).all(axis=1)
+        for j in range(3):
+            a, b = triangles[rows, (j + 1) % 3], triangles[rows, (j + 2) % 3]
+            ids[:, places[:, j] == 1.0] = triangles[rows, j, None]
+            on = (places[:, j] == 0.0) & (places.max(axis=1) < 1.0)
+            share = np.where((a < b)[:, None], places[on, (j + 2) % 3], places[on, (j + 1) % 3])
+            ids[:, on] = first[which[rows, j], None] + np.rint(share * 2.0 ** cut[j]).astype(np.int64) - 1
+        ids[:, inside] = count + np.arange(len(rows) * inside.sum()).reshape(len(rows), -1)
+        count += len(rows) * int(inside.sum())
+        found.append(np.einsum("pj,tji->tpi", places[inside], points[triangles[rows]]).reshape(-1, 3))
+        pieces.append(ids[:, parts].reshape(-1, 3))
+    return np.concatenate(found), np.concatenate(pieces)
+
+
+@lru_cache(maxsize=256)
+def _template(cut: Levels) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return how a triangle is divided: points (p, 3) in barycentric coordinates, exactly, and triangles (t, 3)."""
+    count = 2 ** min(cut)
+    small = _four_by_four(count)
+    strip = _strip(tuple(level - min(cut) for level in cut))
+    corners = np.einsum("qaj,tji->qtai", strip, small).reshape(-1, 3)
+    places, ids = np.unique(corners, axis=0, return_inverse=True)
+    return places, ids.reshape(-1, 3)
+
+
+def _four_by_four(count: int) -> NDArray[np.float64]:
+    """Return the corners (t, 3, 3) of ``count`` squared triangles, each of the form of the whole."""
+    found = []
+    for i in range(count):
+        for j in range(count - i):
+            found.append([(i, j), (i + 1, j), (i, j + 1)])
+            if i + j + 1 < count:
+                found.append([(i + 1, j + 1), (i, j + 1), (i + 1, j)])
+    second, third = np.moveaxis(np.array(found, dtype=float) / count, 2, 0)
+    return np.stack([1.0 - second - third, second, third], axis=2)
+
+
+def _strip(cut: Levels) -> NDArray[np.float64]:
+    """Return the corners (t, 3, 3) of a strip, from the corner opposite to an edge that stays whole down to it."""
+    turn = cut.index(0)
+    ends = 2 ** cut[(turn + 2) % 3], 2 ** cut[(turn + 1) % 3]
+    at, found = [1, 1], [((0, 0.0), (0, 1.0 / ends[0]), (1, 1.0 / ends[1]))]
+    while at[0] < ends[0] or at[1] < ends[1]:
+        side = 0 if (at[0] + 1) * ends[1] <= (at[1] + 1) * ends[0] else 1
+        here = [(k, at[k] / ends[k]) for k in (0, 1)]
+        at[side] += 1
+        on = (side, at[side] / ends[side])
+        found.append((here[0], on, here[1]))
+    corners = np.zeros((len(found), 3, 3))
+    for t, corner in enumerate(found):
+        for a, (side, share) in enumerate(corner):
+            corners[t, a, turn], corners[t, a, (turn + 1 + side) % 3] = 1.0 - share, share
+    return corners
