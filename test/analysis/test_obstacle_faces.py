@@ -3,14 +3,20 @@
 
 from __future__ import annotations
 
+from io import BytesIO
+
+import matplotlib.image
 import numpy as np
 import pytest
 import trimesh
 
-from gdfe_ros.analysis.obstacle_faces import obstacle_faces
+from gdfe_ros.analysis.obstacle_faces import faces_of, obstacle_faces
+from gdfe_ros.analysis.picture import OBSTACLE, draw_body
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Form, Obstacle, Plane, Sphere, TriangleMesh
 from gdfe_ros.mesh.solid import make_solid
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
 
 CUBE = trimesh.creation.box((0.1, 0.2, 0.3))
 ROD = 0.02**2 * np.pi * 0.1
@@ -44,3 +50,16 @@ def test_a_plane_lies_below_what_is_before_it() -> None:
     assert faces.shape == (1, 4, 3)
     np.testing.assert_allclose(faces[0, :, 2], -0.5)
     np.testing.assert_allclose([faces[0].min(axis=0)[:2], faces[0].max(axis=0)[:2]], [[-0.5, -0.5], [2.5, 1.5]])
+
+
+def test_pictures_show_the_obstacles_of_a_scene() -> None:
+    """Draw the shipped finger with its plate: thousands of pixels are redder than blue, as the plate is."""
+    simulation = Simulation(load_scene("finger_press"))
+    mesh, picture = simulation.mesh, BytesIO()
+    found = faces_of(simulation)
+    draw_body(picture, mesh, mesh.vertices, np.zeros(mesh.n_cells), title="", label="", obstacles=found)
+    picture.seek(0)
+    pixels = matplotlib.image.imread(picture)[:, :1150]
+    assert [faces.shape for faces in found] == [(6, 4, 3)]
+    assert OBSTACLE[0] > OBSTACLE[2]
+    assert np.count_nonzero(pixels[..., 0] > pixels[..., 2] + 0.05) > 5000
