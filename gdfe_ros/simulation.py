@@ -168,7 +168,7 @@ class Simulation:
         """Whether the state stays as it is while nothing new is commanded."""
         if isinstance(self._stepper, MotionStepper):
             return self._stepper.settled(self._state, self.targets, self.commands)
-        return self.result is None or self.result.converged
+        return self.result.converged if self.result else self._state.summary.converged
 
     def remarks(self) -> list[str]:
         """Say what is doubtful about the scene: unstable materials, contrasts beyond the policy's calibration."""

@@ -47,6 +47,24 @@ def test_sensors_share_what_a_lid_presses() -> None:
     assert abs(left[4]) < 0.0125 * abs(left[2])
 
 
+def test_what_begins_inside_is_pushed_out_by_the_first_step() -> None:
+    """Begin a lid 1 mm in the slab: nothing counts as settled before, and the slab is below it after a step."""
+    simulation = Simulation(scene_from_text(SLAB, overrides={"obstacles.lid.at": [0, 0, 0.019]}))
+    assert not simulation.settled
+    touch = simulation.step().contacts["lid"]
+    assert simulation.settled
+    assert len(touch.vertices) == 25
+    assert touch.gaps.min() > -1e-5
+    assert touch.presses.sum() > 1.0
+
+
+def test_what_lies_on_the_body_has_not_begun_inside() -> None:
+    """Begin a lid on the slab: it is at rest as it is."""
+    simulation = Simulation(scene_from_text(SLAB, overrides={"obstacles.lid.at": [0, 0, 0.020]}))
+    assert simulation.settled
+    assert simulation.step().iterations == 0
+
+
 def test_names_are_those_of_the_results() -> None:
     """Name the contacts of obstacles and two rigid bodies: as the simulation does, in its order."""
     simulation = Simulation(scene_from_text(SLAB + BODIES))

@@ -30,6 +30,7 @@ class Group(str, Enum):
     WALKS = "7 walks"
     ACTUATORS = "8 actuators"
     HONESTY = "9 honesty"
+    CONTACT = "10 contact"
 
 
 class Verdict(str, Enum):

@@ -14,16 +14,18 @@ from benchmarks.torture import (
     scenes,
     snaps,
     starts,
+    touches,
     walks,
 )
 from benchmarks.torture.case import Case
 
 
 def all_cases(*, walk_steps: int = walks.STEPS) -> list[Case]:
-    """Return every case, group by group; random walks take ``walk_steps`` steps."""
+    """Return every case, group by group; random walks take ``walk_steps`` steps, random pokes at most as many."""
     groups = (starts, commands, contrasts, scales, meshes, laws)
     found = [case for group in groups for case in group.cases()]
     found += [*walks.cases(walk_steps), *actuation.cases(), *snaps.cases(), *scenes.cases(), *honesty.cases()]
+    found += touches.cases(min(touches.POKES, walk_steps))
     names = [case.id for case in found]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -18,6 +19,7 @@ VIEW = {"elev": 18.0, "azim": -64.0}
 COLOURS = "viridis"
 LIGHT = np.array([0.35, -0.75, 0.65]) / np.linalg.norm([0.35, -0.75, 0.65])
 SHADE = 0.35
+OBSTACLE = (0.80, 0.62, 0.45, 0.35)
 
 
 def draw_body(
@@ -30,6 +32,7 @@ def draw_body(
     label: str,
     limits: tuple[float, float] | None = None,
     around: NDArray[np.float64] | None = None,
+    obstacles: Sequence[NDArray[np.float64]] = (),
 ) -> None:
     """Draw the surface at ``positions`` (n, 3) [m] coloured by cell ``values`` (m,), over the outline at rest.
 
@@ -44,26 +47,39 @@ def draw_body(
         label: beside the colours.
         limits: least and largest value of the colours; None: those of ``values``.
         around: points (k, 3) [m] that the axes include, for pictures on one scale.
+        obstacles: faces (f, k, 3) [m] of each.
 
     Raises:
         OSError: the picture cannot be written.
     """
     figure = Figure(figsize=(9.0, 5.0), dpi=150)
-    axes = figure.add_axes((0.0, 0.02, 0.88, 0.9), projection="3d")
+    axes = figure.add_axes((0.0, 0.02, 0.88, 0.9), projection="3d", computed_zorder=False)
     outside = mesh.outside
     faces = outside.at(positions)[outside.faces]
     colours = matplotlib.colormaps[COLOURS]
     low, high = limits or (float(values.min()), float(values.max()))
     norm = matplotlib.colors.Normalize(low, max(high, low + 1e-12))
-    shown = shaded(colours(norm(values[outside.cells])), faces)
-    edges = {"edgecolors": shown} if outside.skin else {"edgecolors": (0, 0, 0, 0.25)}
-    axes.add_collection3d(Poly3DCollection(faces, facecolors=shown, linewidths=0.3, **edges))
+    lit = shaded(colours(norm(values[outside.cells])), faces)
+    edges = {"edgecolors": lit} if outside.skin else {"edgecolors": (0, 0, 0, 0.25)}
+    body = Poly3DCollection(faces, facecolors=lit, linewidths=0.3, zorder=1, clip_on=False, **edges)
+    axes.add_collection3d(body)
+    for solid in obstacles:
+        before = (solid.mean(axis=(0, 1)) - positions.mean(axis=0)) @ _towards_the_eye() > 0.0
+        axes.add_collection3d(obstacle_collection(solid, zorder=2 if before else 0))
     axes.add_collection3d(Line3DCollection(_box_edges(mesh.bounds), colors="0.6", linewidths=0.7, linestyles="dashed"))
-    _frame(axes, np.vstack([positions, mesh.bounds, *([] if around is None else [around])]))
+    shown = [solid.reshape(-1, 3) for solid in obstacles]
+    _frame(axes, np.vstack([positions, mesh.bounds, *shown, *([] if around is None else [around])]))
     bar = figure.colorbar(matplotlib.cm.ScalarMappable(norm, colours), cax=figure.add_axes((0.88, 0.2, 0.016, 0.55)))
     bar.set_label(label)
     figure.suptitle(title, x=0.04, y=0.96, ha="left", fontsize=12)
     figure.savefig(path, format="png" if not isinstance(path, Path) else None)
+
+
+def obstacle_collection(faces: NDArray[np.float64], *, zorder: float = 0.0) -> Poly3DCollection:
+    """Return the faces (f, k, 3) [m] of an obstacle, pale, as one sees the body through."""
+    colours = shaded(np.tile(OBSTACLE, (len(faces), 1)), faces)
+    options = {"edgecolors": (0, 0, 0, 0.08), "linewidths": 0.2, "clip_on": False, "zorder": zorder}
+    return Poly3DCollection(faces, facecolors=colours, **options)
 
 
 def shaded(colours: NDArray[np.float64], faces: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -74,6 +90,12 @@ def shaded(colours: NDArray[np.float64], faces: NDArray[np.float64]) -> NDArray[
     shaded = colours.copy()
     shaded[:, :3] *= brightness[:, None]
     return np.clip(shaded, 0.0, 1.0)
+
+
+def _towards_the_eye() -> NDArray[np.float64]:
+    elevation, azimuth = np.deg2rad([VIEW["elev"], VIEW["azim"]])
+    flat = np.cos(elevation)
+    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
 
 
 def _box_edges(bounds: NDArray[np.float64]) -> list[NDArray[np.float64]]:

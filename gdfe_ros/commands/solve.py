@@ -107,8 +107,9 @@ def _clean(values: object) -> list[float]:
 
 
 def _draw(path: Path, simulation: Simulation, result: StepResult) -> None:
+    from gdfe_ros.analysis.obstacle_faces import faces_of
     from gdfe_ros.analysis.picture import draw_body  # matplotlib takes a second to import
 
     title = f"{simulation.scene.name} at t = {result.time:g} s"
-    fields = simulation.fields()
-    draw_body(path, simulation.mesh, result.positions, fields.eps_eq, title=title, label="equivalent strain")
+    words = {"title": title, "label": "equivalent strain", "obstacles": faces_of(simulation)}
+    draw_body(path, simulation.mesh, result.positions, simulation.fields().eps_eq, **words)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.torture.case import Group
 from benchmarks.torture.score import Score, rich_table, write_scores
 
 OUTPUT = Path(os.environ.get("TORTURE_OUTPUT", "runs/torture"))
@@ -26,7 +27,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     from benchmarks.torture.picture import draw_scores  # matplotlib takes a second
 
     scores = [Score.from_json(json.loads(text)) for text in texts]
-    scores.sort(key=lambda score: score.group.value)
+    scores.sort(key=lambda score: list(Group).index(score.group))
     Console(file=terminalreporter._tw._file, width=140).print(rich_table(scores))
     OUTPUT.mkdir(parents=True, exist_ok=True)
     write_scores(OUTPUT / "torture.json", scores)

@@ -82,6 +82,11 @@ class Contact(Term):
         """Whether any point is near."""
         return len(self._chosen) > 0
 
+    @property
+    def inside(self) -> bool:
+        """Whether a point was inside of what it touches where the last solve began."""
+        return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)
+
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take penalties from the constant matrix' diagonal."""
         self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())

@@ -112,15 +112,17 @@ class EnergyEquilibrium:
         self._run = 0
 
     def at_rest(self) -> State:
-        """Return the state at rest."""
+        """Return the state at rest, which is no equilibrium where the body is inside of what it touches."""
         body, handles, loose = self.body, self.body.handles, np.zeros((len(self.body.unknowns.slides), 3))
         poses = {handle.name: Pose() for handle in handles}
         still = {handle.name: np.zeros(6) for handle in handles}
         neutral, ungrown = self.actuation.neutral, self.actuation.growths.ungrown
         saved = self.actuation.at_rest()
-        self.actuation.begin(neutral, saved, body.rest)
+        self.actuation.begin(neutral, saved, body.rest, poses)
+        entered = [contact.name for contact in self.actuation.contacts if contact.inside]
         summary = Summary(
-            converged=True,
+            converged=not entered,
+            message=f"not solved yet: at rest the body is inside of {', '.join(entered)}" if entered else "",
             residual=0.0,
             energy=0.0,
             min_det=1.0,

@@ -86,11 +86,12 @@ class Term:
         reals: (k,) float64, what the kernel reads; written by `begin` and `update`.
         integers: (i,) int32, the same.
         updates: whether `update` has anything to do.
+        inside: whether the solve began inside of what the term keeps the body out of.
         even: its stiffness acts on x, y and z alike, is all that it has, and never changes: tangents take it as it is.
     """
 
     kernel: TermKernel | None = None
-    updates, even = False, False
+    updates, even, inside = False, False, False
 
     def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         self.name, self.reals, self.integers = name, reals, integers

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Group 10: obstacles inside the body, through it, edge on edge, slippery and sticky, on hard and soft, at random."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from benchmarks.torture.bodies import Driver, distance
+from benchmarks.torture.case import Case, Finding, Group
+from gdfe_ros.constraints import Pose
+from gdfe_ros.mesh.packing import pack_surface
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.settings import Policy
+
+POKES = 300
+BOUND = 1e-4
+"""Largest distance from rest, over the body's size, once nothing touches any more."""
+BODY = """
+name: poked
+mesh: {bar: {size: [0.10, 0.05, 0.05], cells: [8, 4, 4]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}}
+solver: {tolerance: 1.0e-6, max_iterations: 2000}
+"""
+MOTION = {"scheme": "bdf2", "step": 0.005, "damping": {"viscosity": 300.0, "mass": 20.0}}
+CALM = 200
+"""Steps after which what is damped so is at rest."""
+RELEASES = 6
+"""Steps in which a body that was left, as its message said, on its way must have come home."""
+DEEPEST = 1e-4
+"""Depth over the body's size to which a vertex may lie in what it touches after a step that converged."""
+_BALL = trimesh.creation.icosphere(subdivisions=3, radius=0.02)
+FORMS: dict[str, tuple[dict[str, Any], float]] = {
+    "a ball": ({"sphere": {"radius": 0.02}}, 0.02),
+    "a box": ({"box": {"size": [0.04, 0.03, 0.02]}}, 0.01),
+    "a thin wall": ({"box": {"size": [0.2, 0.2, 0.002]}}, 0.001),
+    "a capsule": ({"capsule": {"radius": 0.012, "length": 0.06}}, 0.042),
+    "a cylinder": ({"cylinder": {"radius": 0.015, "length": 0.06}}, 0.03),
+    "a mesh": ({"mesh": {"embedded": pack_surface(_BALL.vertices, _BALL.faces)}}, 0.02),
+}
+"""Things, and how far they reach below their middle [m]."""
+HEIGHT = 0.025
+"""Of the body's upper face [m]."""
+INTO = 0.004
+"""How deep in the body a thing begins [m]; in motion a quarter of that, which a step of time can push out."""
+EDGES = {"along it": [45.0, 0.0, 0.0], "across it": [0.0, 45.0, 0.0], "a corner": [45.0, 35.264, 0.0]}
+HALVES = {"the free half": {"x": [0.05, 0.1]}, "the upper half": {"z": [0.0, HEIGHT]}}
+FRICTIONS = (0.0, 0.5, 10.0)
+UP, DOWN = Pose((0.0, 0.0, 0.5)), Pose((0.0, 0.0, -0.5))
+PARTS = 20
+"""Steps of one poke in motion."""
+
+
+def _driver(thing: Mapping[str, Any], **more: Any) -> Driver:
+    return Driver(scene_from_text(BODY, overrides={"obstacles": {"thing": dict(thing)}, **more}))
+
+
+def _released(driver: Driver, away: Pose = UP) -> Finding:
+    """Take the thing away: the body must go back to rest, and no step may call it settled while it lies inside."""
+    if driver.simulation.scene.dynamics is None:
+        for _ in range(RELEASES):
+            if driver.step(away, name="thing").converged:
+                break
+    else:
+        for _ in range(CALM):
+            driver.step(away, name="thing", dt=0.005)
+    mesh = driver.simulation.mesh
+    error = distance(driver.results[-1].positions, mesh.vertices, mesh.size)
+    said = dict.fromkeys(result.message for result in driver.results if result.message)
+    settled = [result.contacts["thing"].gaps for result in driver.results if result.converged]
+    depth = -min((gaps.min(initial=0.0) for gaps in settled), default=0.0) / mesh.size
+    flaws = (f"settled {depth:.2g} of its size inside of the thing",) if depth > DEEPEST else ()
+    return Finding(tuple(driver.results), error, driver.rise, tuple(said), flaws)
+
+
+def _inside(form: dict[str, Any], reach: float, friction: float, motion: bool) -> Finding:
+    """Begin with a thing inside of the body, hold it there, and take it away."""
+    into, more = (0.25 * INTO, {"dynamics": MOTION}) if motion else (INTO, {})
+    driver = _driver(
+        {**form, "at": [0.06, 0.004, HEIGHT + reach - min(into, 0.5 * reach)], "friction": friction}, **more
+    )
+    for _ in range(3):
+        driver.step(dt=0.005)
+    first = driver.results[0]
+    untouched = not motion and first.converged and not first.contacts["thing"].vertices.size
+    found = _released(driver)
+    return replace(found, flaws=(*found.flaws, "what it began in, it does not touch")) if untouched else found
+
+
+def _through(form: dict[str, Any], steps: int, friction: float) -> Finding:
+    """Move a thing from above through the body and out below, in so many steps."""
+    driver = _driver({**form, "at": [0.06, 0.004, 0.06], "friction": friction})
+    for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
+        driver.step(Pose((0.0, 0.0, -0.16 * share)), name="thing")
+    return _released(driver, DOWN)
+
+
+def _edge(turn: list[float], friction: float) -> Finding:
+    """Press a box' edge or corner onto the body's upper edge, drag it along, and take it away."""
+    thing = {"box": {"size": [0.04] * 3}, "at": [0.06, 0.025, HEIGHT + 0.03], "rotation_deg": turn}
+    driver = _driver({**thing, "friction": friction})
+    for way in ((0.0, 0.0, -0.01), (0.0, 0.0, -0.015), (0.01, -0.005, -0.015), (0.02, 0.005, -0.01)):
+        driver.step(Pose(way), name="thing")
+    return _released(driver)
+
+
+def _contrast(ratio: float, half: dict[str, list[float]]) -> Finding:
+    """Press a ball into a body of which a half is so many times harder than the other."""
+    hard = {
+        "materials.hard": {"law": "neo_hookean", "young": 1e5 * ratio, "poisson": 0.4, "density": 1000},
+        "regions": [{"material": "soft"}, {"material": "hard", "where": {"box": half}}],
+    }
+    driver = _driver({"sphere": {"radius": 0.02}, "at": [0.06, 0.004, HEIGHT + 0.021], "friction": 0.5}, **hard)
+    for depth in (0.004, 0.008):
+        driver.step(Pose((0.0, 0.0, -depth)), name="thing")
+    return _released(driver)
+
+
+def _poked(friction: float, pokes: int) -> Finding:
+    """Put a box anywhere about the body and in any turn, over and over, then take it away."""
+    driver = _driver({**FORMS["a box"][0], "at": [0.06, 0.0, HEIGHT + 0.1], "friction": friction})
+    random = np.random.default_rng(15)
+    for _ in range(pokes):
+        place = random.uniform([-0.03, -0.04, -0.17], [0.07, 0.04, -0.08])
+        driver.step(Pose(tuple(place), tuple(random.uniform(-2.0, 2.0, 3))), name="thing")
+    return _released(driver)
+
+
+def _knocked(friction: float, knocks: int) -> Finding:
+    """Knock on the body with a box that turns as it comes, and goes up again, in motion."""
+    thing = {**FORMS["a box"][0], "at": [0.06, 0.0, HEIGHT + 0.03], "friction": friction}
+    driver, random = _driver(thing, dynamics=MOTION), np.random.default_rng(15)
+    for _ in range(knocks):
+        place, turn = random.uniform([-0.02, -0.02, -0.03], [0.03, 0.02, -0.02]), random.uniform(-0.5, 0.5, 3)
+        for share in np.sin(np.linspace(0.0, np.pi, PARTS + 1)[1:]):
+            driver.step(Pose(tuple(share * place), tuple(share * turn)), name="thing", dt=0.005)
+    return _released(driver)
+
+
+def cases(pokes: int = POKES) -> list[Case]:
+    """Return the cases; random pokes are so many, knocks in motion a tenth."""
+    case = partial(Case, group=Group.CONTACT, policy=Policy.ENERGY, law="neo-hookean", bound=BOUND)
+    found = []
+    for name, (form, reach) in FORMS.items():
+        for motion in (False, True):
+            run = partial(_inside, form, reach, 0.5, motion)
+            found.append(case(name=f"{name} begins inside{', in motion' * motion}", run=run))
+        for steps in (1, 12):
+            run = partial(_through, form, steps, 0.0)
+            found.append(case(name=f"{name} through it in {steps}", run=run, may_report=True))
+    for friction in FRICTIONS:
+        more = f", friction {friction:g}"
+        for name, turn in EDGES.items():
+            found.append(case(name=f"edge on edge, {name}{more}", run=partial(_edge, turn, friction)))
+        run = partial(_through, FORMS["a ball"][0], 6, friction)
+        found.append(case(name=f"through it{more}", run=run, may_report=True))
+        found.append(case(name=f"{pokes} pokes{more}", run=partial(_poked, friction, pokes)))
+        found.append(case(name=f"{pokes // 10} knocks{more}", run=partial(_knocked, friction, pokes // 10)))
+    for ratio in (1e-4, 1e4):
+        for name, half in HALVES.items():
+            found.append(case(name=f"{name} {ratio:g} times as hard", run=partial(_contrast, ratio, half)))
+    return found

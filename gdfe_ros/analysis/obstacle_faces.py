@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The faces of obstacles, for pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Plane, Sphere, TriangleMesh
+from gdfe_ros.simulation import Simulation
+
+AROUND, ALONG = 32, 16
+"""Faces around a round obstacle, and from pole to pole."""
+BEYOND = 0.25
+"""How far a plane is drawn beyond what lies before it, over the size of that."""
+
+
+def faces_of(simulation: Simulation) -> list[NDArray[np.float64]]:
+    """Return the faces (f, k, 3) [m] of each obstacle of a simulation, where they are now."""
+    obstacles = [handle for handle in simulation.scene.handles if isinstance(handle, Obstacle)]
+    return [obstacle_faces(each, simulation.handle_pose(each.name), simulation.positions) for each in obstacles]
+
+
+def obstacle_faces(obstacle: Obstacle, pose: Pose, before: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the faces (f, k, 3) [m] of an obstacle that a ``pose`` has moved.
+
+    Of a plane it is one square, as large as the points ``before`` it (n, 3) [m] need.
+    """
+    origin, axes = obstacle.frame(pose)
+    match obstacle.form:
+        case Plane():
+            own = (before - origin) @ axes
+            low, high = own[:, :2].min(axis=0), own[:, :2].max(axis=0)
+            edge = BEYOND * (high - low).max()
+            (a, b), (c, d) = low - edge, high + edge
+            faces = np.array([[[a, b, 0.0], [c, b, 0.0], [c, d, 0.0], [a, d, 0.0]]])
+        case Sphere(radius):
+            faces = _turned(radius * np.sin(_polar()), radius * np.cos(_polar()))
+        case Capsule(radius, length):
+            polar = np.concatenate([_polar()[: ALONG // 2 + 1], _polar()[ALONG // 2 :]])
+            ends = np.repeat([0.5 * length, -0.5 * length], ALONG // 2 + 1)
+            faces = _turned(radius * np.sin(polar), radius * np.cos(polar) + ends)
+        case Cylinder(radius, length):
+            faces = _turned(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([1.0, 1.0, -1.0, -1.0]))
+        case Box(size):
+            square = np.array([[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
+            sides = [np.roll(side, axis, axis=1) for axis in range(3) for side in (square, -square[::-1])]
+            faces = 0.5 * np.array(sides) * size
+        case TriangleMesh(solid):
+            faces = solid.vertices[solid.triangles]
+    return origin + faces @ axes.T
+
+
+def _polar() -> NDArray[np.float64]:
+    return np.linspace(0.0, np.pi, ALONG + 1)
+
+
+def _turned(radii: NDArray[np.float64], heights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the quads (q, 4, 3) of a profile that is turned about z."""
+    turn = np.linspace(0.0, 2.0 * np.pi, AROUND + 1)
+    rings = np.stack(
+        [np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], AROUND + 1)], axis=-1
+    )
+    corners = rings[:-1, :-1], rings[1:, :-1], rings[1:, 1:], rings[:-1, 1:]
+    return np.stack(corners, axis=2).reshape(-1, 4, 3)

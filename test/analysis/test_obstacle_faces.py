@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Obstacles in pictures."""
+
+from __future__ import annotations
+
+from io import BytesIO
+
+import matplotlib.image
+import numpy as np
+import pytest
+import trimesh
+
+from gdfe_ros.analysis.obstacle_faces import faces_of, obstacle_faces
+from gdfe_ros.analysis.picture import OBSTACLE, draw_body
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Form, Obstacle, Plane, Sphere, TriangleMesh
+from gdfe_ros.mesh.solid import make_solid
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+
+CUBE = trimesh.creation.box((0.1, 0.2, 0.3))
+ROD = 0.02**2 * np.pi * 0.1
+FORMS = [
+    (Sphere(0.02), 4.0 / 3.0 * np.pi * 0.02**3),
+    (Box((0.1, 0.2, 0.3)), 0.006),
+    (Capsule(0.02, 0.1), ROD + 4.0 / 3.0 * np.pi * 0.02**3),
+    (Cylinder(0.02, 0.1), ROD),
+    (TriangleMesh(make_solid(CUBE.vertices, CUBE.faces)), 0.006),
+]
+PLACE = {"origin": (1.0, 2.0, 3.0), "turn": (0.3, -0.2, 0.5)}
+POSE = Pose((0.1, 0.2, -0.3), (0.4, 0.0, 0.1))
+
+
+@pytest.mark.parametrize(("form", "volume"), FORMS, ids=lambda item: type(item).__name__)
+def test_faces_enclose_the_obstacle_where_it_is(form: Form, volume: float) -> None:
+    """Find the volume to 3 % from the faces, which look outwards, and the middle where the pose has brought it."""
+    obstacle = Obstacle(name="thing", form=form, **PLACE)
+    faces = obstacle_faces(obstacle, POSE, np.zeros((1, 3)))
+    origin, _ = obstacle.frame(POSE)
+    own = faces - origin
+    found = sum(np.linalg.det(own[:, [0, i, i + 1]]).sum() / 6.0 for i in range(1, faces.shape[1] - 1))
+    assert found == pytest.approx(volume, rel=0.03)
+    np.testing.assert_allclose(0.5 * (own.reshape(-1, 3).min(axis=0) + own.reshape(-1, 3).max(axis=0)), 0.0, atol=1e-9)
+
+
+def test_a_plane_lies_below_what_is_before_it() -> None:
+    """Draw one square in the plane, larger than the points before it."""
+    obstacle = Obstacle(name="floor", form=Plane(), origin=(0.0, 0.0, -1.0))
+    faces = obstacle_faces(obstacle, Pose((0.0, 0.0, 0.5)), np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 0.0]]))
+    assert faces.shape == (1, 4, 3)
+    np.testing.assert_allclose(faces[0, :, 2], -0.5)
+    np.testing.assert_allclose([faces[0].min(axis=0)[:2], faces[0].max(axis=0)[:2]], [[-0.5, -0.5], [2.5, 1.5]])
+
+
+def test_pictures_show_the_obstacles_of_a_scene() -> None:
+    """Draw the shipped finger with its plate: thousands of pixels are redder than blue, as the plate is."""
+    simulation = Simulation(load_scene("finger_press"))
+    mesh, picture = simulation.mesh, BytesIO()
+    found = faces_of(simulation)
+    draw_body(picture, mesh, mesh.vertices, np.zeros(mesh.n_cells), title="", label="", obstacles=found)
+    picture.seek(0)
+    pixels = matplotlib.image.imread(picture)[:, :1150]
+    assert [faces.shape for faces in found] == [(6, 4, 3)]
+    assert OBSTACLE[0] > OBSTACLE[2]
+    assert np.count_nonzero(pixels[..., 0] > pixels[..., 2] + 0.05) > 5000
