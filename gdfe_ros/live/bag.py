@@ -3,18 +3,19 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 
 from gdfe_ros.analysis.published import Publication
+from gdfe_ros.contacts import contact_names
 from gdfe_ros.live.messages import Messages
 from gdfe_ros.node.interface import NODE_NAME, topics
-from gdfe_ros.node.specification import TopicSpec
+from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.node.step import Step
 from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
 from gdfe_ros.recording.provenance import STATE_FILE, RunInfo
 from gdfe_ros.recording.recorder import Recorder
-from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _FRAME = "base_link"
@@ -36,8 +37,12 @@ class LiveBag:
     def __init__(self, path: Path, simulation: Simulation, *, state: bytes | None, dt: float) -> None:
         self._messages = Messages(joints=list(simulation.actuator_names))
         self._publication = Publication(simulation)
-        self._specs = _topics(simulation.scene)
-        scene, names = simulation.scene, {**self._specs, "scene": topics.SCENE}
+        self._specs = state_topics(simulation.scene)
+        scene = simulation.scene
+        texts = {topics.SCENE: scene.source}
+        if touching := contact_names(scene.handles, scene.self_contact):
+            texts[topics.CONTACT_NAMES] = json.dumps(touching)
+        names = {**self._specs, **{spec.key(): spec for spec in texts}}
         settings = {**asdict(scene.solver), "policy": scene.solver.policy.value, "node": {"clock": "live", "dt": dt}}
         self._recorder = Recorder(
             path,
@@ -45,7 +50,8 @@ class LiveBag:
             run=RunInfo(scene=scene.source, settings=settings, files={} if state is None else {STATE_FILE: state}),
             queue=QueueOptions(back_pressure=BackPressure.BLOCK, block_seconds=30.0),
         )
-        self._recorder.record(_full("scene"), self._messages.text(scene.source), 0)
+        for spec, text in texts.items():
+            self._recorder.record(_full(spec.key()), self._messages.text(text), 0)
 
     @property
     def path(self) -> Path:
@@ -75,29 +81,12 @@ class LiveBag:
     @staticmethod
     def _frame(role: str) -> str:
         """Name the frame that a message is given in, as the node does."""
-        parts = role.split("/")
-        if parts[0] == "handles":
-            return f"{parts[1]}_{'rest' if parts[2] == 'pose' else 'centre'}"
-        return f"{parts[1]}_imu" if role.endswith("/imu") else _FRAME
+        section, _, rest = role.partition("/")
+        name, _, what = rest.partition("/")
+        if section in topics.MOVED:
+            return f"{name}_{'rest' if what == 'pose' else 'centre'}"
+        return f"{name}_imu" if what == "imu" else f"{name}_sensor" if section == "sensors" else _FRAME
 
 
 def _full(role: str) -> str:
     return f"/{NODE_NAME}/{role}"
-
-
-def _topics(scene: Scene) -> dict[str, TopicSpec]:
-    """Give what is recorded of each step, by role; the record first, which begins a step in the bag."""
-    found = {_role(spec): spec for spec in (topics.STEP_RECORD, topics.MESH, topics.STRAIN)}
-    for handle in scene.handles:
-        found |= {_role(spec, handle=handle.name): spec for spec in (topics.HANDLE_POSE, topics.HANDLE_WRENCH)}
-    found |= {_role(topics.PROBE, probe=name): topics.PROBE for name in scene.probes}
-    if scene.actuators:
-        found[_role(topics.JOINT_STATES)] = topics.JOINT_STATES
-    if scene.dynamics:
-        found[_role(topics.VERTEX_VELOCITY)] = topics.VERTEX_VELOCITY
-        found |= {_role(topics.IMU, probe=name): topics.IMU for name in scene.probes}
-    return found
-
-
-def _role(spec: TopicSpec, **names: str) -> str:
-    return spec.name.removeprefix("~/").format(**names)

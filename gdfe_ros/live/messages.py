@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.recording.topic import TopicInfo
 
-_FLOAT32 = 7
+_DATATYPES = {"f4": 7, "i4": 5}
 """Of ``sensor_msgs/msg/PointField``."""
 _CLOUD, _JOINTS, _TEXT = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/JointState", "std_msgs/msg/String"
 
@@ -66,12 +66,15 @@ class Messages:
         return self._bytes(message, kind)
 
     def _fill_cloud(self, cloud: Any, values: Values) -> None:
-        table = np.stack(list(values.values()), axis=1).astype("<f4")
+        kinds = {name: column.dtype.str[1:] for name, column in values.items()}
+        table = np.empty(len(next(iter(values.values()))), [(name, f"<{kind}") for name, kind in kinds.items()])
+        for name, column in values.items():
+            table[name] = column
         field = self._store.types["sensor_msgs/msg/PointField"]
-        cloud.fields = [field(name, 4 * place, _FLOAT32, 1) for place, name in enumerate(values)]
+        cloud.fields = [field(name, 4 * place, _DATATYPES[kind], 1) for place, (name, kind) in enumerate(kinds.items())]
         cloud.height, cloud.width, cloud.is_dense = 1, len(table), True
-        cloud.point_step, cloud.row_step = 4 * table.shape[1], table.nbytes
-        cloud.data = table.view(np.uint8).ravel()
+        cloud.point_step, cloud.row_step = table.itemsize, table.nbytes
+        cloud.data = table.view(np.uint8)
 
     def _bytes(self, message: Any, kind: str) -> bytes:
         return bytes(self._store.serialize_cdr(message, kind))

@@ -73,7 +73,6 @@ class LiveSession:
         self.log_time = 0
         self.failure: Exception | None = None
         self._clock, self._told, self._warn = clock, told, warn
-        self._handles = {handle.name: handle for handle in simulation.scene.handles}
         self._programme: Programme | None = None
         self._bag: LiveBag | None = None
         self.stepper = Stepper(self, lambda: Demand(imus=False), deliver=self._deliver, failed=self._fail)

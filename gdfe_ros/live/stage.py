@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.live.surface import Surface
+from gdfe_ros.node.interface.scene_topics import is_commanded
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.step import Step
 from gdfe_ros.scene.scene import Scene
@@ -65,7 +66,7 @@ class Stage:
         self._groups = {name: self._space.add_frame(f"/{name}", show_axes=False) for name in GROUPS}
         self._rests = {handle.name: handle.centre(scene.mesh.vertices) for handle in scene.handles}
         self._touched: dict[str, float] = {}
-        self._controls = {handle.name: self._control(handle) for handle in scene.handles if not handle.fixed}
+        self._controls = {handle.name: self._control(handle) for handle in scene.handles if is_commanded(handle)}
         self._ways: dict[str, deque[NDArray[np.float64]]] = {name: deque(maxlen=_TRACE) for name in scene.probes}
         self._arrows = self._space.add_arrows(
             "/reactions/arrows",

@@ -15,6 +15,7 @@ from std_msgs.msg import Header
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.node.interface.scene_topics import target_key
 from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.orders import PoseOrder, TwistOrder
@@ -22,16 +23,6 @@ from gdfe_ros.recording.step_record import StepRecord
 
 ACTUATION = "actuation"
 Quaternion = tuple[float, float, float, float]
-
-
-def is_commanded(handle: Handle) -> bool:
-    """Tell whether a handle or obstacle takes commands."""
-    return not handle.fixed and MOVED[handle.section].target is not None
-
-
-def target_key(handle: Handle) -> str:
-    """Name the target topic of a handle or obstacle, after the node's name."""
-    return MOVED[handle.section].target.key(**{handle.noun: handle.name})
 
 
 class Consumed:

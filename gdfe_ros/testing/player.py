@@ -16,10 +16,11 @@ from std_msgs.msg import Header
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.scene_topics import target_key
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing.client import PATIENCE
-from gdfe_ros.testing.consumed import ACTUATION, target_key
+from gdfe_ros.testing.consumed import ACTUATION
 from gdfe_ros.testing.link import Link
 from gdfe_ros.testing.process import NodeProcess
 

@@ -25,6 +25,7 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface.scene_topics import is_commanded, state_topics, target_key
 from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, STEP
 from gdfe_ros.node.interface.topics import JACOBIAN
 from gdfe_ros.node.messages import actuation, pose_stamped
@@ -34,9 +35,9 @@ from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
-from gdfe_ros.testing.consumed import ACTUATION, is_commanded, target_key
+from gdfe_ros.testing.consumed import ACTUATION
 from gdfe_ros.testing.process import NodeProcess
-from gdfe_ros.testing.state import Moment, State, moment_of, state_topics, unpack
+from gdfe_ros.testing.state import Moment, State, moment_of, unpack
 
 _PRESENT = (Mode.LENGTH, Mode.VOLUME)
 """Modes whose neutral command is the present value; that of the others is zero."""
@@ -170,9 +171,9 @@ class Simulator:
         self._listeners: list[Callable[[State], Any]] = []
         topics = state_topics(self.scene)
         self._arrived: dict[str, deque[tuple[Moment, Any]]] = {topic: deque() for topic in topics}
-        for topic, kind in topics.items():
+        for topic, spec in topics.items():
             callback = partial(self._receive, topic)
-            self._node.create_subscription(interface_class(kind), f"{self.name}/{topic}", callback, STATE_QOS)
+            self._node.create_subscription(interface_class(spec.type), f"{self.name}/{topic}", callback, STATE_QOS)
         self._advertise()
         self._meet()
         for label in ("configure", "activate"):

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, PointCloud2
 
-from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.contacts import POINT, contact_names
+from gdfe_ros.constraints import Pose
+from gdfe_ros.contacts import POINT
 from gdfe_ros.node.interface import topics
+from gdfe_ros.node.interface.scene_topics import pose_and_wrench
 from gdfe_ros.node.messages import to_time
-from gdfe_ros.node.specification import TopicSpec
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.motion.imu import ImuReading
@@ -63,24 +63,6 @@ class State:
         return self.record.time
 
 
-def state_topics(scene: Scene) -> dict[str, str]:
-    """List the topics that make up a state, relative to the node, with their types."""
-    found = {spec.key(): spec.type for spec in (topics.MESH, topics.STRAIN, topics.STEP_RECORD)}
-    for handle in scene.handles:
-        for spec in _specs(handle):
-            found[spec.key(**{handle.noun: handle.name})] = spec.type
-    found |= {topics.PROBE.key(probe=name): topics.PROBE.type for name in scene.probes}
-    if contact_names(scene.handles, scene.self_contact):
-        found[topics.CONTACTS.key()] = topics.CONTACTS.type
-    found |= {topics.SENSOR_WRENCH.key(sensor=name): topics.SENSOR_WRENCH.type for name in scene.sensors}
-    if scene.dynamics is not None:
-        found[topics.VERTEX_VELOCITY.key()] = topics.VERTEX_VELOCITY.type
-        found |= {topics.IMU.key(probe=name): topics.IMU.type for name in scene.probes}
-    if scene.actuators:
-        found[topics.JOINT_STATES.key()] = topics.JOINT_STATES.type
-    return found
-
-
 def moment_of(message: Any) -> Moment:
     """Give the stamp of the step that a message of ``state_topics`` is of, in seconds and nanoseconds."""
     given = message.header.stamp if hasattr(message, "header") else to_time(StepRecord.from_json(message.data).stamp)
@@ -93,7 +75,7 @@ def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
     joints = messages.get(topics.JOINT_STATES.key())
     poses, wrenches = {}, {}
     for handle in scene.handles:
-        pose, wrench = (messages[spec.key(**{handle.noun: handle.name})] for spec in _specs(handle))
+        pose, wrench = (messages[key] for key in pose_and_wrench(handle))
         poses[handle.name], wrenches[handle.name] = _pose(pose), _wrench(wrench)
     points, felt = messages.get(topics.CONTACTS.key()), topics.SENSOR_WRENCH
     return State(
@@ -112,12 +94,6 @@ def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
         velocities=_vertices(messages[topics.VERTEX_VELOCITY.key()])[:, 3:] if moving else None,
         imus={name: _imu(messages[topics.IMU.key(probe=name)]) for name in scene.probes if moving},
     )
-
-
-def _specs(handle: Handle) -> tuple[TopicSpec, TopicSpec]:
-    """Give the topics of a handle's or obstacle's pose and wrench."""
-    moved = topics.MOVED[handle.section]
-    return moved.pose, moved.wrench
 
 
 def _vertices(message: PointCloud2) -> NDArray[np.float32]:

@@ -19,6 +19,7 @@ from gdfe_ros.analysis.difference import Verdict
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.live.page import Page
+from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.recording.reader import BagReader
 
 
@@ -120,9 +121,12 @@ def test_a_bag_begun_in_the_middle_replays(live: Callable[..., Any], tmp_path: P
     assert report.differences.steps > 5
 
 
-@pytest.mark.parametrize("motion", ["", "dynamics: {step: 0.01}"])
+TOUCHING = "obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.0101]}}\nsensors: {pad: {where: {face: z-}}}"
+
+
+@pytest.mark.parametrize("motion", ["", "dynamics: {step: 0.01}", TOUCHING])
 def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_path: Path, motion: str) -> None:
-    """Record a scene at rest and one in motion: rclpy reads every message, and types and hashes are those of ROS."""
+    """Record a scene at rest, in motion, in touch: every topic of its state, as rclpy reads it, typed as in ROS."""
     from rclpy.serialization import deserialize_message
 
     from gdfe_ros.node.qos import interface_class
@@ -140,6 +144,16 @@ def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_pa
         deserialize_message(message.data, interface_class(message.type))
         names.add(message.topic)
     assert names == set(reader.topics)
+    assert {name.removeprefix("/gdfe_sim/") for name in names} >= set(state_topics(session.scene))
+    assert Replay(BagRun(tmp_path / "bag")).run().verdict() is Verdict.IDENTICAL
+
+
+def test_a_rigid_body_has_no_control(live: Callable[..., Any]) -> None:
+    """Put a free body and an obstacle beside the bar: what takes commands can be dragged, the body cannot."""
+    cube = "{box: {size: [0.01, 0.01, 0.01]}, density: 500, at: [0.2, 0, 0.2]}"
+    viewer = live(motion=f"dynamics: {{step: 0.01}}\nbodies: {{cube: {cube}}}\n{TOUCHING}").look()
+    assert {"/handles/tip", "/handles/floor"} <= set(viewer.nodes)
+    assert "/handles/cube" not in viewer.nodes
 
 
 def test_moduli_change_while_it_runs(live: Callable[..., Any], tmp_path: Path) -> None:

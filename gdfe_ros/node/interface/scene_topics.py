@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which topics a scene has: what commands its handles and obstacles, and what tells of a step."""
+
+from __future__ import annotations
+
+from gdfe_ros.constraints import Handle
+from gdfe_ros.contacts import contact_names
+from gdfe_ros.node.interface import topics
+from gdfe_ros.node.specification import TopicSpec
+from gdfe_ros.scene.scene import Scene
+
+
+def is_commanded(handle: Handle) -> bool:
+    """Tell whether a handle or obstacle takes commands."""
+    return not handle.fixed and topics.MOVED[handle.section].target is not None
+
+
+def target_key(handle: Handle) -> str:
+    """Name the target topic of a handle or obstacle, after the node's name."""
+    return topics.MOVED[handle.section].target.key(**{handle.noun: handle.name})
+
+
+def pose_and_wrench(handle: Handle) -> dict[str, TopicSpec]:
+    """Give the topics of the pose and the wrench of a handle, obstacle or rigid body, in this order, by key."""
+    moved, brace = topics.MOVED[handle.section], {handle.noun: handle.name}
+    return {spec.key(**brace): spec for spec in (moved.pose, moved.wrench)}
+
+
+def state_topics(scene: Scene) -> dict[str, TopicSpec]:
+    """List the topics that make up the state after a step, by key; the record, which begins a step in a bag, first."""
+    found = {spec.key(): spec for spec in (topics.STEP_RECORD, topics.MESH, topics.STRAIN)}
+    for handle in scene.handles:
+        found |= pose_and_wrench(handle)
+    found |= {topics.PROBE.key(probe=name): topics.PROBE for name in scene.probes}
+    if contact_names(scene.handles, scene.self_contact):
+        found[topics.CONTACTS.key()] = topics.CONTACTS
+    found |= {topics.SENSOR_WRENCH.key(sensor=name): topics.SENSOR_WRENCH for name in scene.sensors}
+    if scene.dynamics is not None:
+        found[topics.VERTEX_VELOCITY.key()] = topics.VERTEX_VELOCITY
+        found |= {topics.IMU.key(probe=name): topics.IMU for name in scene.probes}
+    if scene.actuators:
+        found[topics.JOINT_STATES.key()] = topics.JOINT_STATES
+    return found
