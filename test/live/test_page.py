@@ -160,8 +160,9 @@ def test_moduli_change_while_it_runs(live: Callable[..., Any], tmp_path: Path) -
     """Halve a modulus: the force at the tip falls under the same command; while a bag is written it is refused."""
     page = live()
     viewer, session = page.look(), page.session
-    viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.2]))
+    viewer.wait(lambda: session.simulation.settled, "rest under its weight")
     weight = session.last.result.reactions["tip"][2]
+    viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.2]))
     viewer.wait(lambda: session.last.result.reactions["tip"][2] > 2.0 * weight, "a force")
     viewer.wait(lambda: session.simulation.settled, "rest")
     before = session.last.result.reactions["tip"][2]
