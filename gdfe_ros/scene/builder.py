@@ -43,18 +43,17 @@ def build_mesh(draft: Draft, report: Report) -> tuple[HexMesh | None, NDArray[np
     return (None, none) if quality.defects else (mesh, quality.vertex_part)
 
 
-def build_skin(draft: Draft, mesh: HexMesh | None, data: dict[str, Any], report: Report) -> HexMesh | None:
-    """Return the mesh with the skin that the scene gives it, and put that into ``data`` in the place of its file."""
+def build_skin(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[HexMesh | None, dict[str, Any] | None]:
+    """Return the mesh with the skin that the scene gives it, and the entry that carries that without a file."""
     if mesh is None or draft.skin is None:
-        return mesh
+        return mesh, None
     try:
         skin, entry = draft.skin.build(mesh)
     except MeshError as error:
         for defect in error.defects:
             report.add(draft.skin.place, defect)
-        return mesh
-    data["skin"] = entry
-    return replace(mesh, skin=skin)
+        return mesh, None
+    return replace(mesh, skin=skin), entry
 
 
 def build_materials(draft: Draft, report: Report) -> dict[str, Material]:

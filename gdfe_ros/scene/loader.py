@@ -88,8 +88,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         apply_override(document, key, value, report)
     draft = _validate(document, report, path.parent if path else None)
     mesh, part = builder.build_mesh(draft, report)
-    shown: dict[str, Any] = {}
-    mesh = builder.build_skin(draft, mesh, shown, report)
+    mesh, skin = builder.build_skin(draft, mesh, report)
     materials = builder.build_materials(draft, report)
     cell_material = builder.assign_materials(draft, mesh, _names(document, "materials"), report)
     handles = builder.build_handles(draft, mesh, report)
@@ -117,17 +116,16 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
         report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
-    data = {**document.data, **shown}
     return Scene(
-        name=data["name"],
-        description=data.get("description", ""),
+        name=document.data["name"],
+        description=document.data.get("description", ""),
         mesh=mesh,
         materials=materials,
         cell_material=cell_material,
         handles=handles,
         program=program,
         solver=solver,
-        source=_source(text, data, draft, mesh, handles, changed=bool(overrides or shown)),
+        source=_source(text, document.data, draft, mesh, skin, handles, changed=bool(overrides)),
         path=path,
         actuators=actuators,
         loads=loads,
@@ -182,9 +180,19 @@ def _names(document: Document, section: str) -> list[str]:
 
 
 def _source(
-    text: str, data: dict[str, Any], draft: Draft, mesh: HexMesh, handles: Sequence[Handle], *, changed: bool
+    text: str,
+    data: dict[str, Any],
+    draft: Draft,
+    mesh: HexMesh,
+    skin: dict[str, Any] | None,
+    handles: Sequence[Handle],
+    *,
+    changed: bool,
 ) -> str:
     """Return text that needs no other file: the text itself, or the data with the files' content put in."""
+    if skin is not None:
+        data["skin"] = skin
+        changed = True
     embedded = draft.mesh.embed(mesh)
     if embedded is not None:
         data["mesh"] = embedded
