@@ -9,7 +9,17 @@ from __future__ import annotations
 
 from gdfe_ros.compiled import inlined
 from gdfe_ros.solver.elements.blocks import GEOMETRY_ROWS, LANES, REFERENCE
-from gdfe_ros.solver.elements.lanes import COORDINATES, FORCES, GRADIENT, MODES, STRESS, load3, load9, store3
+from gdfe_ros.solver.elements.lanes import (
+    COORDINATES,
+    FORCES,
+    GEOMETRY,
+    GRADIENT,
+    MODES,
+    STRESS,
+    load3,
+    load9,
+    store3,
+)
 
 UNIT = 8.0**-0.5
 """Scale of a sign pattern to unit length."""
@@ -53,10 +63,10 @@ def spread(b, row, lane, c0, c1, c2, c3, c4, c5, c6):
 
 
 @inlined
-def gather_parallel(b, geometry, offset):
+def gather_parallel(b):
     """Write F and q of a block of parallelepipeds from its corner coordinates."""
     for lane in range(LANES):
-        i = load9(geometry, REFERENCE, offset + lane)
+        i = load9(b, GEOMETRY + REFERENCE, lane)
         for axis in range(3):
             p = patterns(b, COORDINATES + 8 * axis, lane)
             f0 = 0.125 * (p[0] * i[0] + p[1] * i[3] + p[2] * i[6])
@@ -68,10 +78,10 @@ def gather_parallel(b, geometry, offset):
 
 
 @inlined
-def scatter_parallel(b, geometry, offset):
+def scatter_parallel(b):
     """Write the corner forces of a block of parallelepipeds from V P and the hourglass forces."""
     for lane in range(LANES):
-        i = load9(geometry, REFERENCE, offset + lane)
+        i = load9(b, GEOMETRY + REFERENCE, lane)
         for axis in range(3):
             s = load3(b, STRESS + 3 * axis, lane)
             h0, h1 = b[(FORCES + axis) * LANES + lane], b[(FORCES + 3 + axis) * LANES + lane]
@@ -145,11 +155,20 @@ def store_corners(b, force, elements, used):
 
 
 @inlined
+def load_geometry(b, geometry, block):
+    """Copy the geometry of a block into its rows."""
+    first = block * GEOMETRY_ROWS * LANES
+    for i in range(GEOMETRY_ROWS * LANES):
+        b[GEOMETRY * LANES + i] = geometry[first + i]
+
+
+@inlined
 def gather(b, x, shape, blocks, block):
-    """Write the rows of F (9) and of the hourglass vectors q (4 x 3) [m] of a block at positions ``x`` (n, 3)."""
+    """Write the rows of F (9), hourglass vectors q (4 x 3) [m] and geometry of a block at positions ``x`` (n, 3)."""
+    load_geometry(b, blocks.geometry, block)
     load_corners(b, x, shape, blocks.element[block])
     if blocks.parallel[block]:
-        gather_parallel(b, blocks.geometry, block * GEOMETRY_ROWS * LANES)
+        gather_parallel(b)
     else:
         gather_general(b, shape, blocks.element[block])
 
@@ -158,7 +177,7 @@ def gather(b, x, shape, blocks, block):
 def scatter(b, force, shape, blocks, block):
     """Write the corner forces of a block from its rows of V P (9) [N m] and hourglass forces (4 x 3) [N]."""
     if blocks.parallel[block]:
-        scatter_parallel(b, blocks.geometry, block * GEOMETRY_ROWS * LANES)
+        scatter_parallel(b)
     else:
         scatter_general(b, shape, blocks.element[block])
     store_corners(b, force, blocks.element[block], blocks.used[block])

@@ -2,20 +2,22 @@
 """Rows of a block's scratch, and moving tuples between rows and lanes.
 
 Row r of lane l lies at ``r * LANES + l`` of a flat array: constant distances, which lets LLVM prove that the lanes are
-independent and use SIMD for every loop over them.
+independent and use SIMD for every loop over them, as long as the loop touches no second array.
 """
 
 from __future__ import annotations
 
 from gdfe_ros.compiled import inlined
-from gdfe_ros.solver.elements.blocks import LANES
+from gdfe_ros.solver.elements.blocks import GEOMETRY_ROWS, LANES
 
 COORDINATES = 0
 """24 corner coordinates, x then y then z; overwritten by the corner forces."""
 GRADIENT, MODES, STRESS, FORCES = 24, 33, 45, 54
 """F (9), hourglass vectors q (4 x 3), V P (9), hourglass forces (4 x 3)."""
 ENERGY, PRESSURE, SHEAR_ROW, LAME_ROW, PENALTY_ROW, YOUNG_ROW, SCALED_SHEAR, POISSON_ROW = range(66, 74)
-ROWS = 74
+GEOMETRY = 74
+"""Those of ``Blocks.geometry`` (22)."""
+ROWS = GEOMETRY + GEOMETRY_ROWS
 
 
 @inlined

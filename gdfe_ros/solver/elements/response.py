@@ -26,12 +26,13 @@ from gdfe_ros.materials.tensor import (
     squared_norm,
     stretch_sum,
 )
-from gdfe_ros.solver.elements.blocks import AXES, EDGES, GEOMETRY_ROWS, LANES, VOLUME
+from gdfe_ros.solver.elements.blocks import AXES, EDGES, LANES, VOLUME
 from gdfe_ros.solver.elements.corners import gather, scatter
 from gdfe_ros.solver.elements.hourglass import hourglass
 from gdfe_ros.solver.elements.lanes import (
     ENERGY,
     FORCES,
+    GEOMETRY,
     GRADIENT,
     LAME_ROW,
     MODES,
@@ -119,10 +120,10 @@ def stress_rows(b, law, elements, material, pressure, table):
 
 
 @inlined
-def hourglass_rows(b, geometry, offset):
+def hourglass_rows(b):
     """Add the hourglass part of a block: rows of forces, of V P and of the energy [J]."""
     for lane in range(LANES):
-        volume = geometry[offset + VOLUME * LANES + lane]
+        volume = b[(GEOMETRY + VOLUME) * LANES + lane]
         q = (
             load3(b, MODES, lane),
             load3(b, MODES + 3, lane),
@@ -132,8 +133,8 @@ def hourglass_rows(b, geometry, offset):
         energy, h, s = hourglass(
             load9(b, GRADIENT, lane),
             q,
-            load9(geometry, AXES, offset + lane),
-            load3(geometry, EDGES, offset + lane),
+            load9(b, GEOMETRY + AXES, lane),
+            load3(b, GEOMETRY + EDGES, lane),
             volume * b[YOUNG_ROW * LANES + lane],
             volume * b[SCALED_SHEAR * LANES + lane],
             b[POISSON_ROW * LANES + lane],
@@ -154,7 +155,7 @@ def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, ta
         gather(b, x, shape, blocks, block)
         load_parameters(b, elements, material, pressure, scale, table)
         stress_rows(b, blocks.law[block], elements, material, pressure, table)
-        hourglass_rows(b, blocks.geometry, block * GEOMETRY_ROWS * LANES)
+        hourglass_rows(b)
         scatter(b, force, shape, blocks, block)
         for lane in range(blocks.used[block]):
             energy[elements[lane]] = b[ENERGY * LANES + lane]
