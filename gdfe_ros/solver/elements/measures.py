@@ -21,7 +21,7 @@ after 211)."""
 NEWTON_STEPS = 20
 
 
-@internal
+@inlined
 def mean_gradient(x, shape, e):
     """Return the mean deformation gradient of element ``e`` at positions ``x`` (n, 3)."""
     f0, f1, f2, f3, f4, f5, f6, f7, f8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -53,7 +53,7 @@ def edge(a, b):
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
-@internal
+@inlined
 def least_corner(x, shape, e):
     """Return the least volume ratio over the corners of element ``e``: det F at each corner; nan where one is none.
 
@@ -126,7 +126,7 @@ def update_pressures(x, elements, shape, material, table, pressure):
     return worst, mean / max(volume, 1e-300)
 
 
-@internal
+@inlined
 def equivalent_strain(f, c, j, table, k):
     """Return eps_eq of Eq. 5 (nu = 0.5, but the element's own for the linear law)."""
     first = squared_norm(f)
@@ -135,7 +135,7 @@ def equivalent_strain(f, c, j, table, k):
     return math.sqrt(max(1.5 * (first - s * s / 3.0), 0.0)) / (1.0 + nu)
 
 
-@internal
+@inlined
 def strain_state(x, shape, e, table, k):
     """Return eps_eq, J, secant and tangent modulus [Pa] of element ``e`` of material ``k``."""
     f = mean_gradient(x, shape, e)
@@ -146,7 +146,7 @@ def strain_state(x, shape, e, table, k):
     return strain, j, secant, tangent
 
 
-@internal
+@inlined
 def softened_scale(tangent, table, k):
     """Return the hourglass stiffness over that at rest of an element with this tangent modulus [Pa]."""
     least = LEAST_CURVE_SCALE if table.law[k] == CURVE else LEAST_SCALE
