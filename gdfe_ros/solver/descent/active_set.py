@@ -14,7 +14,7 @@ from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.history import HistoryKeeper
-from gdfe_ros.solver.descent.workspace import STATUS, Workspace, allocate, allocate_part
+from gdfe_ros.solver.descent.workspace import Workspace, allocate, allocate_part, numbers
 from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns
@@ -112,8 +112,8 @@ class ActiveSet(Movable):
 
     @cached_property
     def status(self) -> np.void:
-        """The workspace's numbers by the names of `STATUS`, to read and write faster than through a record array."""
-        return self.workspace.status.view(STATUS, np.ndarray)[0]
+        """The workspace's numbers."""
+        return numbers(self.workspace)
 
     @cached_property
     def turning(self) -> NDArray[np.bool_] | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.descent.workspace import Workspace
+from gdfe_ros.solver.descent.workspace import Workspace, numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class HistoryKeeper:
     """
 
     def __init__(self, workspace: Workspace) -> None:
-        self._workspace = workspace
+        self._workspace, self._status = workspace, numbers(workspace)
         self._held: History | None = None
         self._pairs: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
@@ -49,7 +49,7 @@ class HistoryKeeper:
         held, self._held = self._held, None
         if held is history:
             return
-        work, status, count = self._workspace, self._workspace.status[0], len(history.steps)
+        work, status, count = self._workspace, self._status, len(history.steps)
         self._pairs = {}
         for i, pair in enumerate(zip(history.steps, history.images, strict=True)):
             status["serial"] += 1
@@ -63,7 +63,7 @@ class HistoryKeeper:
     def export(self) -> History:
         """Return what the last descent ended with."""
         work, known = self._workspace, self._pairs
-        count = int(work.status[0]["count"])
+        count = int(self._status["count"])
         rows = work.row[:count]
         self._pairs = {
             serial: known.get(serial) or (work.steps[row].copy(), work.images[row].copy())

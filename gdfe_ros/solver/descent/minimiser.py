@@ -17,7 +17,7 @@ from gdfe_ros.solver.descent import quasi_newton
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.lumps import find_lumps, largest_turn
 from gdfe_ros.solver.descent.stopping import way_left
-from gdfe_ros.solver.descent.workspace import End, Problem, Workspace
+from gdfe_ros.solver.descent.workspace import End, Problem, Workspace, numbers
 from gdfe_ros.solver.distance import largest_shift
 from gdfe_ros.solver.matrix.constant_matrix import Factorisation
 from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
@@ -204,7 +204,7 @@ class Minimiser:
 
     def _show(self, work: Workspace, *, begins: bool) -> None:
         if self.observer is not None:
-            status = work.status[0]
+            status = numbers(work)
             size = float(status["absolute"] + status["outside"]) + self._grain / quasi_newton.ROUNDING
             self.observer(float(status["energy"]), size, begins)
 

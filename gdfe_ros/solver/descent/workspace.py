@@ -121,6 +121,11 @@ class Workspace(NamedTuple):
     status: NDArray[np.void]
 
 
+def numbers(work: Workspace) -> np.void:
+    """Return the numbers of a descent by the names of `STATUS`, to read and write faster than through the record."""
+    return work.status.view(STATUS, np.ndarray)[0]
+
+
 def allocate(rows: int, x: NDArray[np.float64], elements: int, memory: int = MEMORY) -> Workspace:
     """Allocate for ``rows`` rows of unknowns, a body at ``x`` (n, 3) [m] and a history of ``memory`` pairs."""
     return _with_history(rows, memory, x.copy(), np.zeros((elements, 8, 3)), np.zeros(elements), np.zeros_like(x))

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -110,8 +109,20 @@ def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles
 
 def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
     """Return the centres (p, 3) [m] of the handles with a free axis at ``positions`` (n, 3) [m]."""
-    members = [unknowns.members[first:last] for first, last in pairwise(unknowns.member_start)]
-    return np.array([positions[own].mean(axis=0) for own in members]).reshape(-1, 3)
+    centres = np.zeros((len(unknowns.slides), 3))
+    if len(centres):
+        _mean_rows(positions, unknowns.member_start, unknowns.members, centres)
+    return centres
+
+
+@kernel
+def _mean_rows(x, start, members, centres):
+    for p in range(len(centres)):
+        for i in range(start[p], start[p + 1]):
+            for axis in range(3):
+                centres[p, axis] += x[members[i], axis]
+        for axis in range(3):
+            centres[p, axis] /= start[p + 1] - start[p]
 
 
 @kernel
