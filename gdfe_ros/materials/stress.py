@@ -11,17 +11,11 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.materials.table import INTERVALS, OGDEN, PENALTY, POISSON, SHEAR, TERMS, YOUNG
+from gdfe_ros.materials.table import INTERVALS, OGDEN, POISSON, SHEAR, TERMS, YOUNG
 from gdfe_ros.materials.tensor import (
     cofactor,
-    cross,
     determinant,
-    dot,
-    perpendicular,
-    scaled,
     squared_norm,
-    symmetric_eigen,
-    times,
 )
 
 LEAST_VOLUME = 0.1
@@ -33,9 +27,8 @@ CURVE_FACTOR = 1.5 / (1.5 * 1.5)
 
 
 @inlined
-def volumetric(j, pressure, table, k):
+def volumetric(j, pressure, kappa):
     """Return energy and slope of p (J - 1) + kappa/2 (J - 1)^2, pressure positive in tension."""
-    kappa = table.parameters[k, PENALTY]
     change = j - 1.0
     return change * (pressure + 0.5 * kappa * change), pressure + kappa * change
 
@@ -168,45 +161,3 @@ def ogden_continued(l0, l1, l2, table, k):
         g[1] + (stiffness * d1 if d1 < 0.0 else m1),
         g[2] + (stiffness * d2 if d2 < 0.0 else m2),
     )
-
-
-@inlined
-def ogden(f, c, j, pressure, table, k):
-    """Return W and P = sum_i dW/dl_i n_i (x) N_i of Ogden's law and the volume term, stretches signed."""
-    (e0, e1, e2), v = symmetric_eigen(
-        f[0] * f[0] + f[3] * f[3] + f[6] * f[6],
-        f[0] * f[1] + f[3] * f[4] + f[6] * f[7],
-        f[0] * f[2] + f[3] * f[5] + f[6] * f[8],
-        f[1] * f[1] + f[4] * f[4] + f[7] * f[7],
-        f[1] * f[2] + f[4] * f[5] + f[7] * f[8],
-        f[2] * f[2] + f[5] * f[5] + f[8] * f[8],
-    )
-    a, b, d = (v[0], v[3], v[6]), (v[1], v[4], v[7]), (v[2], v[5], v[8])
-    if e0 < e1:
-        e0, e1, a, b = e1, e0, b, a
-    if e1 < e2:
-        e1, e2, b, d = e2, e1, d, b
-    if e0 < e1:
-        e0, e1, a, b = e1, e0, b, a
-    d = cross(a, b)
-    l0, l1 = math.sqrt(max(e0, 0.0)), math.sqrt(max(e1, 0.0))
-    u = scaled(times(f, a), 1.0 / max(l0, 1e-150))
-    w = scaled(times(f, b), 1.0 / max(l1, 1e-150))
-    if l1 <= 1e-9 * l0:
-        w = perpendicular(u)
-    n = cross(u, w)
-    l2 = dot(n, times(f, d))
-    energy, g = ogden_continued(l0, l1, l2, table, k)
-    volume_energy, slope = volumetric(j, pressure, table, k)
-    p = (
-        g[0] * u[0] * a[0] + g[1] * w[0] * b[0] + g[2] * n[0] * d[0] + slope * c[0],
-        g[0] * u[0] * a[1] + g[1] * w[0] * b[1] + g[2] * n[0] * d[1] + slope * c[1],
-        g[0] * u[0] * a[2] + g[1] * w[0] * b[2] + g[2] * n[0] * d[2] + slope * c[2],
-        g[0] * u[1] * a[0] + g[1] * w[1] * b[0] + g[2] * n[1] * d[0] + slope * c[3],
-        g[0] * u[1] * a[1] + g[1] * w[1] * b[1] + g[2] * n[1] * d[1] + slope * c[4],
-        g[0] * u[1] * a[2] + g[1] * w[1] * b[2] + g[2] * n[1] * d[2] + slope * c[5],
-        g[0] * u[2] * a[0] + g[1] * w[2] * b[0] + g[2] * n[2] * d[0] + slope * c[6],
-        g[0] * u[2] * a[1] + g[1] * w[2] * b[1] + g[2] * n[2] * d[1] + slope * c[7],
-        g[0] * u[2] * a[2] + g[1] * w[2] * b[2] + g[2] * n[2] * d[2] + slope * c[8],
-    )
-    return energy + volume_energy, p

@@ -53,19 +53,23 @@ def stretch_sum(first, second, jacobian):
     characteristic polynomial of the quaternion form of the polar problem: Higham and Noferini 2016). It is convex to
     the right of that root, so Newton's method from the upper bound sqrt(3 I) descends to it.
     """
-    s = math.sqrt(3.0 * first)
-    constant = first * first - 4.0 * second
+    s, going = math.sqrt(3.0 * first), True
     for _ in range(NEWTON_STEPS):
-        square = s * s
-        value = (square - 2.0 * first) * square - 8.0 * jacobian * s + constant
-        slope = 4.0 * (s * (square - first) - 2.0 * jacobian)
-        if slope <= 0.0:
-            break
-        step = value / slope
-        s -= step
-        if step <= 1e-15 * s:
+        s, going = stretch_sum_step(s, first, second, jacobian)
+        if not going:
             break
     return s
+
+
+@inlined
+def stretch_sum_step(s, first, second, jacobian):
+    """Return what one step of Newton's method makes of s, and whether another one is to follow."""
+    square = s * s
+    value = (square - 2.0 * first) * square - 8.0 * jacobian * s + (first * first - 4.0 * second)
+    slope = 4.0 * (s * (square - first) - 2.0 * jacobian)
+    step = value / slope
+    following = s - step if slope > 0.0 else s
+    return following, (slope > 0.0) & (step > 1e-15 * following)
 
 
 @inlined
@@ -101,43 +105,50 @@ def rotation_from_stretch_sum(f, c, first, s, jacobian):
 
 
 @inlined
-def symmetric_eigen(a00, a01, a02, a11, a12, a22):
-    """Return eigenvalues (3) and eigenvectors (9, columns) of a symmetric matrix by cyclic Jacobi rotations."""
-    v00, v01, v02, v10, v11, v12, v20, v21, v22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
-    for _ in range(12):
-        off = a01 * a01 + a02 * a02 + a12 * a12
-        if off <= 1e-32 * (a00 * a00 + a11 * a11 + a22 * a22):
-            break
-        c, s, t = _jacobi(a00, a11, a01)
-        a00, a11, a01, a02, a12 = a00 - t * a01, a11 + t * a01, 0.0, c * a02 - s * a12, s * a02 + c * a12
-        v00, v01, v10, v11, v20, v21 = (
-            c * v00 - s * v01, s * v00 + c * v01, c * v10 - s * v11, s * v10 + c * v11,
-            c * v20 - s * v21, s * v20 + c * v21,
-        )  # fmt: skip
-        c, s, t = _jacobi(a00, a22, a02)
-        a00, a22, a02, a01, a12 = a00 - t * a02, a22 + t * a02, 0.0, c * a01 - s * a12, s * a01 + c * a12
-        v00, v02, v10, v12, v20, v22 = (
-            c * v00 - s * v02, s * v00 + c * v02, c * v10 - s * v12, s * v10 + c * v12,
-            c * v20 - s * v22, s * v20 + c * v22,
-        )  # fmt: skip
-        c, s, t = _jacobi(a11, a22, a12)
-        a11, a22, a12, a01, a02 = a11 - t * a12, a22 + t * a12, 0.0, c * a01 - s * a02, s * a01 + c * a02
-        v01, v02, v11, v12, v21, v22 = (
-            c * v01 - s * v02, s * v01 + c * v02, c * v11 - s * v12, s * v11 + c * v12,
-            c * v21 - s * v22, s * v21 + c * v22,
-        )  # fmt: skip
-    return (a00, a11, a22), (v00, v01, v02, v10, v11, v12, v20, v21, v22)
+def off_diagonal(a):
+    """Tell whether a symmetric matrix (00, 01, 02, 11, 12, 22) has entries off its diagonal that count."""
+    off = a[1] * a[1] + a[2] * a[2] + a[4] * a[4]
+    return off > 1e-32 * (a[0] * a[0] + a[3] * a[3] + a[5] * a[5])
 
 
 @inlined
-def _jacobi(app, aqq, apq):
-    """Return cosine, sine and tangent of the rotation that zeroes apq (Golub and Van Loan)."""
-    if apq == 0.0:
-        return 1.0, 0.0, 0.0
+def jacobi_sweep(a, v):
+    """Return a symmetric matrix (00, 01, 02, 11, 12, 22) and eigenvectors so far (9, columns) after three rotations.
+
+    Nothing turns where `off_diagonal` is false: the lanes of a block sweep as often as the slowest needs.
+    """
+    a00, a01, a02, a11, a12, a22 = a
+    v00, v01, v02, v10, v11, v12, v20, v21, v22 = v
+    going = off_diagonal(a)
+    c, s, t = _jacobi(a00, a11, a01, going)
+    a00, a11, a01, a02, a12 = a00 - t * a01, a11 + t * a01, 0.0, c * a02 - s * a12, s * a02 + c * a12
+    v00, v01, v10, v11, v20, v21 = (
+        c * v00 - s * v01, s * v00 + c * v01, c * v10 - s * v11, s * v10 + c * v11,
+        c * v20 - s * v21, s * v20 + c * v21,
+    )  # fmt: skip
+    c, s, t = _jacobi(a00, a22, a02, going)
+    a00, a22, a02, a01, a12 = a00 - t * a02, a22 + t * a02, 0.0, c * a01 - s * a12, s * a01 + c * a12
+    v00, v02, v10, v12, v20, v22 = (
+        c * v00 - s * v02, s * v00 + c * v02, c * v10 - s * v12, s * v10 + c * v12,
+        c * v20 - s * v22, s * v20 + c * v22,
+    )  # fmt: skip
+    c, s, t = _jacobi(a11, a22, a12, going)
+    a11, a22, a12, a01, a02 = a11 - t * a12, a22 + t * a12, 0.0, c * a01 - s * a02, s * a01 + c * a02
+    v01, v02, v11, v12, v21, v22 = (
+        c * v01 - s * v02, s * v01 + c * v02, c * v11 - s * v12, s * v11 + c * v12,
+        c * v21 - s * v22, s * v21 + c * v22,
+    )  # fmt: skip
+    return (a00, a01, a02, a11, a12, a22), (v00, v01, v02, v10, v11, v12, v20, v21, v22)
+
+
+@inlined
+def _jacobi(app, aqq, apq, going):
+    """Return cosine, sine and tangent of the rotation that zeroes apq (Golub and Van Loan), if it is ``going``."""
     theta = (aqq - app) / (2.0 * apq)
     t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(1.0 + theta * theta))
     c = 1.0 / math.sqrt(1.0 + t * t)
-    return c, t * c, t
+    turns = going & (apq != 0.0)
+    return (c if turns else 1.0), (t * c if turns else 0.0), (t if turns else 0.0)
 
 
 @inlined

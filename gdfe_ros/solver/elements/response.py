@@ -3,29 +3,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import prange
 
 from gdfe_ros.compiled import inlined, internal, kernel, parallel_kernel
-from gdfe_ros.materials.stress import (
-    CURVE_FACTOR,
-    corotated,
-    curve_state,
-    linear_factor,
-    neo_hookean,
-    ogden,
-    volumetric,
-)
+from gdfe_ros.materials.stress import corotated
 from gdfe_ros.materials.table import LAME, PENALTY, POISSON, SHEAR, YOUNG
-from gdfe_ros.materials.tensor import (
-    cofactor,
-    determinant,
-    rotation_from_stretch_sum,
-    squared_norm,
-    stretch_sum,
-)
 from gdfe_ros.solver.elements.blocks import AXES, EDGES, LANES, VOLUME
 from gdfe_ros.solver.elements.corners import gather, scatter
 from gdfe_ros.solver.elements.hourglass import hourglass
@@ -49,36 +32,7 @@ from gdfe_ros.solver.elements.lanes import (
     store3,
     store9,
 )
-
-LINEAR, NEO_HOOKEAN, CURVE, OGDEN_LAW = 0, 1, 2, 3
-UNIQUE = 1e-6
-"""Margin of the rotation below which its closed form loses digits and the invariants are used for the energy."""
-
-
-@inlined
-def density(f, pressure, table, k):
-    """Return the energy density [J/m^3] and the first Piola-Kirchhoff stress [Pa] of material ``k`` at F.
-
-    The neo-Hookean law has a kernel of its own.
-    """
-    c = cofactor(f)
-    j = determinant(f, c)
-    law = table.law[k]
-    if law == OGDEN_LAW:
-        return ogden(f, c, j, pressure, table, k)
-    first = squared_norm(f)
-    second = squared_norm(c)
-    s = stretch_sum(first, second, j)
-    r, margin = rotation_from_stretch_sum(f, c, first, s, j)
-    lam = s / 3.0
-    deviator = corotated(f, r, lam, 1.0, 0.0, c)
-    size = squared_norm(deviator) if margin > UNIQUE else max(first - s * lam, 0.0)
-    energy, slope = volumetric(j, pressure, table, k)
-    if law == CURVE:
-        phi, secant, _ = curve_state(math.sqrt(CURVE_FACTOR * size), table, k)
-        return energy + phi, corotated(f, r, lam, CURVE_FACTOR * secant, slope, c)
-    factor = linear_factor(table, k)
-    return energy + 0.5 * factor * size, corotated(f, r, lam, factor, slope, c)
+from gdfe_ros.solver.elements.stress_rows import stress_rows
 
 
 @inlined
@@ -94,29 +48,6 @@ def load_parameters(b, elements, material, pressure, scale, table):
         b[YOUNG_ROW * LANES + lane] = scale[e] * table.parameters[k, YOUNG]
         b[SCALED_SHEAR * LANES + lane] = scale[e] * table.parameters[k, SHEAR]
         b[POISSON_ROW * LANES + lane] = table.parameters[k, POISSON]
-
-
-@inlined
-def stress_rows(b, law, elements, material, pressure, table):
-    """Write the rows of the energy density and of P of a block."""
-    if law == NEO_HOOKEAN:
-        for lane in range(LANES):
-            f = load9(b, GRADIENT, lane)
-            w, p = neo_hookean(
-                f,
-                b[PRESSURE * LANES + lane],
-                b[SHEAR_ROW * LANES + lane],
-                b[LAME_ROW * LANES + lane],
-                b[PENALTY_ROW * LANES + lane],
-            )
-            b[ENERGY * LANES + lane] = w
-            store9(b, STRESS, lane, p)
-    else:
-        for lane in range(LANES):
-            e = elements[lane]
-            w, p = density(load9(b, GRADIENT, lane), pressure[e], table, material[e])
-            b[ENERGY * LANES + lane] = w
-            store9(b, STRESS, lane, p)
 
 
 @inlined
@@ -154,7 +85,7 @@ def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, ta
         elements = blocks.element[block]
         gather(b, x, shape, blocks, block)
         load_parameters(b, elements, material, pressure, scale, table)
-        stress_rows(b, blocks.law[block], elements, material, pressure, table)
+        stress_rows(b, blocks.law[block], elements, material, table)
         hourglass_rows(b)
         scatter(b, force, shape, blocks, block)
         for lane in range(blocks.used[block]):

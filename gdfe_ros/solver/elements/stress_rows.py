@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled stresses of a block of elements of one law, pass by pass.
+
+A pass over the lanes without calls and branches becomes SIMD. So what a law needs of logarithms, powers and tables is
+a pass of its own between two others, and iterations stand outside of the lanes: a lane that is done keeps its value
+until all are.
+"""
+
+from __future__ import annotations
+
+import math
+
+from gdfe_ros.compiled import inlined
+from gdfe_ros.materials.stress import (
+    CURVE_FACTOR,
+    corotated,
+    curve_state,
+    linear_factor,
+    neo_hookean,
+    ogden_continued,
+    volumetric,
+)
+from gdfe_ros.materials.tensor import (
+    NEWTON_STEPS,
+    cofactor,
+    cross,
+    determinant,
+    dot,
+    jacobi_sweep,
+    off_diagonal,
+    perpendicular,
+    rotation_from_stretch_sum,
+    scaled,
+    squared_norm,
+    stretch_sum_step,
+    times,
+)
+from gdfe_ros.solver.elements.blocks import LANES
+from gdfe_ros.solver.elements.lanes import (
+    COORDINATES,
+    ENERGY,
+    FORCES,
+    GRADIENT,
+    LAME_ROW,
+    PENALTY_ROW,
+    PRESSURE,
+    SHEAR_ROW,
+    STRESS,
+    load3,
+    load9,
+    store3,
+    store9,
+)
+
+LINEAR, NEO_HOOKEAN, CURVE, OGDEN_LAW = 0, 1, 2, 3
+UNIQUE = 1e-6
+"""Margin of the rotation below which its closed form loses digits and the invariants are used for the energy."""
+SWEEPS = 12
+FIRST, SECOND, DETERMINANT, STRETCH_SUM, SIZE, FACTOR, STORED = range(COORDINATES, COORDINATES + 7)
+"""Scratch of the corotated laws: invariants of F, tr(R^T F), |F - lam R|^2, what multiplies F - lam R, its energy."""
+TENSOR, LEFT, RIGHT = COORDINATES, COORDINATES + 6, FORCES
+"""Scratch of Ogden's law: C (6), then stretches and derivatives; its eigenvectors N (9); n = F N / stretch (9)."""
+STRETCHES, DERIVATIVES = TENSOR, TENSOR + 3
+
+
+@inlined
+def stress_rows(b, law, elements, material, table):
+    """Write the rows of the energy density [J/m^3] and of P [Pa] of a block at its rows of F."""
+    if law == NEO_HOOKEAN:
+        neo_hookean_rows(b)
+    elif law == OGDEN_LAW:
+        principal_rows(b)
+        for lane in range(LANES):
+            l0, l1, l2 = load3(b, STRETCHES, lane)
+            energy, g = ogden_continued(l0, l1, l2, table, material[elements[lane]])
+            b[ENERGY * LANES + lane] = energy
+            store3(b, DERIVATIVES, lane, g)
+        ogden_stress_rows(b)
+    else:
+        deviator_rows(b)
+        for lane in range(LANES):
+            k, size = material[elements[lane]], b[SIZE * LANES + lane]
+            if law == CURVE:
+                stored, secant, _ = curve_state(math.sqrt(CURVE_FACTOR * size), table, k)
+                factor = CURVE_FACTOR * secant
+            else:
+                factor = linear_factor(table, k)
+                stored = 0.5 * factor * size
+            b[FACTOR * LANES + lane], b[STORED * LANES + lane] = factor, stored
+        corotated_stress_rows(b)
+
+
+@inlined
+def neo_hookean_rows(b):
+    """Do all of the neo-Hookean law."""
+    for lane in range(LANES):
+        w, p = neo_hookean(
+            load9(b, GRADIENT, lane),
+            b[PRESSURE * LANES + lane],
+            b[SHEAR_ROW * LANES + lane],
+            b[LAME_ROW * LANES + lane],
+            b[PENALTY_ROW * LANES + lane],
+        )
+        b[ENERGY * LANES + lane] = w
+        store9(b, STRESS, lane, p)
+
+
+@inlined
+def deviator_rows(b):
+    """Write F - lam R to the rows of P, and its squared norm; lam is the mean stretch."""
+    for lane in range(LANES):
+        f = load9(b, GRADIENT, lane)
+        c = cofactor(f)
+        first = squared_norm(f)
+        b[FIRST * LANES + lane], b[SECOND * LANES + lane] = first, squared_norm(c)
+        b[DETERMINANT * LANES + lane] = determinant(f, c)
+        b[STRETCH_SUM * LANES + lane], b[SIZE * LANES + lane] = math.sqrt(3.0 * first), 1.0
+    for _ in range(NEWTON_STEPS):
+        for lane in range(LANES):
+            s, going = stretch_sum_step(
+                b[STRETCH_SUM * LANES + lane],
+                b[FIRST * LANES + lane],
+                b[SECOND * LANES + lane],
+                b[DETERMINANT * LANES + lane],
+            )
+            last, follows = b[STRETCH_SUM * LANES + lane], b[SIZE * LANES + lane] != 0.0
+            b[STRETCH_SUM * LANES + lane] = s if follows else last
+            b[SIZE * LANES + lane] = 1.0 if going & follows else 0.0
+        left = 0
+        for lane in range(LANES):
+            left += 1 if b[SIZE * LANES + lane] != 0.0 else 0
+        if left == 0:
+            break
+    for lane in range(LANES):
+        f, first, s = load9(b, GRADIENT, lane), b[FIRST * LANES + lane], b[STRETCH_SUM * LANES + lane]
+        c = cofactor(f)
+        r, margin = rotation_from_stretch_sum(f, c, first, s, b[DETERMINANT * LANES + lane])
+        lam = s / 3.0
+        deviator = corotated(f, r, lam, 1.0, 0.0, c)
+        exact, known = squared_norm(deviator), max(first - s * lam, 0.0)
+        b[SIZE * LANES + lane] = exact if margin > UNIQUE else known
+        store9(b, STRESS, lane, deviator)
+
+
+@inlined
+def corotated_stress_rows(b):
+    """Write W and P = factor (F - lam R) + slope cof F from what `deviator_rows` left."""
+    for lane in range(LANES):
+        c = cofactor(load9(b, GRADIENT, lane))
+        j = b[DETERMINANT * LANES + lane]
+        energy, slope = volumetric(j, b[PRESSURE * LANES + lane], b[PENALTY_ROW * LANES + lane])
+        b[ENERGY * LANES + lane] = energy + b[STORED * LANES + lane]
+        d = load9(b, STRESS, lane)
+        store9(b, STRESS, lane, corotated(d, d, 0.0, b[FACTOR * LANES + lane], slope, c))
+
+
+@inlined
+def principal_rows(b):
+    """Write the signed principal stretches, the largest first, and their directions at rest, N, and now, n."""
+    for lane in range(LANES):
+        f = load9(b, GRADIENT, lane)
+        x, y, z = (f[0], f[3], f[6]), (f[1], f[4], f[7]), (f[2], f[5], f[8])
+        store3(b, TENSOR, lane, (dot(x, x), dot(x, y), dot(x, z)))
+        store3(b, TENSOR + 3, lane, (dot(y, y), dot(y, z), dot(z, z)))
+        store9(b, LEFT, lane, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+    for _ in range(SWEEPS):
+        left = 0
+        for lane in range(LANES):
+            left += 1 if off_diagonal(load6(b, TENSOR, lane)) else 0
+        if left == 0:
+            break
+        for lane in range(LANES):
+            a, v = jacobi_sweep(load6(b, TENSOR, lane), load9(b, LEFT, lane))
+            store3(b, TENSOR, lane, (a[0], a[1], a[2]))
+            store3(b, TENSOR + 3, lane, (a[3], a[4], a[5]))
+            store9(b, LEFT, lane, v)
+    for lane in range(LANES):
+        a, v = load6(b, TENSOR, lane), load9(b, LEFT, lane)
+        e0, p, e1, q = ordered(a[0], (v[0], v[3], v[6]), a[3], (v[1], v[4], v[7]))
+        e1, q, _, _ = ordered(e1, q, a[5], (v[2], v[5], v[8]))
+        e0, p, e1, q = ordered(e0, p, e1, q)
+        f, l0, l1 = load9(b, GRADIENT, lane), math.sqrt(max(e0, 0.0)), math.sqrt(max(e1, 0.0))
+        b[STRETCHES * LANES + lane], b[(STRETCHES + 1) * LANES + lane] = l0, l1
+        store3(b, LEFT, lane, p)
+        store3(b, LEFT + 3, lane, q)
+        store3(b, RIGHT, lane, scaled(times(f, p), 1.0 / max(l0, 1e-150)))
+        store3(b, RIGHT + 3, lane, scaled(times(f, q), 1.0 / max(l1, 1e-150)))
+    for lane in range(LANES):
+        if b[(STRETCHES + 1) * LANES + lane] <= 1e-9 * b[STRETCHES * LANES + lane]:
+            store3(b, RIGHT + 3, lane, perpendicular(load3(b, RIGHT, lane)))
+    for lane in range(LANES):
+        last, normal = (
+            cross(load3(b, LEFT, lane), load3(b, LEFT + 3, lane)),
+            cross(load3(b, RIGHT, lane), load3(b, RIGHT + 3, lane)),
+        )
+        store3(b, LEFT + 6, lane, last)
+        store3(b, RIGHT + 6, lane, normal)
+        b[(STRETCHES + 2) * LANES + lane] = dot(normal, times(load9(b, GRADIENT, lane), last))
+
+
+@inlined
+def ogden_stress_rows(b):
+    """Add the volume term to W, and write P = sum_i dW/dl_i n_i (x) N_i + slope cof F."""
+    for lane in range(LANES):
+        f = load9(b, GRADIENT, lane)
+        c = cofactor(f)
+        volume, slope = volumetric(determinant(f, c), b[PRESSURE * LANES + lane], b[PENALTY_ROW * LANES + lane])
+        b[ENERGY * LANES + lane] = b[ENERGY * LANES + lane] + volume
+        g, u, v = load3(b, DERIVATIVES, lane), load9(b, RIGHT, lane), load9(b, LEFT, lane)
+        store3(b, STRESS, lane, stress_row(g, u, 0, v, slope, (c[0], c[1], c[2])))
+        store3(b, STRESS + 3, lane, stress_row(g, u, 1, v, slope, (c[3], c[4], c[5])))
+        store3(b, STRESS + 6, lane, stress_row(g, u, 2, v, slope, (c[6], c[7], c[8])))
+
+
+@inlined
+def stress_row(g, u, i, v, slope, c):
+    """Return a row of P from derivatives g (3), directions u now (9) and v at rest (9), one after another."""
+    first, second, third = g[0] * u[i], g[1] * u[3 + i], g[2] * u[6 + i]
+    return (
+        first * v[0] + second * v[3] + third * v[6] + slope * c[0],
+        first * v[1] + second * v[4] + third * v[7] + slope * c[1],
+        first * v[2] + second * v[5] + third * v[8] + slope * c[2],
+    )
+
+
+@inlined
+def ordered(p, a, q, b):
+    """Return two eigenvalues with their eigenvectors, the larger one first; without a branch."""
+    swap = p < q
+    larger, smaller = q if swap else p, p if swap else q
+    first = (b[0] if swap else a[0], b[1] if swap else a[1], b[2] if swap else a[2])
+    second = (a[0] if swap else b[0], a[1] if swap else b[1], a[2] if swap else b[2])
+    return larger, first, smaller, second
+
+
+@inlined
+def load6(b, row, lane):
+    """Return six rows of a lane."""
+    i = row * LANES + lane
+    return b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES], b[i + 4 * LANES], b[i + 5 * LANES]
