@@ -3,6 +3,7 @@
 # make install            .venv with the commands gdfe, sim_node
 # make test-loaded        the tests five times beside two busy loops
 # make torture            the numerical torture test             make bench run time against error
+# make profile            where the time of a step goes, and what the machine would allow
 # make bench-since COMMIT=...   run times over those of another commit, in turn
 # make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
 # make manners            the node asked from outside: a table of what was expected and found
@@ -33,7 +34,7 @@ OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
 .PHONY: install run live test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion \
-        bench-contact bench-skip bench-sweep \
+        bench-contact bench-skip bench-sweep profile \
         bags docs clean
 
 install: $(STAMP)
@@ -127,6 +128,10 @@ bench-skip: install
 # Another commit beside this tree, played in turn: make bench-since COMMIT=main [PLAYS='"bend5, streamed"']
 bench-since: install
 	@$(BIN)/python -m benchmarks.since $(COMMIT) $(PLAYS)
+
+# Where the time of a step goes, and what this machine would allow
+profile: install
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.profile
 
 bench-sweep: install
 	@$(BIN)/python -m benchmarks.sweep

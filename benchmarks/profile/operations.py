@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many floating-point operations an element takes: its kernels' own Python, run with numbers that count.
+
+Run in a process of its own, ``NUMBA_DISABLE_JIT=1 python -m benchmarks.profile.operations``: what the compiler makes of
+the kernels may be less, never more.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+
+from gdfe_ros.materials import Law, Linear, Material, NeoHookean, preset, stress, tensor
+from gdfe_ros.mesh import bar
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements import corners, hourglass, response, stress_rows
+from gdfe_ros.solver.elements.blocks import LANES
+from gdfe_ros.solver.elements.lanes import ROWS
+
+LAWS: dict[str, Material] = {
+    "linear": Linear(young=1e5, poisson=0.45),
+    "neo-Hookean": NeoHookean(young=1e5, poisson=0.45),
+    "curve": preset("ninjaflex", law=Law.CURVE, poisson=0.45),
+    "Ogden, three terms": preset("ninjaflex", law=Law.OGDEN, poisson=0.45),
+}
+
+
+class Counted(float):
+    """A number that counts what is done with it; a division, a root and a logarithm count as one."""
+
+    done = 0
+
+
+def _counting(name: str) -> None:
+    plain = getattr(np.float64, name)
+
+    def operation(self: Counted, *others: float) -> Counted:
+        Counted.done += 1
+        with np.errstate(all="ignore"):
+            return Counted(plain(np.float64(self), *others))
+
+    setattr(Counted, name, operation)
+
+
+for _name in ("add", "radd", "sub", "rsub", "mul", "rmul", "truediv", "rtruediv", "neg"):
+    _counting(f"__{_name}__")
+
+
+def _function(name: str) -> object:
+    def function(value: float) -> Counted:
+        Counted.done += 1
+        return Counted(getattr(math, name)(value))
+
+    return function
+
+
+_MATH = SimpleNamespace(**{name: _function(name) for name in ("sqrt", "log", "exp")}, **{"copysign": math.copysign})
+_MODULES: tuple[ModuleType, ...] = (stress, tensor, hourglass, stress_rows)
+
+
+def bar_of(law: str, cells: tuple[int, int, int]) -> Body:
+    """Return a bar of one of `LAWS` that nothing holds."""
+    mesh = bar((0.5, 0.05, 0.05), cells)
+    return Body.build(mesh.vertices, mesh.cells, [LAWS[law]], np.zeros(mesh.n_cells, np.int32), [])
+
+
+def count(law: str) -> float:
+    """Return the operations of one element, slightly deformed."""
+    body = bar_of(law, (LANES, 1, 1))
+    for module in _MODULES:
+        module.math = _MATH
+    b = np.empty(ROWS * LANES, dtype=object)
+    blocks, material = body.blocks, body.material
+    elements, none = blocks.element[0], np.zeros(len(material))
+    corners.load_geometry(b, blocks.geometry, 0)
+    corners.load_corners(b, 1.1 * body.rest + 0.1 * body.rest[:, ::-1], body.shape, elements)
+    response.load_parameters(b, elements, material, none, none + 1.0, body.table)
+    for i, value in enumerate(b):
+        b[i] = Counted(value or 0.0)
+    Counted.done = 0
+    corners.gather_parallel(b)
+    response.stress_rows(b, blocks.law[0], elements, material, body.table)
+    response.hourglass_rows(b)
+    corners.scatter_parallel(b)
+    return Counted.done / LANES
+
+
+def counts() -> dict[str, float]:
+    """Return the operations of an element of each law, counted in another process."""
+    command = [sys.executable, "-m", "benchmarks.profile.operations"]
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    return json.loads(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
+
+
+if __name__ == "__main__":
+    print(json.dumps({law: count(law) for law in LAWS}))

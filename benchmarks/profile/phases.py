@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a step does, phase by phase, timed where it happens."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from benchmarks.profile.machine import fastest
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.descent import minimiser, quasi_newton
+from gdfe_ros.solver.descent.certified import CertifiedMinimiser
+from gdfe_ros.solver.equilibrium.solve import Solve
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.tangent.level import TangentLevel
+
+EVALUATIONS, SOLVES, HISTORY, WHOLE = "evaluations", "solves", "history", "descents in one"
+TANGENTS, CERTIFICATES, UPDATES, ENERGIES = "tangents", "certificates", "updates", "energies"
+REST = "everything else"
+_TIMED: tuple[tuple[object, str, str], ...] = (
+    (quasi_newton, "advance", EVALUATIONS),
+    (quasi_newton, "remember", HISTORY),
+    (quasi_newton, "take_products", HISTORY),
+    (quasi_newton, "descend", WHOLE),
+    (ConstantMatrix, "solve", SOLVES),
+    (minimiser, "close_coupling", SOLVES),
+    (TangentLevel, "solve", SOLVES),
+    (TangentLevel, "take", TANGENTS),
+    (TangentLevel, "load", TANGENTS),
+    (CertifiedMinimiser, "_ask", CERTIFICATES),
+    (Solve, "_update", UPDATES),
+    (Solve, "measure", ENERGIES),
+)
+"""Where a function is looked up, its name, and the phase that it belongs to."""
+
+
+class Phases:
+    """Times phases while a simulation is played.
+
+    Attributes:
+        seconds: by phase, without those of other phases inside.
+        calls: by phase.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: Counter[str] = Counter()
+        self.calls: Counter[str] = Counter()
+        self._inside: list[float] = []
+        self._last: tuple[Any, ...] = ()
+        self._directions = 0
+
+    @classmethod
+    def played(cls, simulation: Simulation, steps: int | None) -> Phases:
+        """Play a scene's program twice, and time the second run."""
+        phases = cls()
+        list(simulation.play(steps))
+        simulation.reset()
+        with phases._timing():
+            started = time.perf_counter()
+            results = list(simulation.play(steps))
+            whole = time.perf_counter() - started
+        phases._split_directions()
+        phases.seconds[REST] = whole - sum(phases.seconds.values())
+        phases.calls[REST] = len(results)
+        return phases
+
+    @contextmanager
+    def _timing(self) -> Iterator[None]:
+        plain = [(owner, name, vars(owner)[name]) for owner, name, _ in _TIMED]
+        for owner, name, phase in _TIMED:
+            setattr(owner, name, self._timed(getattr(owner, name), phase))
+        try:
+            yield
+        finally:
+            for owner, name, function in plain:
+                setattr(owner, name, function)
+
+    def _timed(self, function: Callable[..., Any], phase: str) -> Callable[..., Any]:
+        def timed(*arguments: Any, **options: Any) -> Any:
+            self._inside.append(0.0)
+            started = time.perf_counter()
+            try:
+                return function(*arguments, **options)
+            finally:
+                taken = time.perf_counter() - started
+                self.seconds[phase] += taken - self._inside.pop()
+                self._inside[-1:] = [inside + taken for inside in self._inside[-1:]]
+                self.calls[phase] += 1
+                if phase == EVALUATIONS:
+                    self._last = arguments
+                    self._directions += not arguments[-1]
+
+        return timed
+
+    def _split_directions(self) -> None:
+        """Take the directions out of the evaluations: an iteration that is told to end finds one, and does no more."""
+        if not self._directions:
+            return
+        problem, work, *_ = self._last
+        share = fastest(lambda: quasi_newton.advance(problem, work, math.inf, False)) * self._directions
+        self.seconds[EVALUATIONS] -= share
+        self.seconds[HISTORY] += share

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a step's time goes: phases add up, and operations are counted right."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.profile.operations import LAWS, Counted, counts
+from benchmarks.profile.phases import EVALUATIONS, REST, SOLVES, TANGENTS, Phases
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.descent import quasi_newton
+
+
+@pytest.mark.parametrize(("scene", "steps"), [("bend5", 5), ("tendon_finger", 3)])
+def test_phases_add_up(scene: str, steps: int) -> None:
+    """Play a few steps: phases without time are those that the scene does not have; the functions are as before."""
+    plain = quasi_newton.advance
+    simulation = Simulation(load_scene(scene))
+    phases = Phases.played(simulation, steps)
+    assert quasi_newton.advance is plain
+    assert phases.calls[REST] == steps
+    assert phases.calls[EVALUATIONS] > steps
+    assert phases.calls[SOLVES] > steps
+    assert (phases.calls[TANGENTS] > 0) == (scene == "tendon_finger")
+    assert min(phases.seconds.values()) > 0.0
+
+
+def test_numbers_count_what_is_done_with_them() -> None:
+    """Compute a x - y / z with numbers that count: three operations, and the right value."""
+    a, x, y, z = (Counted(value) for value in (2.0, 3.0, 1.0, 4.0))
+    Counted.done = 0
+    assert a * x - y / z == 5.75
+    assert Counted.done == 3
+
+
+def test_the_simplest_law_takes_the_fewest_operations() -> None:
+    """Count all laws: neo-Hookean, which needs no rotation, is the least, and its kernel is below a thousand."""
+    found = counts()
+    assert found.keys() == LAWS.keys()
+    assert min(found, key=found.__getitem__) == "neo-Hookean"
+    assert 500 < found["neo-Hookean"] < 1000
