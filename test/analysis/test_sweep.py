@@ -80,13 +80,12 @@ def test_results_of_another_scene_are_not_mixed(tmp_path: Path, capsys: Any) -> 
     assert "another scene" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_killed_worker_costs_no_case(runner: ModuleType, workers: int) -> None:
-    """Kill a worker while it works on several short cases: every case is done all the same, and once."""
-    scene = load_scene("bend5", overrides={"mesh.bar.cells": [20, 2, 2]}).source
+def test_a_killed_worker_costs_no_case(runner: ModuleType) -> None:
+    """Kill the only worker while it works on several short cases: every case is done all the same, and once."""
+    scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
     cases = grid_cases({"materials.e20.young": [1e4 + 100.0 * k for k in range(40)]})
-    with runner.connect(None, workers) as client:
-        victim = min(client.run(os.getpid).values())
+    with runner.connect(None, 1) as client:
+        (victim,) = client.run(os.getpid).values()
         results = runner.run_cases(client, scene, cases)
         done = [next(results) for _ in range(8)]  # by now short cases are put together
         os.kill(victim, signal.SIGKILL)

@@ -108,7 +108,7 @@ def test_a_jacobian_sees_what_is_touched() -> None:
     given = {**cable, "handles": {"base": {"where": {"face": "x-"}}}, "probes": {"tip": [0.2, 0.0, 0.0]}}
     touched, free = make(**given), make(**given, obstacles__pin__at=[0.13, 0.0, -0.5])
     for simulation in (touched, free):
-        for tension in np.linspace(0.5, 4.0, 6):
+        for tension in (1.0, 2.5, 4.0):
             result = simulation.step(Command(actuators={"pull": float(tension)}))
             assert result.converged, result.message
     assert touched.result.reactions["pin"][2] > 0.1

@@ -32,6 +32,7 @@ handles: {{base: {{where: {{face: x-}}, fixed: true}}}}
 actuators: {{pull: {{cable: {{points: [[0, 0, 0.008], [0.1, 0, 0.008]], command: tension}}}}}}
 """
 PULLS = [("hollow", 8.0), ("hollow", 20.0), ("thin", 8.0), ("thin", 20.0), ("solid", 20.0), ("solid", 50.0)]
+LINEAR = [("hollow", 8.0), ("solid", 20.0)]
 
 
 def folding(mesh: str, law: str = "neo_hookean") -> Simulation:
@@ -51,8 +52,9 @@ def pulled(lab: Any) -> Callable[..., tuple[Simulation, list[StepResult]]]:
     return pull
 
 
-@pytest.mark.parametrize("law", ["neo_hookean", "linear"])
-@pytest.mark.parametrize(("mesh", "tension"), PULLS)
+@pytest.mark.parametrize(
+    ("mesh", "tension", "law"), [*((*pull, "neo_hookean") for pull in PULLS), *((*pull, "linear") for pull in LINEAR)]
+)
 def test_no_fold_is_an_equilibrium(lab: Any, pulled: Callable, mesh: str, tension: float, law: str) -> None:
     """Pull a bar until it folds, and let go: an end with a folded corner is not converged and says so."""
     simulation, results = pulled(mesh, tension, law)
