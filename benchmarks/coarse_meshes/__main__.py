@@ -14,10 +14,12 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.coarse_meshes import calculix_linear, felupe_linear, own
+from benchmarks.coarse_meshes.large import all_bars
 from benchmarks.coarse_meshes.problem import Found, Problem
 from benchmarks.coarse_meshes.problems import CONFINED, PAD, PROBLEMS, WIDTH
 from benchmarks.coarse_meshes.table import all_tables
 from benchmarks.peers import calculix_peer, felupe_peer
+from gdfe_ros.solver.settings import Torsion
 
 ACROSS = (1, 2, 4, 8)
 FINENESS = (4, 6, 8)
@@ -26,7 +28,10 @@ FINENESS = (4, 6, 8)
 
 def solvers() -> tuple[dict[str, Callable[[Problem], Found]], dict[str, str]]:
     """Return who can solve here, by the name in the table, and why others cannot."""
-    found: dict[str, Callable[[Problem], Found]] = {"gdfe_ros": own.solve}
+    found: dict[str, Callable[[Problem], Found]] = {
+        "gdfe_ros": own.solve,
+        "gdfe_ros, torsion: section": partial(own.solve, torsion=Torsion.SECTION),
+    }
     reasons = {"FElupe": felupe_peer.available(), "CalculiX": calculix_peer.available()}
     if reasons["FElupe"] is None:
         found["FElupe Q1P0"] = felupe_linear.solve
@@ -54,7 +59,7 @@ def main() -> None:
         name: {who: [error(name, across, solve) for across in ACROSS] for who, solve in found.items()}
         for name in arguments.names or PROBLEMS
     }
-    report = {"across": ACROSS, "missing": missing, "errors": errors}
+    report = {"across": ACROSS, "missing": missing, "errors": errors, "bars": all_bars()}
     arguments.out.mkdir(parents=True, exist_ok=True)
     (arguments.out / "coarse_meshes.json").write_text(json.dumps(report, indent=1))
     print("\n\n".join(all_tables(report).values()))

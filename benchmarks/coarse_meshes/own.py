@@ -11,6 +11,7 @@ from gdfe_ros.command import Command
 from gdfe_ros.mesh.packing import pack_mesh
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.settings import Torsion
 
 TOLERANCE, LIMIT = 1e-9, 20_000
 
@@ -32,7 +33,7 @@ class NodalForces:
         return self.values
 
 
-def solve(problem: Problem) -> Found:
+def solve(problem: Problem, torsion: Torsion = Torsion.CELL) -> Found:
     """Return the solution.
 
     Raises:
@@ -50,7 +51,7 @@ def solve(problem: Problem) -> Found:
                 "materials": {"soft": {"law": "linear", "young": YOUNG, "poisson": problem.poisson}},
                 "regions": [{"material": "soft"}],
                 "handles": handles,
-                "solver": {"tolerance": TOLERANCE, "max_iterations": LIMIT},
+                "solver": {"tolerance": TOLERANCE, "max_iterations": LIMIT, "torsion": torsion.value},
             }
         )
     )

@@ -17,11 +17,11 @@ from gdfe_ros.mesh import HexMesh, bar
 SIDE = 0.02
 """Side of the bar, height of the pad, and inner radius and wall of the tube [m]."""
 SLENDERNESS, TURN = 6, 1e-3
-"""Length of the bar over its side, and the angle by which each end is turned [rad]."""
+"""Length of the bar over its width, and the angle by which each end is turned [rad]."""
 MIDDLE = 0.25
 """Share of the bar's length, about its middle, over which twist and curvature are measured: ends are clamped."""
-SAINT_VENANT = 0.14057702
-"""Torsion constant of a square bar over the fourth power of its side (Timoshenko and Goodier)."""
+SAINT_VENANT = {1: 0.14057702, 2: 0.45736336}
+"""Torsion constant over the fourth power of the thickness, by width over thickness (Timoshenko and Goodier)."""
 WIDTH, PRESSED = 4, 1e-4
 """Width of the pad over its height, and the share of the height by which it is pressed together."""
 PAD = 3.109
@@ -33,9 +33,9 @@ AROUND, PRESSURE = 8, 10.0
 """Cells around the tube over those through its wall, and the pressure in it [Pa]."""
 
 
-def torsion(across: int) -> Problem:
-    """Twist a square bar: torque over G J times the twist in the middle."""
-    mesh = _bar(across)
+def torsion(across: int, width: int = 1) -> Problem:
+    """Twist a bar ``width`` times as wide as it is thick: torque over G J times the twist in the middle."""
+    mesh = _bar(across, width)
     shear = YOUNG / 2.6
 
     def measure(found: Found) -> float:
@@ -45,7 +45,7 @@ def torsion(across: int) -> Problem:
         off_axis = y * y + z * z > 0.0
         twist = np.polyfit(x[off_axis], turned[off_axis], 1)[0]
         torque = 0.5 * (found.reactions["right"][3] - found.reactions["left"][3])
-        return float(torque / (shear * SAINT_VENANT * SIDE**4 * twist))
+        return float(torque / (shear * SAINT_VENANT[width] * SIDE**4 * twist))
 
     return Problem(mesh=mesh, poisson=0.3, held=_turned_ends(mesh, (-TURN, 0.0, 0.0)), measure=measure)
 
@@ -114,6 +114,7 @@ def tube(across: int) -> Problem:
 
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "torsion": torsion,
+    "torsion 2:1": lambda across: torsion(across, 2),
     "bending": bending,
     "bending, nu 0.495": lambda across: bending(across, CONFINED),
     "pad": pad,
@@ -122,8 +123,9 @@ PROBLEMS: dict[str, Callable[[int], Problem]] = {
 """By name."""
 
 
-def _bar(across: int) -> HexMesh:
-    return bar([SLENDERNESS * SIDE, SIDE, SIDE], [SLENDERNESS * across, across, across])
+def _bar(across: int, width: int = 1) -> HexMesh:
+    length = SLENDERNESS * width
+    return bar([length * SIDE, width * SIDE, SIDE], [length * across, width * across, across])
 
 
 def _ids(chosen: Array) -> np.ndarray:
@@ -142,7 +144,8 @@ def _turned_ends(mesh: HexMesh, turn: tuple[float, float, float]) -> dict[str, H
 def _middle(mesh: HexMesh, across: int) -> tuple[Array, Array]:
     """Mark the vertices in the middle of the bar; return their places (3, k) from the bar's axis as well."""
     places = mesh.vertices - mesh.bounds.mean(axis=0)
-    chosen = np.abs(places[:, 0]) < 0.5 * MIDDLE * SLENDERNESS * SIDE + 0.6 * SIDE / across
+    half = np.abs(places[:, 0]).max()
+    chosen = np.abs(places[:, 0]) < MIDDLE * half + 0.6 * SIDE / across
     return chosen, places[chosen].T
 
 

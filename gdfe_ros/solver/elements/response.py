@@ -26,7 +26,7 @@ from gdfe_ros.materials.tensor import (
     squared_norm,
     stretch_sum,
 )
-from gdfe_ros.solver.elements.blocks import AXES, EDGES, GEOMETRY_ROWS, LANES, VOLUME
+from gdfe_ros.solver.elements.blocks import AXES, COUPLING, EDGES, GEOMETRY_ROWS, LANES, VOLUME
 from gdfe_ros.solver.elements.corners import gather, scatter
 from gdfe_ros.solver.elements.hourglass import hourglass
 from gdfe_ros.solver.elements.lanes import (
@@ -134,6 +134,7 @@ def hourglass_rows(b, geometry, offset):
             q,
             load9(geometry, AXES, offset + lane),
             load3(geometry, EDGES, offset + lane),
+            geometry[offset + COUPLING * LANES + lane],
             volume * b[YOUNG_ROW * LANES + lane],
             volume * b[SCALED_SHEAR * LANES + lane],
             b[POISSON_ROW * LANES + lane],
