@@ -18,6 +18,7 @@ from benchmarks.coarse_meshes.large import all_bars
 from benchmarks.coarse_meshes.problem import Found, Problem
 from benchmarks.coarse_meshes.problems import CONFINED, PAD, PROBLEMS, WIDTH
 from benchmarks.coarse_meshes.table import all_tables
+from benchmarks.coarse_meshes.trials import all_trials
 from benchmarks.peers import calculix_peer, felupe_peer
 from gdfe_ros.solver.settings import Torsion
 
@@ -59,7 +60,7 @@ def main() -> None:
         name: {who: [error(name, across, solve) for across in ACROSS] for who, solve in found.items()}
         for name in arguments.names or PROBLEMS
     }
-    report = {"across": ACROSS, "missing": missing, "errors": errors, "bars": all_bars()}
+    report = {"across": ACROSS, "missing": missing, "errors": errors, "bars": all_bars(), "trials": all_trials()}
     arguments.out.mkdir(parents=True, exist_ok=True)
     (arguments.out / "coarse_meshes.json").write_text(json.dumps(report, indent=1))
     print("\n\n".join(all_tables(report).values()))

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.coarse_meshes.problem import YOUNG, Array, Found, Problem
+from benchmarks.coarse_meshes.linear import displaced
+from benchmarks.coarse_meshes.problem import YOUNG, Found, Problem
 from benchmarks.grids import Grid
-from benchmarks.peers.felupe_peer import fastest_solver
 
 
 def solve(problem: Problem) -> Found:
@@ -20,7 +20,7 @@ def solve(problem: Problem) -> Found:
     stiffness = _stiffness(felupe, felupe.RegionHexahedron(mesh), problem.poisson)
     given, moved = problem.prescribed()
     forces = np.zeros(problem.mesh.vertices.size) if problem.forces is None else problem.forces.ravel()
-    displacement = _displaced(stiffness, given, moved, forces)
+    displacement = displaced(stiffness, given, moved, forces)
     pull = stiffness @ displacement - forces
     return problem.found(displacement.reshape(-1, 3), pull.reshape(-1, 3))
 
@@ -47,7 +47,7 @@ def pad_modulus(cells: int, width: float, poisson: float) -> float:
     mirrored, bonded = points < 1e-12, np.isclose(points[:, 2], 0.5)
     moved = np.where(bonded[:, None], (0.0, 0.0, -0.5), 0.0).ravel()
     given = np.flatnonzero(mirrored | bonded[:, None])
-    displacement = _displaced(stiffness, given, moved[given], np.zeros(points.size))
+    displacement = displaced(stiffness, given, moved[given], np.zeros(points.size))
     return float(displacement @ (stiffness @ displacement) / (YOUNG * np.prod(0.5 * half)))
 
 
@@ -57,16 +57,3 @@ def _stiffness(felupe: Any, region: Any, poisson: float) -> Any:
     law = felupe.NeoHooke(mu=YOUNG / (2.0 * (1.0 + poisson)))
     solid = felupe.SolidBodyNearlyIncompressible(law, field, bulk=YOUNG / (3.0 * (1.0 - 2.0 * poisson)))
     return solid.assemble.matrix().tocsr()
-
-
-def _displaced(stiffness: Any, given: Array, moved: Array, forces: Array) -> Array:
-    """Return the displacements (3 n,) [m] where some are given and forces (3 n,) [N] act on the others."""
-    displacement = np.zeros(len(forces))
-    displacement[given] = moved
-    free = np.setdiff1d(np.arange(len(forces)), given)
-    if len(free) == 0:
-        return displacement
-    _, solver = fastest_solver()
-    rows = stiffness[free]
-    displacement[free] = solver(rows[:, free].tocsr(), forces[free] - rows[:, given] @ moved)
-    return displacement

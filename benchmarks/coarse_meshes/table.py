@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from benchmarks.coarse_meshes.trials import COLUMNS
 from benchmarks.markdown import markdown_table
 from gdfe_ros.solver.settings import Torsion
 
@@ -27,7 +28,11 @@ MEASURED = {
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     """Return the tables of a report by name."""
-    return {"coarse_meshes": small_table(report), "coarse_bars": bar_table(report["bars"])}
+    return {
+        "coarse_meshes": small_table(report),
+        "coarse_bars": bar_table(report["bars"]),
+        "coarse_trials": trial_table(report["trials"]),
+    }
 
 
 def small_table(report: Mapping[str, Any]) -> str:
@@ -40,6 +45,14 @@ def small_table(report: Mapping[str, Any]) -> str:
         for i, across in enumerate(report["across"])
     ]
     return markdown_table(("error [%]", "cells across", *codes), rows)
+
+
+def trial_table(trials: Mapping[str, Sequence[float]]) -> str:
+    """Return a row for each way that was tried."""
+    heads = ("error [%]", *(f"{name}: {across} across" for name, across in COLUMNS))
+    return markdown_table(
+        heads, [[way, *(f"{100.0 * error:+.2f}" for error in errors)] for way, errors in trials.items()]
+    )
 
 
 def bar_table(bars: Sequence[Mapping[str, Any]]) -> str:
