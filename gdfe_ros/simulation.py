@@ -66,7 +66,7 @@ class Simulation:
         refuse_unsolvable(scene, self.settings)
         self._orders = Orders(scene)
         self._origin = working_origin(scene.mesh)
-        body = scene_body(scene, self._origin)
+        body = scene_body(scene, self._origin, self.settings.torsion)
         self._stepper = make_stepper(scene, self.settings, body, terms)
         self.reset()
 

@@ -15,7 +15,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.mass import mass_matrix
 from gdfe_ros.solver.motion.stepper import MotionStepper
-from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.solver.settings import Policy, SolverSettings, Torsion
 from gdfe_ros.solver.stepping.stepper import Stepper
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
@@ -46,7 +46,7 @@ def make_stepper(
     return MotionStepper(body, settings, scene.dynamics, mass, acting)
 
 
-def scene_body(scene: Scene, origin: NDArray[np.float64]) -> Body:
+def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Torsion.CELL) -> Body:
     """Return the discretised body of a scene, with positions counted from ``origin`` (3,) [m].
 
     The vertices that rigid bodies are come behind those of the mesh.
@@ -55,7 +55,7 @@ def scene_body(scene: Scene, origin: NDArray[np.float64]) -> Body:
     rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
     rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
     mesh, materials = scene.mesh, tuple(scene.materials.values())
-    options = {"filling": mesh.filling, "self_contact": scene.self_contact}
+    options = {"filling": mesh.filling, "self_contact": scene.self_contact, "torsion": torsion}
     return Body.build(rest, mesh.cells, materials, scene.cell_material, handles, **options)
 
 

@@ -156,11 +156,12 @@ def element_cards(grid: Grid, element: CcxElement, cells: npt.NDArray[np.int64],
     connectivity = grid.connectivity(element.nodes) + 1
     lines = [f"*ELEMENT, TYPE={element.value}, ELSET={name}"]
     for cell in cells:
-        lines += _rows([cell + 1, *connectivity[cell]], per_row=16)
+        lines += number_rows([cell + 1, *connectivity[cell]], per_row=16)
     return lines
 
 
-def _rows(numbers: Iterable[int], *, per_row: int) -> list[str]:
+def number_rows(numbers: Iterable[int], *, per_row: int) -> list[str]:
+    """Return whole numbers in lines of so many; a line that is not the last ends with a comma."""
     text = [str(int(number)) for number in numbers]
     rows = [",".join(text[start : start + per_row]) for start in range(0, len(text), per_row)]
     return [row + "," for row in rows[:-1]] + rows[-1:]
@@ -168,7 +169,7 @@ def _rows(numbers: Iterable[int], *, per_row: int) -> list[str]:
 
 def set_cards(name: str, nodes: npt.NDArray[np.int32]) -> list[str]:
     """Return the cards of a set of nodes with these lattice indices (k,)."""
-    rows = _rows(nodes + 1, per_row=12)
+    rows = number_rows(nodes + 1, per_row=12)
     return [f"*NSET, NSET={name}", *(row.rstrip(",") for row in rows)]
 
 

@@ -47,6 +47,7 @@ class ShapeOperators(NamedTuple):
         reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
         parallel: (m,) bool, the element is a parallelepiped: its operators are sums and differences of corners.
         corner_ratio: (m, 8) float64 [1/m^3], one over the triple product of the three edges at each corner.
+        across: (m,) int32 cells across the section that the element twists with; 1 where it twists by itself.
     """
 
     cells: NDArray[np.int32]
@@ -58,6 +59,7 @@ class ShapeOperators(NamedTuple):
     reference: NDArray[np.float64]
     parallel: NDArray[np.bool_]
     corner_ratio: NDArray[np.float64]
+    across: NDArray[np.int32]
 
 
 def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -135,6 +137,7 @@ def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeO
         np.ascontiguousarray(np.linalg.inv(edges.transpose(0, 2, 1))),
         bends <= PARALLEL * lengths.min(axis=1),
         np.ascontiguousarray(1.0 / _corner_products(corners)),
+        np.ones(len(cells), dtype=np.int32),
     )
 
 

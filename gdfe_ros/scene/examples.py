@@ -186,7 +186,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     schema.PointModel: ("{time: 1.0, value: 5.0}",),
     schema.SolverModel: (
         "{policy: energy, tolerance: 1.0e-5, steps: 20, max_iterations: 500, threads: 2, "
-        "skip: [solve, dormant elements]}",
+        "skip: [solve, dormant elements], torsion: section}",
     ),
 }
 """Texts of each kind of entry; those of one kind that exclude each other stand in texts of their own."""

@@ -21,7 +21,7 @@ from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.self_contact_schema import SelfContactModel
 from gdfe_ros.scene.skin_schema import SkinModel
 from gdfe_ros.scene.where_schema import WhereModel
-from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
+from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
 
 #: Names become parts of ROS topics and of command lines.
 NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
@@ -117,9 +117,22 @@ class SolverModel(Entry):
     max_iterations: Annotated[int, _ITERATIONS] = SolverSettings.max_iterations
     threads: Annotated[int, _THREADS] = SolverSettings.threads
     skip: tuple[Skip, ...] = Field(SolverSettings.skip, description="work to leave out where it is not needed")
+    torsion: Torsion = Field(
+        SolverSettings.torsion,
+        description="energy only; cell: each element twists as a bar of its own; section: as a part of its section",
+    )
+
+    @model_validator(mode="after")
+    def _together(self) -> SolverModel:
+        self.build()
+        return self
 
     def build(self) -> SolverSettings:
-        """Return the settings."""
+        """Return the settings.
+
+        Raises:
+            ValueError: two of them exclude each other.
+        """
         return SolverSettings(**dict(self))
 
 

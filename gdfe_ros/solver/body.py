@@ -14,10 +14,12 @@ from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.materials.material import Material
 from gdfe_ros.materials.table import MaterialTable, pack
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.across import cells_across
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
 from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
+from gdfe_ros.solver.settings import Torsion
 
 FAR_AWAY = 10.0
 """Body lengths from the world's origin beyond which the solver counts from the body's centre."""
@@ -61,10 +63,14 @@ class Body:
         handles: Sequence[Handle],
         filling: Filling | None = None,
         self_contact: SelfContact | None = None,
+        *,
+        torsion: Torsion = Torsion.CELL,
     ) -> Body:
         """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8), filled as far as told."""
         material = np.ascontiguousarray(material, dtype=np.int32)
         shape, table = shape_operators(rest, cells, filling), pack(materials)
+        if torsion is Torsion.SECTION:
+            shape = shape._replace(across=cells_across(cells, material).min(axis=1))
         return cls(
             rest,
             shape,

@@ -87,6 +87,7 @@ def test_ten_defects_are_named_in_one_message() -> None:
             "give exactly one of face, .*given: face, box",
         ),
         ("{face: x-}, fixed: true", "{face: x-}, fixed: true, free: [y]", "exclude each other"),
+        ("policy: energy", "policy: relative, torsion: section", "relative has no hourglass energy; leave it out"),
         ("box: {x: [0.1, 0.2]}", "box: {}", "give at least one axis"),
         ("box: {x: [0.1, 0.2]}", "box: {x: [0.2, 0.1]}", "in ascending order"),
         (

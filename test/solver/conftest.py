@@ -13,6 +13,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.settings import Torsion
 
 LAWS: dict[str, Material] = {
     "linear": Linear(young=1e5, poisson=0.3),
@@ -64,12 +65,13 @@ def make_body() -> MakeBody:
         material: Material | Sequence[Material] | None = None,
         handles: Sequence[Handle] = (),
         cell_material: NDArray[np.int32] | None = None,
+        torsion: Torsion = Torsion.CELL,
     ) -> Body:
         if material is None:
             material = LAWS["linear"]
         materials = [material] if isinstance(material, Material) else list(material)
         which = np.zeros(mesh.n_cells, np.int32) if cell_material is None else cell_material
-        return Body.build(mesh.vertices, mesh.cells, materials, which, handles)
+        return Body.build(mesh.vertices, mesh.cells, materials, which, handles, torsion=torsion)
 
     return make
 

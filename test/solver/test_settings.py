@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.solver.settings import Policy, SolverSettings, Torsion
 
 
 def test_defaults() -> None:
@@ -22,6 +22,13 @@ def test_policy_may_be_named_by_text() -> None:
     assert SolverSettings(policy="relative").policy is Policy.RELATIVE
     with pytest.raises(ValueError, match="newton"):
         SolverSettings(policy="newton")
+
+
+def test_sections_are_refused_beside_the_policy_relative() -> None:
+    """Ask for sections where there is no hourglass energy; both may be named by text."""
+    assert SolverSettings(torsion="section").torsion is Torsion.SECTION
+    with pytest.raises(ValueError, match="relative has no hourglass energy; leave it out"):
+        SolverSettings(policy="relative", torsion="section")
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1e-4, 1e-13, 0.2, math.nan, math.inf])

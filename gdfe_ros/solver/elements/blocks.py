@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.solver.elements.torsion import couplings
 
 LANES = 8
 """Elements of a block; the innermost loops run over them."""
-REFERENCE, AXES, EDGES, VOLUME, GEOMETRY_ROWS = 0, 9, 18, 21, 22
-"""First rows of ``Blocks.geometry``: inverse of dX/dxi (9), edge directions (9), 2 / edge length (3), volume (1)."""
+REFERENCE, AXES, EDGES, VOLUME, COUPLING, GEOMETRY_ROWS = 0, 9, 18, 21, 22, 23
+"""First rows of ``Blocks.geometry``: inverse of dX/dxi (9), edge directions (9), 2 / edge length (3), volume (1),
+coupling of shear strains in torsion (1)."""
 
 
 class Blocks(NamedTuple):
@@ -65,6 +67,7 @@ def block_geometry(shape: ShapeOperators, element: NDArray[np.int32]) -> NDArray
             shape.edge_axes.reshape(-1, 9),
             2.0 / shape.edge_lengths,
             shape.volume[:, None],
+            couplings(shape.across)[:, None],
         ],
         axis=1,
     )

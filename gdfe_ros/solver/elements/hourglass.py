@@ -17,25 +17,22 @@ from gdfe_ros.materials.tensor import dot, scaled, times
 
 AMPLITUDE = 8.0**-0.5
 """Corner amplitude of a mode of unit projection on its unit hourglass vector."""
-COUPLING = 1.0 - 6.0 * 0.14057702
-"""Coupling of the three shear strains: with it one element twists as Saint-Venant's square bar (J = 0.14057702 h^4,
-where uncoupled strains give h^4 / 6), and one layer of elements still as Kirchhoff's plate."""
 LEAST_EDGE = 1e-3
 """|F d_i| is rounded off below this stretch, so that a collapsed edge keeps a finite direction."""
 
 
 @inlined
-def hourglass(f, q, axes, rates, young, shear, poisson):
+def hourglass(f, q, axes, rates, coupling, young, shear, poisson):
     """Return energy [J], forces dE/dq (4 x 3) [N] and dE/dF (9) [N m] of the hourglass vectors q (4 x 3) [m] at F.
 
-    ``axes`` are the rest directions of the edges (9), ``rates`` two over their lengths (3) [1/m]; ``young`` and
-    ``shear`` are moduli [Pa] times the element's volume.
+    ``axes`` are the rest directions of the edges (9), ``rates`` two over their lengths (3) [1/m]; ``coupling`` is that
+    of the shear strains in torsion; ``young`` and ``shear`` are moduli [Pa] times the element's volume.
     """
     d0, l0 = edge_direction(f, (axes[0], axes[1], axes[2]))
     d1, l1 = edge_direction(f, (axes[3], axes[4], axes[5]))
     d2, l2 = edge_direction(f, (axes[6], axes[7], axes[8]))
     w0, w1, w2 = scaled(rates, AMPLITUDE)
-    energy, t0, t1, t2 = mode_forces(q, d0, d1, d2, w0, w1, w2, young, shear, poisson)
+    energy, t0, t1, t2 = mode_forces(q, d0, d1, d2, w0, w1, w2, coupling, young, shear, poisson)
     h = (
         combine(t0[0], d0, t1[0], d1, t2[0], d2),
         combine(t0[1], d0, t1[1], d1, t2[1], d2),
@@ -58,7 +55,7 @@ def hourglass(f, q, axes, rates, young, shear, poisson):
 
 
 @inlined
-def mode_forces(q, d0, d1, d2, w0, w1, w2, young, shear, poisson):
+def mode_forces(q, d0, d1, d2, w0, w1, w2, coupling, young, shear, poisson):
     """Return the energy and its derivatives to the projections d_i . q_k, one tuple of four for each edge i.
 
     ``w_i`` (1/m) turns a projection into a strain along or across edge i.
@@ -67,7 +64,7 @@ def mode_forces(q, d0, d1, d2, w0, w1, w2, young, shear, poisson):
     triple = (young + 2.0 * shear) / 9.0
     x0, y1, z2 = dot(d0, q[0]), dot(d1, q[1]), dot(d2, q[2])
     g01, g12, g02 = x0 * w1 + y1 * w0, y1 * w2 + z2 * w1, x0 * w2 + z2 * w0
-    own, total = 1.0 - COUPLING, COUPLING * (g01 + g12 + g02)
+    own, total = 1.0 - coupling, coupling * (g01 + g12 + g02)
     energy = own * (g01 * g01 + g12 * g12 + g02 * g02) + total * (g01 + g12 + g02)
     energy *= 0.5 * twist
     g01, g12, g02 = twist * (own * g01 + total), twist * (own * g12 + total), twist * (own * g02 + total)

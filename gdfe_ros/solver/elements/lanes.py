@@ -16,7 +16,7 @@ GRADIENT, MODES, STRESS, FORCES = 24, 33, 45, 54
 """F (9), hourglass vectors q (4 x 3), V P (9), hourglass forces (4 x 3)."""
 ENERGY, PRESSURE, SHEAR_ROW, LAME_ROW, PENALTY_ROW, YOUNG_ROW, SCALED_SHEAR, POISSON_ROW = range(66, 74)
 GEOMETRY = 74
-"""Those of ``Blocks.geometry`` (22)."""
+"""Those of ``Blocks.geometry`` (23)."""
 ROWS = GEOMETRY + GEOMETRY_ROWS
 
 

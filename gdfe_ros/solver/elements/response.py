@@ -9,7 +9,7 @@ from numba import prange
 from gdfe_ros.compiled import inlined, internal, kernel, parallel_kernel
 from gdfe_ros.materials.stress import corotated
 from gdfe_ros.materials.table import LAME, PENALTY, POISSON, SHEAR, YOUNG
-from gdfe_ros.solver.elements.blocks import AXES, EDGES, LANES, VOLUME
+from gdfe_ros.solver.elements.blocks import AXES, COUPLING, EDGES, LANES, VOLUME
 from gdfe_ros.solver.elements.corners import gather, scatter
 from gdfe_ros.solver.elements.hourglass import hourglass
 from gdfe_ros.solver.elements.lanes import (
@@ -66,6 +66,7 @@ def hourglass_rows(b):
             q,
             load9(b, GEOMETRY + AXES, lane),
             load3(b, GEOMETRY + EDGES, lane),
+            b[(GEOMETRY + COUPLING) * LANES + lane],
             volume * b[YOUNG_ROW * LANES + lane],
             volume * b[SCALED_SHEAR * LANES + lane],
             b[POISSON_ROW * LANES + lane],

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a few cells across cost, beside FElupe and CalculiX on the same cells: ``python -m benchmarks.coarse_meshes``.
+
+Errors against Saint-Venant, Euler and Bernoulli, Lame, and FElupe's triquadratic hexahedra. FElupe comes with the extra
+``bench``, CalculiX with ``apt-get install calculix-ccx``; what is missing is left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from benchmarks.coarse_meshes import calculix_linear, felupe_linear, own
+from benchmarks.coarse_meshes.large import all_bars
+from benchmarks.coarse_meshes.problem import Found, Problem
+from benchmarks.coarse_meshes.problems import CONFINED, PAD, PROBLEMS, WIDTH
+from benchmarks.coarse_meshes.table import all_tables
+from benchmarks.coarse_meshes.trials import all_trials
+from benchmarks.peers import calculix_peer, felupe_peer
+from gdfe_ros.solver.settings import Torsion
+
+ACROSS = (1, 2, 4, 8)
+FINENESS = (4, 6, 8)
+"""Cells over half of the pad's height, of its reference."""
+
+
+def solvers() -> tuple[dict[str, Callable[[Problem], Found]], dict[str, str]]:
+    """Return who can solve here, by the name in the table, and why others cannot."""
+    found: dict[str, Callable[[Problem], Found]] = {
+        "gdfe_ros": own.solve,
+        "gdfe_ros, torsion: section": partial(own.solve, torsion=Torsion.SECTION),
+    }
+    reasons = {"FElupe": felupe_peer.available(), "CalculiX": calculix_peer.available()}
+    if reasons["FElupe"] is None:
+        found["FElupe Q1P0"] = felupe_linear.solve
+    if reasons["CalculiX"] is None:
+        found |= {f"CalculiX {name}": partial(calculix_linear.solve, element=name) for name in ("C3D8I", "C3D8R")}
+    return found, {name: reason for name, reason in reasons.items() if reason is not None}
+
+
+def main() -> None:
+    """Measure, keep, print; or print how the reference of the pad converges."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.coarse_meshes", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(PROBLEMS)}; all if left out")
+    parser.add_argument("--out", type=Path, default=Path("runs/coarse_meshes"), help="directory of the report")
+    parser.add_argument("--reference", action="store_true", help="print the pad's reference on finer cells instead")
+    arguments = parser.parse_args()
+    if arguments.reference:
+        for cells in FINENESS:
+            print(f"{cells} cells over half of the height: {felupe_linear.pad_modulus(cells, WIDTH, CONFINED):.4f}")
+        print(f"taken: {PAD}")
+        return
+    found, missing = solvers()
+    for name, reason in missing.items():
+        print(f"missing: {name}: {reason}")
+    errors = {
+        name: {who: [error(name, across, solve) for across in ACROSS] for who, solve in found.items()}
+        for name in arguments.names or PROBLEMS
+    }
+    report = {"across": ACROSS, "missing": missing, "errors": errors, "bars": all_bars(), "trials": all_trials()}
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    (arguments.out / "coarse_meshes.json").write_text(json.dumps(report, indent=1))
+    print("\n\n".join(all_tables(report).values()))
+
+
+def error(name: str, across: int, solve: Callable[[Problem], Found]) -> float:
+    """Return the error of a solver on a problem with so many cells across, as a fraction."""
+    problem = PROBLEMS[name](across)
+    return problem.measure(solve(problem)) - 1.0
+
+
+if __name__ == "__main__":
+    main()

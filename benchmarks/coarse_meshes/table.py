@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from benchmarks.coarse_meshes.trials import COLUMNS
+from benchmarks.markdown import markdown_table
+from gdfe_ros.solver.settings import Torsion
+
+TITLES = {
+    "torsion": "torsion of a square bar, stiffness",
+    "torsion 2:1": "torsion of a bar twice as wide as thick, stiffness",
+    "bending": "bending of the square bar, stiffness",
+    "bending, nu 0.495": "bending of the square bar, nu 0.495, stiffness",
+    "pad": "bonded pad, nu 0.495, stiffness",
+    "tube": "thick tube, nu 0.495, growth",
+}
+MEASURED = {
+    "force or moment": ("reaction", "{:+.2%}"),
+    "displacement": ("displacement", "{:.2%}"),
+    "iterations": ("iterations", "{}"),
+}
+"""Of the bars: the head of a column, and the number in it."""
+
+
+def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
+    """Return the tables of a report by name."""
+    return {
+        "coarse_meshes": small_table(report),
+        "coarse_bars": bar_table(report["bars"]),
+        "coarse_trials": trial_table(report["trials"]),
+    }
+
+
+def small_table(report: Mapping[str, Any]) -> str:
+    """Return a row for each problem and number of cells across."""
+    errors = report["errors"]
+    codes = list(next(iter(errors.values())))
+    rows = [
+        [TITLES[name], f"{across}", *(f"{100.0 * found[code][i]:+.2f}" for code in codes)]
+        for name, found in errors.items()
+        for i, across in enumerate(report["across"])
+    ]
+    return markdown_table(("error [%]", "cells across", *codes), rows)
+
+
+def trial_table(trials: Mapping[str, Sequence[float]]) -> str:
+    """Return a row for each way that was tried."""
+    heads = ("error [%]", *(f"{name}: {across} across" for name, across in COLUMNS))
+    return markdown_table(
+        heads, [[way, *(f"{100.0 * error:+.2f}" for error in errors)] for way, errors in trials.items()]
+    )
+
+
+def bar_table(bars: Sequence[Mapping[str, Any]]) -> str:
+    """Return a row for each scene and mesh: errors and iterations of both kinds of torsion."""
+    heads = ("scene", "cells", *(f"{what}, {torsion.value}" for what in MEASURED for torsion in Torsion))
+    rows = []
+    for first in range(0, len(bars), len(Torsion)):
+        kinds = bars[first : first + len(Torsion)]
+        cells = [form.format(kind[what]) for what, form in MEASURED.values() for kind in kinds]
+        rows.append([kinds[0]["scene"], kinds[0]["cells"], *cells])
+    return markdown_table(heads, rows)

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many cells a body is across, counted through opposite faces from one end to the other."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from gdfe_ros.mesh.faces import HEX_FACES, group_quads
+
+
+def cells_across(cells: NDArray[np.int32], material: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Count for each cell those in a row with it, along each of its three axes.
+
+    Args:
+        cells: (m, 8) corners, VTK order.
+        material: (m,) of each cell; a row ends where the material does.
+
+    Returns:
+        Lengths of the rows (m, 3), the cell itself included; where a row closes into a ring, cells of the ring.
+    """
+    count = len(cells)
+    group, sharing = group_quads(cells[:, HEX_FACES].reshape(-1, 4))
+    inner = np.flatnonzero(sharing[group] == 2)
+    # Both faces of a pair, side by side; face 6 e + f lies across axis f // 2 of cell e.
+    pairs = inner[np.argsort(group[inner], kind="stable")].reshape(-1, 2)
+    pairs = pairs[material[pairs[:, 0] // 6] == material[pairs[:, 1] // 6]]
+    first, second = (3 * (side // 6) + side % 6 // 2 for side in pairs.T)
+    links = coo_array((np.ones(len(pairs), np.int8), (first, second)), shape=(3 * count, 3 * count))
+    _, row = connected_components(links, directed=False)
+    return np.bincount(row)[row].reshape(count, 3).astype(np.int32)

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Few cells across: what the closed forms say, and what other codes are given."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from benchmarks.cases import CaseName
+from benchmarks.coarse_meshes.__main__ import error, solvers
+from benchmarks.coarse_meshes.calculix_linear import deck
+from benchmarks.coarse_meshes.large import bar_errors
+from benchmarks.coarse_meshes.own import solve
+from benchmarks.coarse_meshes.problem import Found
+from benchmarks.coarse_meshes.problems import PRESSURE, PROBLEMS, SIDE, torsion, tube
+from benchmarks.coarse_meshes.table import TITLES
+from benchmarks.coarse_meshes.trials import WAYS, Elements, trial
+from gdfe_ros.constraints import Axis
+from gdfe_ros.solver.settings import Torsion
+
+
+@pytest.mark.parametrize(
+    ("name", "across", "expected", "within"),
+    [
+        ("torsion", 1, 0.0, 1e-4),
+        ("torsion", 2, 0.1392, 1e-3),
+        ("bending", 1, 0.0, 2e-3),
+        ("bending, nu 0.495", 2, 0.0, 2e-3),
+        ("tube", 4, 0.0, 0.02),
+        ("pad", 1, 9.865, 0.01),
+    ],
+)
+def test_errors_are_those_of_the_element(name: str, across: int, expected: float, within: float) -> None:
+    """Solve with few cells across: exact where one element is, else what its mean strains cost."""
+    assert error(name, across, solve) == pytest.approx(expected, abs=within)
+
+
+@pytest.mark.parametrize(
+    ("name", "across", "within"),
+    [*(("torsion", across, 1e-4) for across in (1, 2, 3, 4)), ("torsion", 6, 2e-3), ("torsion 2:1", 2, 0.01)],
+)
+def test_sections_twist_as_saint_venants(name: str, across: int, within: float) -> None:
+    """Solve with sections that are counted: exact in square bars of up to four cells, nearly so in others."""
+    assert error(name, across, partial(solve, torsion=Torsion.SECTION)) == pytest.approx(0.0, abs=within)
+
+
+def test_a_bar_turned_by_a_right_angle_needs_the_moment_that_it_should() -> None:
+    """Twist the benchmark's bar two cells across by 90 degrees: 11.6 % too much moment by cells, nearly none else."""
+    cell, section = (bar_errors(CaseName.TWIST90_UNIFORM, (8, 2, 2), torsion) for torsion in Torsion)
+    assert cell["reaction"] == pytest.approx(0.116, abs=2e-3)
+    assert abs(section["reaction"]) < 5e-3
+    assert section["displacement"] < 1.01 * cell["displacement"]
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"), [("FElupe Q1P0", 0.1856), ("CalculiX C3D8I", 0.1856), ("CalculiX C3D8R", -0.083)]
+)
+def test_others_are_given_the_same_problem(code: str, expected: float) -> None:
+    """Twist a bar two cells across in the codes that are installed: full strains give h^4 / 6 where no corner warps."""
+    found, missing = solvers()
+    if code not in found:
+        pytest.skip(missing[code.split()[0]])
+    assert error("torsion", 2, found[code]) == pytest.approx(expected, abs=1e-3)
+
+
+def test_elements_taken_apart_are_the_solvers() -> None:
+    """Put mean strains, volumes and the rest together again: the pad and the tube are as stiff as in the solver."""
+    for name in ("pad", "tube"):
+        assert trial("as it is: a pressure in each cell", name, 2) == pytest.approx(error(name, 2, solve), abs=5e-4)
+
+
+def test_curved_faces_see_what_cells_do_not() -> None:
+    """Inflate the tube and bend the bar with gradients that see neighbours: a fifth of the error, none in bending."""
+    way = "mean gradients from curved faces"
+    assert abs(trial(way, "tube", 2)) < abs(error("tube", 2, solve)) / 4.0
+    assert trial(way, "bending, nu 0.495", 2) == pytest.approx(0.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_no_way_resists_rigid_motions(way: str) -> None:
+    """Move and turn the distorted tube with every way's stiffness: no force."""
+    problem = tube(2)
+    places, stiffness = problem.mesh.vertices, WAYS[way](Elements.of("tube", 2, problem))
+    for axis in np.eye(3):
+        for moved in (np.tile(axis, (len(places), 1)), np.cross(axis, places / SIDE)):
+            assert np.abs(stiffness @ moved.ravel()).max() < 1e-6 * abs(stiffness).max()
+
+
+def test_the_pressure_in_the_tube_pulls_no_way() -> None:
+    """Add up the forces: nil; and their work where everything grows alike: the pressure times the growth in volume."""
+    problem = tube(2)
+    np.testing.assert_allclose(problem.forces.sum(axis=0), 0.0, atol=1e-12)
+    bore = 16 / 2 * SIDE**2 * np.sin(2.0 * np.pi / 16) * SIDE / 2
+    assert np.vdot(problem.forces, problem.mesh.vertices) == pytest.approx(2.0 * PRESSURE * bore, rel=1e-9)
+
+
+def test_torsion_measures_its_exact_field_as_one() -> None:
+    """Give the measure of torsion a bar that twists as Saint-Venant says, with his torque."""
+    problem = torsion(2)
+    twist, places = 1e-3, problem.mesh.vertices - problem.mesh.bounds.mean(axis=0)
+    moved = np.stack([0.0 * places[:, 0], -places[:, 0] * places[:, 2], places[:, 0] * places[:, 1]], axis=1) * twist
+    torque = 1e5 / 2.6 * 0.14057702 * SIDE**4 * twist
+    reactions = {"left": -torque * np.eye(6)[3], "right": torque * np.eye(6)[3]}
+    assert problem.measure(Found(displacement=moved, reactions=reactions)) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_decks_hold_what_is_held_and_pull_what_is_pulled() -> None:
+    """Write the tube: six given displacements, and a force in the plane on every vertex of the inner wall."""
+    problem = tube(1)
+    text = deck(problem, "C3D8I")
+    assert "*ELEMENT, TYPE=C3D8I, ELSET=BODY" in text
+    given = text[text.index("*BOUNDARY") : text.index("*CLOAD")].strip().splitlines()[1:]
+    assert len(given) == 6
+    assert all(line.endswith(",0") for line in given)
+    loads = text[text.index("*CLOAD") : text.index("*NODE FILE")].strip().splitlines()[1:]
+    pulled = {(int(node) - 1, int(axis) - 1): float(value) for node, axis, value in (row.split(",") for row in loads)}
+    assert not any(axis == Axis.Z for _, axis in pulled)
+    assert sum(abs(value) for value in pulled.values()) == pytest.approx(np.abs(problem.forces).sum(), rel=1e-6)
+
+
+def test_every_problem_has_a_title() -> None:
+    """Print a title for each."""
+    assert set(TITLES) == set(PROBLEMS)

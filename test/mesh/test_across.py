@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cells across a body are counted whatever the order of cells and corners."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.across import cells_across
+from gdfe_ros.mesh.operators import CORNERS
+
+
+def test_a_bar_is_as_many_cells_across_as_it_has() -> None:
+    """Count in a block of 5 x 3 x 2."""
+    mesh = bar([0.5, 0.3, 0.2], [5, 3, 2])
+    across = cells_across(mesh.cells, np.zeros(mesh.n_cells, np.int32))
+    np.testing.assert_array_equal(across, np.tile([5, 3, 2], (30, 1)))
+
+
+def test_every_cell_may_have_axes_of_its_own() -> None:
+    """Turn each cell's axes and shuffle the cells: the same three counts in another order."""
+    random = np.random.default_rng(3)
+    mesh = bar([0.5, 0.3, 0.2], [5, 3, 2])
+    turned = []
+    for cell in random.permutation(mesh.cells):
+        axes = random.permutation(3)
+        seen = CORNERS[:, axes]
+        order = [int(np.flatnonzero((corner == CORNERS).all(axis=1))[0]) for corner in seen]
+        turned.append(cell[order])
+    across = cells_across(np.array(turned, np.int32), np.zeros(30, np.int32))
+    np.testing.assert_array_equal(np.sort(across, axis=1), np.tile([2, 3, 5], (30, 1)))
+
+
+def test_a_row_ends_where_the_material_does() -> None:
+    """Make the lowest of three layers another material: one cell and two."""
+    mesh = bar([0.2, 0.2, 0.3], [2, 2, 3])
+    low = mesh.vertices[mesh.cells].mean(axis=1)[:, 2] < mesh.vertices[:, 2].min() + 0.1
+    across = cells_across(mesh.cells, low.astype(np.int32))
+    np.testing.assert_array_equal(across[low], np.tile([2, 2, 1], (4, 1)))
+    np.testing.assert_array_equal(across[~low], np.tile([2, 2, 2], (8, 1)))
+
+
+@pytest.mark.parametrize("around", [3, 8])
+def test_a_ring_counts_its_cells_once(around: int) -> None:
+    """Close a row of cells into a ring: it is that long, and one cell across."""
+    mesh = bar([1.0, 0.1, 0.1], [around, 1, 1])
+    column = np.rint((mesh.vertices[:, 0] - mesh.vertices[:, 0].min()) * around).astype(int) % around
+    places = np.column_stack([column, mesh.vertices[:, 1:]])
+    _, same = np.unique(places, axis=0, return_inverse=True)
+    across = cells_across(same.ravel()[mesh.cells].astype(np.int32), np.zeros(around, np.int32))
+    np.testing.assert_array_equal(across, np.tile([around, 1, 1], (around, 1)))
+
+
+def test_one_cell_is_one_across() -> None:
+    """Count where no two cells share a face."""
+    np.testing.assert_array_equal(cells_across(np.arange(8, dtype=np.int32)[None], np.zeros(1, np.int32)), [[1, 1, 1]])
