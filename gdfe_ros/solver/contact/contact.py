@@ -82,17 +82,27 @@ class Contact(ContactTerm):
         self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())
 
     def couplings(self) -> NDArray[np.int32]:
-        """Return the vertices of the surface, each alone; rigid bodies have rows of their own."""
-        return self._points.carriers if self.on_body else super().couplings()
+        """Return the vertices that carry each point, and those of the rigid body that it touches."""
+        ends = self._points.carriers
+        if isinstance(self._touched, RigidBody):
+            ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
+        return ends
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the penalties that act at ``positions`` (n, 3) [m], without the obstacle's curvature (k, 3, 3)."""
-        if not self.on_body:
-            return super().tangents(positions)
-        tangents = np.zeros((len(self._penalty), 3, 3))
-        chosen = np.zeros((len(self._chosen), 3, 3))
-        law.contact_tangents(positions, self.reals, self.integers, chosen)
-        tangents[self._chosen] = chosen
+        """Return the penalties that act at ``positions`` (n, 3) [m], without the obstacle's curvature (k, 3 c, 3 c)."""
+        count = self.couplings().shape[1]
+        tangents = np.zeros((len(self._penalty), 3 * count, 3 * count))
+        if not self.updates:
+            return tangents
+        chosen, points = self._chosen, self._points
+        held = np.zeros((len(chosen), 3, 3))
+        law.contact_tangents(positions, self.reals, self.integers, held)
+        ways = points.weights[chosen, : points.carriers.shape[1]]
+        if isinstance(self._touched, RigidBody):
+            places = self._in_frame(points.at(positions)[chosen])
+            ways = np.column_stack([ways, -0.25 - places @ self._touched.signs.T])
+        spread = ways[:, :, None, None, None] * ways[:, None, None, :, None] * held[:, None, :, None, :]
+        tangents[chosen] = spread.reshape(len(chosen), 3 * count, 3 * count)
         return tangents
 
     def neutral(self) -> Saved:
