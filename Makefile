@@ -118,7 +118,7 @@ bench-node-since: install
 bench-motion: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.motion
 
-# A cube on a ball, a ball between plates, a slab on a slope, beside others and theory
+# A cube on a ball, a ball between plates, a slab on a slope, a grip, the scene `grasp`; beside others and theory
 bench-contact: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.contact
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contact beside finite elements of others and theory: a cube on a ball, a ball between plates, a slab on a slope.
 
-``make bench-contact`` writes runs/contact/contact.json and prints the tables of docs/theory/contact.md.
+``make bench-contact`` writes runs/contact/contact.json and prints the tables of docs/theory/contact.md;
+``python -m benchmarks.contact runs/contact grip`` only measures that part anew.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from benchmarks import self_contact
+from benchmarks import grasp, grip, self_contact
 from benchmarks.markdown import markdown_table
 from gdfe_ros.command import Command
 from gdfe_ros.constraints import Pose
@@ -62,22 +63,10 @@ handles: {}
 obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02], fixed: true}}
 dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
 """
-GRIP = """
-name: grip
-mesh: {bar: {size: [0.10, 0.03, 0.03], cells: [20, 3, 3], cut: [{box: {x: [0.0375, 0.0625]}}]}}
-materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.45, density: 1000}}
-regions: [{material: soft}]
-handles: {left: {where: {face: x-}}, right: {where: {face: x+}}}
-loads: {weight: {gravity: [0, 0, -9.81]}}
-bodies: {part: {box: {size: [0.02, 0.05, 0.05]}, density: 640, at: [0.05, 0, 0]}}
-dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 300}}
-"""
-WEIGHT, SQUEEZE = 640 * 0.02 * 0.05 * 0.05 * 9.81, 0.0065
-"""Of what is gripped [N], and by how far each pad comes nearer [m]."""
-HELD = {1.02: 60.0, 0.98: 1.0}
-"""For how long [s], by friction over the least that holds it."""
 SLOPE, GRAVITY = math.radians(30.0), 9.81
 FRICTIONS = (0.1, 0.3, 0.57, 0.7, 1.0)
+SETTLED, STUCK = 5.0, 60.0
+"""Between which times [s] what sticks is watched."""
 
 
 def press_cube(cells: int, gaps: str) -> list[dict[str, Any]]:
@@ -143,9 +132,12 @@ def tatara(approach: float) -> float:
 
 
 def slide(friction: float) -> dict[str, Any]:
-    """Let a slab go on a slope; return its acceleration [m/s^2] and speed [m/s] once it has settled."""
+    """Let a slab go on a slope; return how it accelerates [m/s^2] once it has settled and, where it sticks, its drift.
+
+    The drift [m/s] is that of the vertex that moves most, from `SETTLED` to `STUCK`; every step is solved.
+    """
     gravity = [GRAVITY * math.sin(SLOPE), 0.0, -GRAVITY * math.cos(SLOPE)]
-    overrides = {"obstacles.floor.friction": friction, "loads": {"weight": {"gravity": gravity}}}
+    overrides = {"obstacles.floor.friction": friction, "loads": {"weight": {"gravity": gravity}}, "solver.skip": []}
     simulation, path, iterations = Simulation(scene_from_text(SLIDER, overrides=overrides)), [], 0
     for _ in range(400):
         result = simulation.step()
@@ -154,26 +146,16 @@ def slide(friction: float) -> dict[str, Any]:
     late = np.arange(200, 400) * 0.005
     fit = np.polyfit(late, path[200:], 2)
     wanted = max(0.0, GRAVITY * (math.sin(SLOPE) - friction * math.cos(SLOPE)))
-    return {"friction": friction, "acceleration": float(2.0 * fit[0]), "wanted": wanted, "iterations": iterations / 400}
-
-
-def grip(friction: float, *, seconds: float) -> dict[str, float]:
-    """Squeeze a box between two soft pads, let it weigh, and hold it for so long.
-
-    Returns:
-        ``press`` [N] of a pad, ``sunk`` [m] once it is held, ``drift`` [m] from then on.
-    """
-    simulation = Simulation(scene_from_text(GRIP, overrides={"bodies.part.friction": friction}))
-    simulation.step(Command(loads={"weight": 0.0}))
-    for share in np.linspace(0.0, 1.0, 60):
-        way = share * SQUEEZE
-        simulation.step(Command(handles={"left": Pose((way, 0.0, 0.0)), "right": Pose((-way, 0.0, 0.0))}))
-    for factor in [0.0] * 40 + np.linspace(0.0, 1.0, 160).tolist() + [1.0] * 60:
-        result = simulation.step(Command(loads={"weight": float(factor)}))
-    press, sunk = float(result.contacts["part"].presses.sum()) / 2.0, simulation.handle_pose("part").translation[2]
-    for _ in range(round(seconds / 0.005)):
-        simulation.step()
-    return {"press": press, "sunk": -sunk, "drift": sunk - simulation.handle_pose("part").translation[2]}
+    row = {"friction": friction, "acceleration": float(2.0 * fit[0]), "wanted": wanted, "iterations": iterations / 400}
+    if wanted:
+        return {**row, "drift": None}
+    for until in (SETTLED, STUCK):
+        before = simulation.positions
+        while simulation.time < until - 1e-6:
+            result = simulation.step()
+            assert result.converged, result.message
+    moved = np.linalg.norm(simulation.positions - before, axis=1).max()
+    return {**row, "drift": float(moved) / (STUCK - SETTLED)}
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
@@ -191,45 +173,56 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         for row in report["ball"]
     ]
     slopes = [
-        [f"{row['friction']:g}", f"{row['wanted']:.4f}", f"{row['acceleration']:.4f}", f"{row['iterations']:.1f}"]
+        [f"{row['friction']:g}", f"{row['wanted']:.4f}", f"{row['acceleration']:.4f}", f"{row['iterations']:.1f}",
+         "slides" if row["drift"] is None else f"{1e9 * row['drift']:.2g}"]
         for row in report["slope"]
-    ]
-    grips = [
-        [f"{row['demand']:g}", f"{1e6 * row['sunk']:.0f}", f"{HELD[row['demand']]:g}", f"{1e6 * row['drift']:.3g}"]
-        for row in report["grip"]
-    ]
+    ]  # fmt: skip
     return {
-        "grip": markdown_table(
-            ("friction over the least", "sunk when loaded [um]", "held for [s]", "drift [um]"), grips
-        ),
+        **grip.all_tables(report),
+        **grasp.all_tables(report),
         "pressing": markdown_table(
             ("move [mm]", "same cells, other code", "gaps: vertices", "quadratic", "gaps: faces", "on 8^3 cells",
              "iterations"), pressed),
         **self_contact.all_tables(report),
         "plates": markdown_table(("approach over radius", "Hertz [N]", "Tatara [N]", "here [N]"), balls),
-        "slope": markdown_table(("friction", "theory [m/s^2]", "here [m/s^2]", "iterations a step"), slopes),
+        "slope": markdown_table(
+            ("friction", "theory [m/s^2]", "here [m/s^2]", "iterations a step", "drift over 60 s [nm/s]"), slopes),
     }  # fmt: skip
 
 
-def main(out: Path) -> None:
-    """Measure, keep, print."""
-    approaches = [share * RADIUS for share in (0.02, 0.04, 0.06, 0.08, 0.1)]
-    least = WEIGHT / (2.0 * grip(0.02, seconds=0.0)["press"])
-    report = {
-        "cube": {f"{cells} {gaps}": press_cube(cells, gaps) for cells, gaps in
-                 ((16, "vertices"), (16, "faces"), (8, "faces"))},
-        "ball": [
-            {"approach": approach, "force": force, "hertz": hertz(approach), "tatara": tatara(approach)}
-            for approach, force in ball_between_plates(cells=20, approaches=approaches).items()
-        ],
-        "slope": [slide(friction) for friction in FRICTIONS],
-        **self_contact.measure(),
-        "grip": [{"demand": demand, **grip(demand * least, seconds=held)} for demand, held in HELD.items()],
-    }  # fmt: skip
+def press_cubes() -> dict[str, Any]:
+    """Press the cube with other cells and gaps."""
+    kinds = ((16, "vertices"), (16, "faces"), (8, "faces"))
+    return {"cube": {f"{cells} {gaps}": press_cube(cells, gaps) for cells, gaps in kinds}}
+
+
+def press_balls() -> dict[str, Any]:
+    """Press the ball, with what theory says beside it."""
+    found = ball_between_plates(cells=20, approaches=[share * RADIUS for share in (0.02, 0.04, 0.06, 0.08, 0.1)])
+    rows = [{"approach": by, "force": force, "hertz": hertz(by), "tatara": tatara(by)} for by, force in found.items()]
+    return {"ball": rows}
+
+
+MEASURES: dict[str, Callable[[], dict[str, Any]]] = {
+    "cube": press_cubes,
+    "ball": press_balls,
+    "slope": lambda: {"slope": [slide(friction) for friction in FRICTIONS]},
+    "self": self_contact.measure,
+    "grip": grip.measure,
+    "grasp": grasp.measure,
+}
+
+
+def main(out: Path, names: Sequence[str]) -> None:
+    """Measure what is named, or all; keep, and print all that is kept."""
+    kept = out / "contact.json"
+    report = json.loads(kept.read_text()) if names and kept.exists() else {}
+    for name in names or MEASURES:
+        report |= MEASURES[name]()
     out.mkdir(parents=True, exist_ok=True)
-    (out / "contact.json").write_text(json.dumps(report, indent=1))
+    kept.write_text(json.dumps(report, indent=1))
     print("\n\n".join(all_tables(report).values()))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/contact"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/contact"), sys.argv[2:])

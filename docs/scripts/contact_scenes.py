@@ -49,6 +49,7 @@ class Shot:
 
 SHOTS = {
     "finger_press": Shot(moments=(1.0, 3.0)),
+    "grasp": Shot(moments=(0.0, 1.2, 5.0, 14.5), size=(2.4, 3.2), zoom=1.5),
     "ball_drop": Shot(moments=(0.0, 0.1, 0.4, 1.2), view=(8.0, -86.0), size=(6.5, 1.25), zoom=3.6, below=True),
     "crawler": Shot(moments=(0.2, 0.4, 0.6, 0.8), size=(6.5, 1.15), zoom=4.2, below=True),
     "peg_in_soft_hole": Shot(moments=(1.0, 2.5), view=(12.0, -80.0), cut=True),

@@ -11,19 +11,23 @@ import pytest
 from gdfe_ros import Simulation, load_scene
 from gdfe_ros.solver.result import StepResult
 
-SCENES = ["finger_press", "ball_drop", "crawler", "peg_in_soft_hole"]
-Played = tuple[Simulation, list[StepResult]]
+SCENES = ["finger_press", "grasp", "ball_drop", "crawler", "peg_in_soft_hole"]
+Played = tuple[Simulation, list[StepResult], list[np.ndarray]]
 
 
 @pytest.fixture(scope="module")
 def played() -> Callable[[str], Played]:
-    """Play each scene's program once: the simulation and its results."""
+    """Play each scene's program once: the simulation, its results, and where its rigid body was from rest [m]."""
     done: dict[str, Played] = {}
 
     def play(name: str) -> Played:
         if name not in done:
-            simulation = Simulation(load_scene(name))
-            done[name] = simulation, list(simulation.play())
+            simulation, results, places = Simulation(load_scene(name)), [], []
+            bodies = [handle.name for handle in simulation.scene.handles if handle.section == "bodies"]
+            for result in simulation.play():
+                results.append(result)
+                places.extend(np.array(simulation.handle_pose(body).translation) for body in bodies)
+            done[name] = simulation, results, places
         return done[name]
 
     return play
@@ -32,7 +36,7 @@ def played() -> Callable[[str], Played]:
 @pytest.mark.parametrize("name", SCENES)
 def test_program_converges(name: str, played: Callable[[str], Played]) -> None:
     """Converge in every step without crushing an element, enter nothing by more than 1e-4 of the body's size."""
-    simulation, results = played(name)
+    simulation, results, _ = played(name)
     assert [(result.time, result.message) for result in results if not result.converged] == []
     assert min(result.min_det for result in results) > 0.1
     gaps = np.concatenate([touch.gaps for result in results for touch in result.contacts.values()])
@@ -42,7 +46,7 @@ def test_program_converges(name: str, played: Callable[[str], Played]) -> None:
 
 def test_the_finger_presses_with_the_tendon(played: Callable[[str], Played]) -> None:
     """Press on the plate, harder with every newton of the tendon, and leave it."""
-    _, results = played("finger_press")
+    _, results, _ = played("finger_press")
     tensions = np.array([result.actuators["flexor"].effort for result in results])
     forces = np.array([result.reactions["plate"][2] for result in results])
     peak = int(np.argmax(tensions))
@@ -52,9 +56,34 @@ def test_the_finger_presses_with_the_tendon(played: Callable[[str], Played]) -> 
     assert forces[-1] == 0.0
 
 
+def test_the_gripper_carries_the_box(played: Callable[[str], Played]) -> None:
+    """Lift the box by 5 cm, hold it for 10 s without creeping, put it down where it was, and let go of it."""
+    simulation, results, places = played("grasp")
+    times, way = np.array([result.time for result in results]), np.array(places)
+    held = (times > 2.5) & (times < 12.39)
+    assert way[held, 2].min() > 0.05
+    assert np.ptp(way[held], axis=0).max() < 1e-8
+    assert np.abs(way[-1]).max() < 1e-5
+    lifted = results[int(np.flatnonzero(held)[-1])]
+    assert -lifted.reactions["part"][2] == pytest.approx(9.81 * 500 * 0.034 * 0.03 * 0.03, rel=0.01)
+    assert not lifted.reactions["table"].any()
+    assert not lifted.contacts["part"].slips.any()
+    tips = [simulation.scene.sensors[name].wrench(lifted)[0] for name in ("left_tip", "right_tip")]
+    assert tips[0] == pytest.approx(-tips[1], rel=0.01)
+    assert abs(tips[0]) > 0.2
+    assert not results[-1].reactions["part"].any()
+
+
+def test_what_is_held_costs_few_iterations(played: Callable[[str], Played]) -> None:
+    """Solve a step of the grasp in 5 iterations on average and 100 at most: tangents know what fingers hold."""
+    iterations = [result.iterations for result in played("grasp")[1]]
+    assert np.mean(iterations) < 5.0
+    assert max(iterations) < 100
+
+
 def test_the_ball_bounces_and_rolls(played: Callable[[str], Played]) -> None:
     """Leave the slope with less energy at each bounce, and roll down, turning as it goes."""
-    simulation, results = played("ball_drop")
+    simulation, results, _ = played("ball_drop")
     totals = np.array(
         [sum(result.energies[name] for name in ("kinetic", "elastic", "potential")) for result in results]
     )
@@ -76,7 +105,7 @@ def test_the_ball_bounces_and_rolls(played: Callable[[str], Played]) -> None:
 
 def test_the_crawler_advances(played: Callable[[str], Played]) -> None:
     """Come forward with every wave of the muscles, and be at rest with its own shape after the last."""
-    simulation, results = played("crawler")
+    simulation, results, _ = played("crawler")
     times = np.array([result.time for result in results])
     middles = np.array([result.positions[:, 0].mean() for result in results])
     rest = simulation.mesh.vertices[:, 0].mean()
@@ -88,7 +117,7 @@ def test_the_crawler_advances(played: Callable[[str], Played]) -> None:
 
 def test_the_peg_widens_the_hole(played: Callable[[str], Played]) -> None:
     """Resist the peg on its way in, drag at it on its way out by friction, and close again behind it."""
-    simulation, results = played("peg_in_soft_hole")
+    simulation, results, _ = played("peg_in_soft_hole")
     times, along = (
         np.array(values) for values in zip(*((r.time, r.reactions["peg"][0]) for r in results), strict=True)
     )

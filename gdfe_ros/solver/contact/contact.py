@@ -13,20 +13,14 @@ from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap, law
+from gdfe_ros.solver.contact.contact_term import FAINT, PENALTY, ContactTerm
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PRESS, SHEAR, STRIDE, VERTICES
 from gdfe_ros.solver.contact.surface import SHAPE, Corners, Surface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.terms.term import Saved, Term
+from gdfe_ros.solver.terms.term import Saved
 
-PENALTY = 1.0
-"""Penalty at a vertex over the constant matrix' own diagonal there: enough for a few updates, and the matrix still
-preconditions the descent."""
-FORCE = 1e-2
-"""Tolerance over the relative error of contact forces: 1 % at a tolerance of 1e-4."""
-FAINT = 1e-7
-"""Way over the body's size against the penalty of which a force is nothing: no descent goes as far."""
 ENTRY = 1e-3
 """Distance over the body's size beyond which a point is outside; what comes in from there does so through a plane."""
 TURNED = 6.0
@@ -35,7 +29,7 @@ REACH = 0.05
 """Distance, over the body's size, beyond which a vertex is left out until the body has moved as far."""
 
 
-class Contact(Term):
+class Contact(ContactTerm):
     """Contact of points with an obstacle or a rigid body.
 
     Args:
@@ -44,16 +38,12 @@ class Contact(Term):
         body: the discretised body.
         points: what cannot enter it.
         friction: Coulomb's coefficient.
-
-    Attributes:
-        resolution: to what distance [m] descents must go for the forces to be known.
-        share: of its forces that act all the time, where a scheme lets them act at the end of steps.
     """
 
-    kernel = law.contact_entry
+    kernel, potential = law.contact_entry, staticmethod(law.contact_energy)
 
     def __init__(self, name: str, touched: Obstacle, body: Body, points: Surface | Corners, friction: float) -> None:
-        self._touched, self._body, self._points = touched, body, points
+        self._touched, self._points = touched, points
         count, carriers = points.carriers.shape
         reals = np.concatenate([np.zeros(HEAD + STRIDE * count), touched.form.samples])
         integers = np.zeros(VERTICES + carriers * count, dtype=np.int32)
@@ -62,10 +52,10 @@ class Contact(Term):
         if isinstance(touched, RigidBody):
             integers[gap.BODY : VERTICES] = touched.vertices
             reals[gap.SIGNS : HEAD] = touched.signs.ravel()
-        super().__init__(name, reals, integers)
+        super().__init__(name, body, reals, integers)
         self._penalty, self._distances, self._normals = np.zeros(count), np.zeros(count), np.zeros((count, 3))
         self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        self.resolution, self.share, self._clear = np.inf, 1.0, -np.inf
+        self._clear = -np.inf
         self._pose = self._seen_at = Pose()
         self._last: State | None = None
         self._seen: NDArray[np.float64] | None = None
@@ -92,17 +82,27 @@ class Contact(Term):
         self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())
 
     def couplings(self) -> NDArray[np.int32]:
-        """Return the vertices of the surface, each alone; rigid bodies have rows of their own."""
-        return self._points.carriers if self.on_body else super().couplings()
+        """Return the vertices that carry each point, and those of the rigid body that it touches."""
+        ends = self._points.carriers
+        if isinstance(self._touched, RigidBody):
+            ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
+        return ends
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the penalties that act at ``positions`` (n, 3) [m], without the obstacle's curvature (k, 3, 3)."""
-        if not self.on_body:
-            return super().tangents(positions)
-        tangents = np.zeros((len(self._penalty), 3, 3))
-        chosen = np.zeros((len(self._chosen), 3, 3))
-        law.contact_tangents(positions, self.reals, self.integers, chosen)
-        tangents[self._chosen] = chosen
+        """Return the penalties that act at ``positions`` (n, 3) [m], without the obstacle's curvature (k, 3 c, 3 c)."""
+        count = self.couplings().shape[1]
+        tangents = np.zeros((len(self._penalty), 3 * count, 3 * count))
+        if not self.updates:
+            return tangents
+        chosen, points = self._chosen, self._points
+        held = np.zeros((len(chosen), 3, 3))
+        law.contact_tangents(positions, self.reals, self.integers, held)
+        ways = points.weights[chosen, : points.carriers.shape[1]]
+        if isinstance(self._touched, RigidBody):
+            places = self._in_frame(points.at(positions)[chosen])
+            ways = np.column_stack([ways, -0.25 - places @ self._touched.signs.T])
+        spread = ways[:, :, None, None, None] * ways[:, None, None, :, None] * held[:, None, :, None, :]
+        tangents[chosen] = spread.reshape(len(chosen), 3 * count, 3 * count)
         return tangents
 
     def neutral(self) -> Saved:
@@ -123,12 +123,9 @@ class Contact(Term):
             self._choose(saved, positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers; a relative change of the forces counts as `FORCE` times as much of the size."""
+        """Update the multipliers, and by how much faces are nearer than their corners."""
         miss, change, forces, penalties = law.update_multipliers(positions, self.reals, self.integers)
-        known = max(forces, FAINT * self._body.size * penalties)
-        self.resolution = FORCE * known / penalties if forces > 0.0 else np.inf
-        relative = change / known if forces > 0.0 else 0.0
-        return max(miss, FORCE * self._body.size * relative, self._correct(positions))
+        return max(miss, self._judge(change, forces, penalties), self._correct(positions))
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether points that were left out may touch by now, and take them in."""
@@ -154,10 +151,6 @@ class Contact(Term):
         kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + self.share * rubbed}
         return {**self._spread(presses, -shears), **kept}
 
-    def energy(self, positions: NDArray[np.float64]) -> float:
-        """Return nothing: contact stores nothing."""
-        return 0.0
-
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return force [N] and moment [N m] about the origin of what is touched (6,) that it exerts on the points."""
         if not self.updates:
@@ -165,12 +158,6 @@ class Contact(Term):
         forces = self.share * self._forces(positions)[0]
         arms = self._points.at(positions)[self._chosen] - self._origin
         return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
-
-    def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
-        """Add the forces of a solve that ended at ``positions`` (n, 3) [m] to those on vertices (n, 3) [N]."""
-        slopes, size = np.zeros_like(forces), np.zeros(1)
-        law.contact_energy(positions, self.reals, self.integers, slopes, size)
-        forces -= slopes
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]."""
@@ -262,8 +249,7 @@ class Contact(Term):
         rows[:, ANCHOR : ANCHOR + 3] = np.where(np.isnan(anchors), starts[chosen], anchors)
         came = entered[chosen][:, None]
         rows[:, NORMAL : NORMAL + 3] = np.where(came, planes[chosen, :3] @ self._axes.T, self._normals[chosen])
-        on = press > 0.0
-        self.resolution = FORCE * press[on].sum() / rows[on, gap.PENALTY].sum() if on.any() else np.inf
+        self._expect(press, rows[:, gap.PENALTY])
         self._faces = points.about(chosen) if self._touched.points is ContactPoints.FACES else np.zeros(0, np.int64)
         self._correct(positions)
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.solver.contact.coulomb import envelope, shortened
 from gdfe_ros.solver.contact.gap import (
     ANCHOR,
     BODY,
@@ -83,9 +84,7 @@ def shear_at(reals, r, px, py, pz, limit):
     t0 = reals[r + SHEAR] + k * (dx - along * n0)
     t1 = reals[r + SHEAR + 1] + k * (dy - along * n1)
     t2 = reals[r + SHEAR + 2] + k * (dz - along * n2)
-    trial = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
-    share = limit / trial if trial > limit else 1.0
-    return share * t0, share * t1, share * t2, trial
+    return shortened(t0, t1, t2, limit)
 
 
 @kernel
@@ -111,7 +110,7 @@ def contact_energy(x, reals, integers, force, size):
             push(reals, integers, i, t0, t1, t2, force)
             r0, r1, r2 = reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2]
             push_back(reals, integers, t0, t1, t2, r0, r1, r2, force)
-            stored += trial * trial if trial <= limit else limit * (2.0 * trial - limit)
+            stored += envelope(trial, limit)
             given += reals[r + SHEAR] ** 2 + reals[r + SHEAR + 1] ** 2 + reals[r + SHEAR + 2] ** 2
         energy += 0.5 * (stored - given) / k
         size[0] += 0.5 * (stored + given) / k

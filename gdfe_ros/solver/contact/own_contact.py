@@ -12,13 +12,13 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.self_contact import NAME, SelfContact
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
-from gdfe_ros.solver.contact.contact import FAINT, FORCE, PENALTY
+from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
 from gdfe_ros.solver.contact.pair_touch import touching_vertices
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.terms.term import Saved, Term
+from gdfe_ros.solver.terms.term import Saved
 
 REACH, FARTHEST = 0.02, 0.25
 """Distance, over the body's size, within which faces are looked for beside twice of what a step moves, and the most."""
@@ -28,7 +28,7 @@ SAME_SIDE = 0.5
 """Cosine between the normals of what a vertex touched and of what it is nearest to now, above which its forces stay."""
 
 
-class OwnContact(Term):
+class OwnContact(ContactTerm):
     """Contact of parts of a mesh with each other, and of each with itself.
 
     Which vertex has which face is fixed while a descent lasts, with the face's plane there; both are looked for anew
@@ -37,25 +37,21 @@ class OwnContact(Term):
     Args:
         meant: what may touch.
         body: the discretised body.
-
-    Attributes:
-        resolution, share: as of `Contact`.
-        on_body: no obstacle's reaction comes of it.
     """
 
-    kernel, on_body = law.pair_entry, False
+    kernel, potential = law.pair_entry, staticmethod(law.pair_energy)
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
-        self._body, self.surface = body, OwnSurface(body, meant.quads)
+        self.surface = OwnSurface(body, meant.quads)
         self._vertices, self._quads = self.surface.topology.vertices, self.surface.topology.quads
         count = len(self._vertices)
         reals = np.zeros(law.HEAD + law.STRIDE * count)
         reals[law.FRICTION] = meant.friction
-        super().__init__(NAME, reals, np.zeros(law.VERTICES + law.WIDTH * count, dtype=np.int32))
+        super().__init__(NAME, body, reals, np.zeros(law.VERTICES + law.WIDTH * count, dtype=np.int32))
         self._yielding = np.zeros(len(body.rest))
         self._chosen, self._on = np.zeros(0, dtype=np.int64), False
         self._last: State | None = None
-        self.resolution, self.share, self._reach, self._deepest = np.inf, 1.0, 0.0, 0.0
+        self._reach, self._deepest = 0.0, 0.0
         none = np.zeros((count, 3))
         self._free = {
             "press": np.zeros(count), "shear": none, "normal": none, "slips": np.ones(count),
@@ -104,13 +100,10 @@ class OwnContact(Term):
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._pack(found, last)
         self._on, self._deepest, rows = bool(self._press.any()), 0.0, self._rows()
-        touching = rows[:, law.PRESS] > 0.0
-        stiff, press = rows[touching, law.PENALTY].sum(), rows[touching, law.PRESS].sum()
-        self.resolution = FORCE * press / stiff if touching.any() else np.inf
+        self._expect(rows[:, law.PRESS], rows[:, law.PENALTY])
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers and look for the nearest faces anew."""
-        size = self._body.size
         miss, change, forces, penalties = law.update_pairs(positions, self.reals, self.integers)
         rows, chosen = self._rows(), self._chosen
         press, gaps, pushed = rows[:, law.PRESS].copy(), self._forces(positions)[0], rows[:, law.PRESS] > 0.0
@@ -122,10 +115,7 @@ class OwnContact(Term):
         shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
         miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
         self._deepest = max(0.0, -float(found.gap[self._chosen].min(initial=0.0)))
-        known = max(forces, FAINT * size * penalties)
-        self.resolution = FORCE * known / penalties if forces > 0.0 else np.inf
-        relative = change / known if forces > 0.0 else 0.0
-        return max(miss, FORCE * size * relative, self._deepest)
+        return max(miss, self._judge(change, forces, penalties), self._deepest)
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether anything has come to touch that did not."""
@@ -156,16 +146,6 @@ class OwnContact(Term):
         kept["face"][chosen], kept["weights"][chosen] = face, weights
         rubbed = float(np.einsum("ki,ki->", shears[slips], slid[slips]))
         return {**kept, "lost": saved["lost"] + self.share * rubbed}
-
-    def energy(self, positions: NDArray[np.float64]) -> float:
-        """Return nothing: contact stores nothing."""
-        return 0.0
-
-    def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
-        """Add the forces of a solve that ended at ``positions`` (n, 3) [m] to those on vertices (n, 3) [N]."""
-        slopes = np.zeros_like(forces)
-        law.pair_energy(positions, self.reals, self.integers, slopes, np.zeros(1))
-        forces -= slopes
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]: both of each pair."""

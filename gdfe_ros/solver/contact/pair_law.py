@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.solver.contact.coulomb import envelope, shortened
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 FRICTION, HEAD = 0, 1
@@ -73,9 +74,7 @@ def shear_of(x, reals, integers, r, i, limit):
     k = reals[r + PENALTY]
     s0, s1, s2 = slip_of(x, reals, integers, r, i)
     t0, t1, t2 = reals[r + SHEAR] + k * s0, reals[r + SHEAR + 1] + k * s1, reals[r + SHEAR + 2] + k * s2
-    trial = math.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
-    share = limit / trial if trial > limit else 1.0
-    return share * t0, share * t1, share * t2, trial
+    return shortened(t0, t1, t2, limit)
 
 
 @kernel
@@ -94,7 +93,7 @@ def pair_energy(x, reals, integers, force, size):
         if limit > 0.0:
             t0, t1, t2, trial = shear_of(x, reals, integers, r, i, limit)
             push(reals, integers, r + HOLD, i + VERTEX, i + HELD, t0, t1, t2, force)
-            stored += trial * trial if trial <= limit else limit * (2.0 * trial - limit)
+            stored += envelope(trial, limit)
             given += reals[r + SHEAR] ** 2 + reals[r + SHEAR + 1] ** 2 + reals[r + SHEAR + 2] ** 2
         energy += 0.5 * (stored - given) / k
         size[0] += 0.5 * (stored + given) / k

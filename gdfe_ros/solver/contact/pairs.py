@@ -7,11 +7,12 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.surface import Corners, Surface
 
 
-def contacts_of(body: Body) -> list[Contact | OwnContact]:
+def contacts_of(body: Body) -> list[ContactTerm]:
     """Return the contacts of a body with its obstacles, of rigid bodies with these, and of the body with itself."""
     touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
     surface, found = Surface.of(body) if touched else None, []

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from benchmarks.contact import WEIGHT, grip
+from benchmarks.grip import grip
+from benchmarks.peers.grip_case import WEIGHT
 
 
 def test_a_grip_holds_what_friction_can_hold() -> None:

@@ -113,6 +113,30 @@ def test_the_gradient_is_that_of_rigid_motions(cushion: Callable[..., Simulation
             assert (energies[0] - energies[1]) / 2e-7 == pytest.approx(slope, abs=1e-4 * np.abs(force).max())
 
 
+@pytest.mark.parametrize(("name", "at"), [("part", [0.05, 0.0, 0.031]), ("part on floor", [0.3, 0.0, -0.0399])])
+def test_the_tangent_couples_both_sides(cushion: Callable[..., Simulation], name: str, at: list[float]) -> None:
+    """What contact adds to a tangent is the change of its forces as vertices move, and as the box shifts and turns.
+
+    Left out are how the pressing force turns with the box, and the slip's change of direction.
+    """
+    simulation = cushion(bodies__part__at=at)
+    run(simulation, 60)
+    term = next(each for each in simulation._stepper.equilibrium.actuation.contacts if each.name == name)
+    x, random = simulation._state.positions, np.random.default_rng(0)
+    tangents, ends = term.tangents(x), term.couplings()
+    for _ in range(4):
+        way, slopes, found = random.normal(size=x.shape), [], np.zeros_like(x)
+        way[-4:] = random.normal(size=3) + np.cross(30.0 * random.normal(size=3), x[-4:] - x[-4:].mean(axis=0))
+        for sign in (1e-8, -1e-8):
+            slopes.append(np.zeros_like(x))
+            term.potential(x + sign * way, term.reals, term.integers, slopes[-1], np.zeros(1))
+        change = (slopes[0] - slopes[1]) / 2e-8
+        each = np.einsum("kij,kj->ki", tangents, way[ends].reshape(len(ends), -1)).reshape(*ends.shape, 3)
+        np.add.at(found, ends, each)
+        assert np.abs(change).max() > 100.0
+        np.testing.assert_allclose(found, change, atol=0.03 * np.abs(change).max())
+
+
 def test_a_body_takes_no_commands(cushion: Callable[..., Simulation]) -> None:
     """Who commands a body that moves freely is told that it takes none."""
     with pytest.raises(CommandError, match="'part' is fixed; bodies that move: none"):

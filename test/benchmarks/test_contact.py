@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmark of contact: what its kept report says, what MuJoCo is given, what is told where it is missing."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import grasp, grip
+from benchmarks.contact import all_tables
+from benchmarks.peers import grip_case, mujoco_grip
+from gdfe_ros.scene.loader import scene_from_text
+
+KEPT = Path(__file__).resolve().parents[1] / "data" / "contact.json"
+
+
+@pytest.fixture(scope="module")
+def report() -> dict[str, Any]:
+    """Give the report beside the tests."""
+    return json.loads(KEPT.read_text())
+
+
+def test_the_kept_report_is_what_was_asked_for(report: dict[str, Any]) -> None:
+    """A grip drifts by less than 1 um in 60 s and falls below the least friction; slopes hold or slide as they must."""
+    held, lost = (row for row in report["grip"] if row["solver"] == "gdfe_ros")
+    assert (held["demand"], held["held"], lost["demand"]) == (1.02, 60.0, 0.98)
+    assert abs(held["drift"]) < 1e-6
+    assert lost["drift"] > 0.1
+    for row in report["slope"]:
+        assert row["acceleration"] == pytest.approx(row["wanted"], rel=5e-3, abs=1e-4)
+        assert (row["drift"] is None) == (row["wanted"] > 0.0)
+        assert row["drift"] is None or row["drift"] < 1e-9
+    assert sum(row["seconds"] for row in report["grasp"]) < sum(row["lasts"] for row in report["grasp"])
+    assert set(all_tables(report)) == {"grip", "grasp", "pressing", "blocks", "notches", "plates", "slope"}
+
+
+def test_mujoco_is_given_our_grip() -> None:
+    """Compare lattice, law, masses and friction of its model with the scene that we solve."""
+    scene = scene_from_text(grip.GRIP)
+    soft, box = scene.materials["soft"], scene.handles[-1]
+    assert (soft.young, soft.poisson, soft.density) == (grip_case.YOUNG, grip_case.POISSON, grip_case.DENSITY)
+    assert scene.mesh.n_cells == 2 * np.prod(grip_case.CELLS)
+    assert box.mass * grip_case.GRAVITY == pytest.approx(grip_case.WEIGHT)
+    assert (box.form.size, scene.dynamics.step) == (grip_case.BOX, grip_case.STEP)
+    model = ElementTree.fromstring(mujoco_grip.model_text(0.25))
+    places = scene.mesh.vertices
+    for pad in model.iter("flexcomp"):
+        assert float(pad.get("mass")) == pytest.approx(soft.density * np.prod(grip_case.PAD))
+        spacing = np.array(pad.get("spacing").split(), dtype=float)
+        np.testing.assert_allclose(spacing, [np.diff(np.unique(axis.round(9))).min() for axis in places.T])
+    assert all(each.get("friction").startswith("0.25 ") for each in [*model.iter("contact"), *model.iter("geom")])
+
+
+@pytest.mark.skipif(mujoco_grip.available() is not None, reason="MuJoCo is not installed")
+def test_mujoco_holds_with_ample_friction() -> None:
+    """Its box hangs between the pads by ten times the least friction, within a millimetre."""
+    found = mujoco_grip.simulate(10.0, seconds=0.1)
+    assert 5.0 < found["press"] < 10.0
+    assert abs(found["sunk"]) < 1e-3
+    assert abs(found["drift"]) < 1e-3
+
+
+def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take MuJoCo away: our rows alone, and the remedy below the table."""
+    monkeypatch.setattr(mujoco_grip, "available", lambda: "not installed: mujoco; pip install mujoco")
+    monkeypatch.setattr(grip, "HELD", {1.02: 0.0})
+    found = grip.measure()
+    assert [row["solver"] for row in found["grip"]] == ["gdfe_ros"]
+    assert grip.all_tables(found)["grip"].endswith("MuJoCo: not installed: mujoco; pip install mujoco")
+
+
+def test_time_is_told_by_phase() -> None:
+    """Phases of the grasp follow one another and fill its program."""
+    ends = list(grasp.PHASES.values())
+    assert [first for first, _ in ends[1:]] == [last for _, last in ends[:-1]]
+    assert (ends[0][0], ends[-1][1]) == (0.0, 15.0)
