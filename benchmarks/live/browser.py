@@ -109,6 +109,18 @@ class Browser:
         """Give time [ms] and a sum of the positions of each frame so far."""
         return [tuple(frame) for frame in self.ask("return window.gdfe.frames")]
 
+    def dismiss(self) -> None:
+        """Close what the page says of drawing without a graphics card."""
+        found = "return document.querySelector('.mantine-Notification-closeButton')"
+        if button := self.ask(found):
+            button.click()
+            self.wait(lambda: not self.ask(found), "the note's end")
+
+    def settle(self) -> None:
+        """Wait until nothing new has been drawn for a second."""
+        quiet = "const last = window.gdfe.frames.at(-1)[0]; return performance.now() - last > 1000"
+        self.wait(lambda: self.ask(quiet), "a body that rests")
+
     def text(self) -> str:
         """Give all text of the page."""
         return self.ask("return document.body.innerText")

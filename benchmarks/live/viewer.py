@@ -77,7 +77,14 @@ class Viewer:
             return False
         size, packed = struct.unpack("<QQ", data[:16])
         window = msgspec.msgpack.decode(self._unpack.decompress(data[16 : 16 + packed], max_output_size=size))
+        buffers, place = [], 16 + packed
+        for length in window["binaryBufferLengths"]:
+            place += -place % 8
+            buffers.append(data[place : place + length])
+            place += length
         for message in window["messages"]:
+            for part in (message.get("props", {}), message.get("updates", {})):
+                part |= {key: _array(value, buffers) for key, value in part.items()}
             self._take(message)
         return True
 
@@ -141,3 +148,10 @@ class Viewer:
                 self.last = int(message["name"][-1])
             elif kind == "GlbMessage":
                 self.last = getattr(self, "last", 0)
+
+
+def _array(value: Any, buffers: list[bytes]) -> Any:
+    """Give the array that a message names by its place among the buffers; of anything else, that itself."""
+    if isinstance(value, dict) and "__binary_index" in value:
+        return np.frombuffer(buffers[value["__binary_index"]], value["dtype"])
+    return value

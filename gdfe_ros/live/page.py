@@ -21,7 +21,7 @@ from gdfe_ros.live.history import History
 from gdfe_ros.live.panel import Panel
 from gdfe_ros.live.plots import Plots
 from gdfe_ros.live.session import LiveSession
-from gdfe_ros.live.stage import GROUPS, Stage
+from gdfe_ros.live.stage import Stage
 from gdfe_ros.live.status import Status
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.step import Step
@@ -126,7 +126,7 @@ class Page:
         with gui.add_folder("Look", expand_by_default=False):
             self._colour = gui.add_dropdown("colour", (*self._fields, _PLAIN))
             held = gui.add_checkbox("hold the range", False)
-            groups = {name: gui.add_checkbox(name, True) for name in GROUPS}
+            groups = {name: gui.add_checkbox(name, True) for name in self._stage.groups}
 
         @self._colour.on_update
         async def _(event: viser.GuiEvent) -> None:
@@ -204,7 +204,7 @@ class Page:
             self._stage.trace()
             self._stage.lead(simulation.targets)
             self._panel.refresh(simulation.commands)
-            self._state.content = self._status.text(step, largest=self._stage.largest, viewers=self.viewers)
+            self._state.content = self._status.text(step, largest=self._stage.largest(), viewers=self.viewers)
             self._legend.content = "" if self._colour.value == _PLAIN else legend(self._colour.value, self._range)
             self._plots.refresh()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import html
 from collections import deque
+from collections.abc import Mapping
 from time import monotonic
 
 from gdfe_ros.live.session import LiveSession
@@ -36,12 +37,12 @@ class Status:
         while len(self._times) > 2 and self._times[0][0] < now - _WINDOW:
             self._times.popleft()
 
-    def text(self, step: Step, *, largest: float, viewers: int) -> str:
+    def text(self, step: Step, *, largest: Mapping[str, float], viewers: int) -> str:
         """Write it as HTML.
 
         Args:
             step: the last one.
-            largest: force of the longest arrow [N].
+            largest: force of the longest arrow [N] of each group of arrows.
             viewers: browsers that look.
         """
         result, pace = step.result, self._pace()
@@ -52,7 +53,8 @@ class Status:
             "solve": f"{result.iterations} iterations, residual {result.residual:.1e}",
             "converged": "yes" if result.converged else _bad(f"no: {result.message}"),
             "least det F": f"{result.min_det:.3f}",
-            "longest arrow": f"{largest:.3g} N; {viewers} look",
+            **{f"longest of {name}": f"{force:.3g} N" for name, force in largest.items()},
+            "viewers": str(viewers),
         }
         if self._session.recording is not None:
             rows["recording"] = html.escape(str(self._session.recording))
