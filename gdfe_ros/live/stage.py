@@ -19,12 +19,15 @@ from gdfe_ros.contacts import contact_names, contact_points
 from gdfe_ros.live.arrows import Arrows
 from gdfe_ros.live.solids import Solids
 from gdfe_ros.live.surface import Surface
+from gdfe_ros.mesh import HexMesh
 from gdfe_ros.node.interface.scene_topics import is_commanded
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.step import Step
 from gdfe_ros.scene.scene import Scene
 
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
+CONTROL = 0.22
+"""Of the body's size: length of the arrows of a handle's control."""
 _EYE = np.array([-0.55, -1.15, 0.65])
 """Of the body's size: from its middle to the eye."""
 _TRACE = 400
@@ -55,11 +58,11 @@ class Stage:
 
     def __init__(self, server: viser.ViserServer, scene: Scene, *, dragged: Callable[[PoseOrder], None]) -> None:
         self._scene, self._dragged = scene, dragged
-        self._scale = 10.0 ** round(-math.log10(scene.mesh.size))
+        self._scale = scale_of(scene.mesh)
         self._size = scene.mesh.size * self._scale
         self.surface = Surface(scene.mesh, scale=self._scale)
         self._space = server.scene
-        server.initial_camera.look_at, server.initial_camera.position = self._camera()
+        server.initial_camera.look_at, server.initial_camera.position = first_view(scene.mesh)
         self._light()
         first = self.surface.pack(scene.mesh.vertices, None)
         self._bodies = [self._space.add_glb(f"/body/{place}", first, visible=not place) for place in range(2)]
@@ -146,12 +149,6 @@ class Stage:
         """Show or hide one of `groups`."""
         self._groups[group].visible = wanted
 
-    def _camera(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Give what the eye looks at, and where it is."""
-        vertices = self._scene.mesh.vertices
-        middle = self._scale * (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-        return middle, middle + self._size * _EYE
-
     def _light(self) -> None:
         """Light the body without shadows and reflections, so that its colours are those of the legend."""
         self._space.configure_environment_map(None)
@@ -164,7 +161,7 @@ class Stage:
         name = handle.name
         control = self._space.add_transform_controls(
             f"/handles/{name}",
-            scale=0.22 * self._size,
+            scale=CONTROL * self._size,
             disable_sliders=True,
             depth_test=False,
             position=self._scale * self._rests[name],
@@ -205,6 +202,17 @@ class Stage:
             slips = points["slips"] == 1
             parts = {"sticks": ~slips, "slips": slips}
             self._arrows[CONTACTS].draw({kind: (ends[part], forces[part]) for kind, part in parts.items()})
+
+
+def scale_of(mesh: HexMesh) -> float:
+    """Give the factor from metres to the units of the picture, in which a body is about as large as 1."""
+    return 10.0 ** round(-math.log10(mesh.size))
+
+
+def first_view(mesh: HexMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give what the eye looks at when a page is opened, and where it is, (3,) in the units of the picture."""
+    middle = scale_of(mesh) * mesh.bounds.mean(axis=0)
+    return middle, middle + scale_of(mesh) * mesh.size * _EYE
 
 
 def _path(group: str) -> str:
