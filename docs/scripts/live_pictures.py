@@ -13,7 +13,7 @@ from benchmarks.live.browser import Browser
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.surface import Surface
-from gdfe_ros.node.step import Step
+from gdfe_ros.live.view import View
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
@@ -34,9 +34,9 @@ def draw(name: str, path: Path, *, moment: float, dt: float) -> None:
     scene = load_scene(name)
     page = Page(host="127.0.0.1", port=8780, frames=30.0)
 
-    def told(step: Step) -> None:
-        page.take(step)
-        if step.record.time > moment - dt / 2:
+    def told(view: View) -> None:
+        page.take(view)
+        if view.record.time > moment - dt / 2:
             session.pause(True)
 
     session = LiveSession(Simulation(scene), dt=dt, told=told, warn=page.say)

@@ -41,7 +41,7 @@ class Solids:
         self._things = [handle for handle in scene.handles if isinstance(handle, Obstacle)]
         self._nodes = {thing.name: self._add(f"{group}/{thing.name}", thing) for thing in self._things}
 
-    def move(self, poses: Mapping[str, Pose], positions: NDArray[np.float64]) -> None:
+    def move(self, poses: Mapping[str, Pose], positions: NDArray[np.floating]) -> None:
         """Put each where it is; viser sends what has changed.
 
         Args:

@@ -15,14 +15,14 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.contacts import contact_names, contact_points
+from gdfe_ros.contacts import contact_names
 from gdfe_ros.live.arrows import Arrows
 from gdfe_ros.live.solids import Solids
 from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.view import View
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.node.interface.scene_topics import is_commanded
 from gdfe_ros.node.orders import PoseOrder
-from gdfe_ros.node.step import Step
 from gdfe_ros.scene.scene import Scene
 
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
@@ -109,15 +109,15 @@ class Stage:
         self._bodies[self._shown].visible = False
         self._shown = 1 - self._shown
 
-    def mark(self, step: Step) -> None:
+    def mark(self, view: View) -> None:
         """Move probes, obstacles, rigid bodies and arrows to where they are after a step."""
         if self._probes is not None:
-            points = np.concatenate([point.at(step.result.positions) for point in self._scene.probes.values()])
+            points = np.concatenate([point.at(view.positions) for point in self._scene.probes.values()])
             self._probes.points = (self._scale * points).astype(np.float32)
-            self._follow(step.record.time, self._scale * points)
-        self._solids.move(step.poses, step.result.positions)
-        self._draw_reactions(step)
-        self._draw_contacts(step)
+            self._follow(view.record.time, self._scale * points)
+        self._solids.move(view.poses, view.positions)
+        self._draw_reactions(view)
+        self._draw_contacts(view)
 
     def trace(self) -> None:
         """Draw the traces."""
@@ -186,17 +186,17 @@ class Stage:
                 way.append(point)
         self._time = time
 
-    def _draw_reactions(self, step: Step) -> None:
+    def _draw_reactions(self, view: View) -> None:
         """Draw the force that each handle exerts on the body, at the handle."""
         if self._held:
-            ends = np.array([handle.centre(step.result.positions) for handle in self._held])
-            forces = np.array([step.result.reactions[handle.name][:3] for handle in self._held])
+            ends = np.array([handle.centre(view.positions) for handle in self._held])
+            forces = np.array([view.wrenches[handle.name][:3] for handle in self._held])
             self._arrows[REACTIONS].draw({"arrows": (self._scale * ends, forces)})
 
-    def _draw_contacts(self, step: Step) -> None:
+    def _draw_contacts(self, view: View) -> None:
         """Draw what touches: the force on each point, from without; one that slips in another colour."""
         if self._touching:
-            points = contact_points(step.result.contacts)
+            points = view.contacts()
             ends = self._scale * np.stack([points[name] for name in "xyz"], axis=1)
             forces = np.stack([points[f"f{name}"] + points[f"t{name}"] for name in "xyz"], axis=1)
             slips = points["slips"] == 1
