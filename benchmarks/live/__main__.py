@@ -5,16 +5,27 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.live.browser import Browser
 from benchmarks.live.cost import leftovers, shares
+from benchmarks.live.wire import Arrival
+from gdfe_ros.live.stage import scale_of
 from gdfe_ros.live.surface import Surface
+from gdfe_ros.node.interface.scene_topics import is_commanded
 from gdfe_ros.scene import Scene, load_scene
+
+_CELLS = [28, 8, 8]
+"""Of a bar whose steps are quick."""
+_WINDOW = (900, 500)
+"""Of the browser [px]: small, as the processor draws."""
 
 
 def main() -> None:
@@ -27,60 +38,125 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="in which frames are counted")
     parser.add_argument("--pictures", type=Path, help="directory of screenshots")
     parser.add_argument("--without-browser", action="store_true")
+    parser.add_argument("--only-browser", action="store_true")
     arguments = parser.parse_args()
     scene = load_scene(arguments.scene)
     print(f"| {scene.name}, {scene.mesh.n_cells} cells | figure | asked for |\n|---|---|---|")
-    for case, share in shares(scene, rounds=arguments.rounds).items():
-        text = "time of the page's threads over the stepper's" if case == "processor" else f"steps beside {case}"
-        _row(text, f"{100 * share:.1f} % of those alone" if case != "processor" else f"{100 * share:.1f} %", "")
-    left = leftovers(scene, reloads=arguments.reloads, at_once=arguments.viewers)
-    what = f"after {arguments.reloads} reloads, {arguments.viewers} viewers at once"
-    _row(f"threads {what}", "{:.0f} from {:.0f}".format(*left["threads"][::-1]), "as many")
-    _row(f"memory {what}", "{:.1f} from {:.1f} MiB".format(*left["memory"][::-1]), "as much")
+    if not arguments.only_browser:
+        _in_process(scene, arguments)
     if not arguments.without_browser:
-        _in_browser(scene, arguments)
+        _watch(scene, arguments)
+        _drag(arguments)
     _row("load of the machine, cores", f"{os.getloadavg()[0]:.1f}, {os.cpu_count()}", "")
 
 
-def _in_browser(scene: Scene, arguments: argparse.Namespace) -> None:
-    with Browser(Surface(scene.mesh)) as browser:
-        started = time.perf_counter()
-        command = [sys.executable, "-m", "gdfe_ros.cli", "live", arguments.scene, "--port", "8750"]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-            try:
-                port = int(process.stdout.readline().split("localhost:")[1].split()[0])
-                ready = time.perf_counter() - started
-                browser.open(port)
-                _row("start of the command until the body is drawn", f"{time.perf_counter() - started:.1f} s", "3 s")
-                _row("of which until the page can be opened", f"{ready:.1f} s", "")
-                _row("slider's move until the moved body is drawn", f"{_delay(browser):.0f} ms", "100 ms")
-                browser.press("play the program")
-                time.sleep(arguments.seconds)
-                drawn = [moment for moment, _ in browser.frames()]
-                moments = [moment for moment in drawn if moment > drawn[-1] - 5e3]
-                rate = 1e3 * (len(moments) - 1) / (moments[-1] - moments[0])
-                _row("frames that reach the graphics card while it plays", f"{rate:.1f} a second", "30")
-                browser.press("pause")
-                time.sleep(1.0)
-                if arguments.pictures:
-                    arguments.pictures.mkdir(parents=True, exist_ok=True)
-                    browser.chrome.save_screenshot(str(arguments.pictures / f"live_{scene.name}.png"))
-                complaints = browser.complaints()
-                _row("errors on the console", "; ".join(complaints)[:200] or "none", "none")
-            finally:
-                process.terminate()
+def _in_process(scene: Scene, arguments: argparse.Namespace) -> None:
+    """Tell what the page costs the solver, and what viewers leave behind."""
+    asked = {"one viewer": "less than 10 % longer", "a viewer that hangs": "as without", "processor": "10 %"}
+    for case, share in shares(scene, rounds=arguments.rounds).items():
+        text = (
+            "processor time of the page over the solver's" if case == "processor" else f"time of a step beside {case}"
+        )
+        _row(text, f"{100 * share:.1f} %" + " of that alone" * (case != "processor"), asked[case])
+    left = leftovers(scene, reloads=arguments.reloads, at_once=arguments.viewers)
+    what = f"before and after {arguments.reloads} reloads, {arguments.viewers} viewers at once"
+    _row(f"threads {what}", "{:.0f}, {:.0f}".format(*left["threads"]), "as many")
+    _row(f"memory {what}", "{:.1f}, {:.1f} MiB".format(*left["memory"]), "as much")
 
 
-def _delay(browser: Browser, *, moves: int = 7) -> float:
-    """Nudge the first slider again and again; give the median time until another body is drawn [ms]."""
-    delays = []
+@contextmanager
+def _served(name: str, *options: str) -> Iterator[tuple[int, float]]:
+    """Have the command show a scene; give its port, and when it was started, wall time [s]."""
+    started = time.time()
+    command = [sys.executable, "-m", "gdfe_ros.cli", "live", name, "--port", "8750", *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield int(process.stdout.readline().split("localhost:")[1].split()[0]), started
+        finally:
+            process.terminate()
+
+
+def _watch(scene: Scene, arguments: argparse.Namespace) -> None:
+    """Open the page, move a slider, play the program."""
+    with Browser(Surface(scene.mesh), size=_WINDOW) as browser, _served(arguments.scene) as (port, started):
+        ready = time.time() - started
+        browser.open(port)
+        arrived = next(browser.wire.arrivals()).moment - started
+        _row("start of the command until a frame reaches the browser", f"{arrived:.2f} s", "3 s")
+        _row("of which until the page can be opened", f"{ready:.2f} s", "")
+        _row("start of the command until the body is drawn, by the processor", f"{time.time() - started:.2f} s", "")
+        reached, drawn = _delays(browser)
+        _row("slider's move until the moved body reaches the browser", f"{reached:.0f} ms", "100 ms")
+        _row("slider's move until it is drawn, by the processor", f"{drawn:.0f} ms", "")
+        _play(browser, scene, arguments.seconds)
+        _finish(browser, scene, arguments)
+
+
+def _drag(arguments: argparse.Namespace) -> None:
+    """Drag the tip of a bar upwards with the mouse, then play its program in more steps than there can be frames."""
+    scene = load_scene("bend5", overrides={"mesh.bar.cells": _CELLS})
+    options = ("--set", f"mesh.bar.cells={_CELLS}", "--dt", "0.001")
+    with Browser(Surface(scene.mesh), size=_WINDOW) as browser, _served(scene.name, *options) as (port, _):
+        browser.open(port)
+        browser.dismiss()
+        browser.settle()
+        before = list(browser.wire.arrivals())[-1]
+        handle = next(handle for handle in scene.handles if is_commanded(handle))
+        browser.drag_control(scene.mesh, handle, (0, 0, 1), pixels=60.0)
+        seen: list[Arrival] = []
+
+        def arrived() -> bool:
+            seen.extend(browser.wire.arrivals())
+            return any(frame.total > before.total for frame in seen)
+
+        browser.wait(arrived, "a body that goes along")
+        browser.settle()
+        seen.extend(browser.wire.arrivals())
+        way = (seen[-1].total - before.total) / Surface(scene.mesh).count / scale_of(scene.mesh)
+        what = f"{scene.name}, {scene.mesh.n_cells} cells: rise of the surface"
+        _row(f"{what} where {handle.name} is dragged up by 60 px with the mouse", f"{way:.4f} m", "")
+        _play(browser, scene, min(arguments.seconds, 4.0))
+        _finish(browser, scene, arguments)
+
+
+def _play(browser: Browser, scene: Scene, seconds: float) -> None:
+    """Count the frames of a program."""
+    browser.press("play the program")
+    time.sleep(1.0)
+    list(browser.wire.arrivals())
+    time.sleep(seconds)
+    moments = [arrival.moment for arrival in browser.wire.arrivals()]
+    span = moments[-1] - moments[0]
+    steps = re.search(r"(\d+) steps/s", browser.text())
+    drawn = sum(moments[0] < moment <= moments[-1] for moment, _ in browser.frames())
+    what = f"{scene.name}: frames a second of its program"
+    _row(f"{what} that reach the browser", f"{(len(moments) - 1) / span:.1f}", "30")
+    _row(f"{what} that the processor draws", f"{drawn / span:.1f}", "")
+    _row(f"{scene.name}: steps a second meanwhile; more frames there cannot be", steps[1] if steps else "none", "")
+    browser.press("pause")
+    browser.settle()
+
+
+def _finish(browser: Browser, scene: Scene, arguments: argparse.Namespace) -> None:
+    """Keep a picture, and tell of errors."""
+    if arguments.pictures:
+        arguments.pictures.mkdir(parents=True, exist_ok=True)
+        browser.chrome.save_screenshot(str(arguments.pictures / f"live_{scene.name}.png"))
+    _row(f"{scene.name}: errors on the console", "; ".join(browser.complaints())[:200] or "none", "none")
+
+
+def _delays(browser: Browser, *, moves: int = 9) -> tuple[float, float]:
+    """Nudge the first slider again and again; give median times until another body is there, and drawn [ms]."""
+    reached, drawn = [], []
     for _ in range(moves):
-        time.sleep(1.0)
-        last = browser.frames()[-1][1]
+        browser.settle()
+        last = [*browser.frames()][-1][1]
+        list(browser.wire.arrivals())
         pressed = browser.nudge(0)
         browser.wait(lambda last=last: browser.frames()[-1][1] != last, "a body that moves")
-        delays.append(next(at for at, total in browser.frames() if at > pressed and total != last) - pressed)
-    return statistics.median(delays)
+        drawn.append(next(at for at, total in browser.frames() if at > pressed and total != last) - pressed)
+        reached.append(next(frame.moment for frame in browser.wire.arrivals() if frame.moment > pressed) - pressed)
+    return 1e3 * statistics.median(reached), 1e3 * statistics.median(drawn)
 
 
 def _row(what: str, figure: str, asked: str) -> None:

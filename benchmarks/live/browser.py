@@ -1,25 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Chromium that looks at a live page, and tells when frames of the body reach the graphics card."""
+"""A Chromium that looks at a live page, is driven as a user would, and tells what it sees and when."""
 
 from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any
 
+import numpy as np
 from selenium import webdriver
 from selenium.common.exceptions import TimeoutException
-from selenium.webdriver.common.actions.action_builder import ActionBuilder
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
+from benchmarks.live.wire import Wire
+from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.stage import CONTROL, first_view, scale_of
 from gdfe_ros.live.surface import Surface
+from gdfe_ros.mesh import HexMesh
 
 PATIENCE = 300.0
 """Longest wait for the browser [s]: without a graphics card it draws with the processor."""
+_FIELD = np.radians(75.0)
+"""Of viser's camera, from the lower to the upper edge."""
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 _OPTIONS = (
     "--headless=new",
@@ -32,6 +38,7 @@ _OPTIONS = (
 )
 _WATCH = """
 window.gdfe = {frames: [], draws: 0, keys: []};
+const now = () => (performance.timeOrigin + performance.now()) / 1e3;
 const proto = WebGL2RenderingContext.prototype, fill = proto.bufferData, draw = proto.drawElements;
 let place = 0;
 proto.bufferData = function (target, data, usage) {
@@ -39,7 +46,7 @@ proto.bufferData = function (target, data, usage) {
   if (data && data.byteLength === %(bytes)d && place++ %% 3 === 0) {
     let sum = 0;
     for (let i = 0; i < data.length; i += 7) sum += data[i];
-    window.gdfe.frames.push([performance.now(), sum]);
+    window.gdfe.frames.push([now(), sum]);
   }
   return fill.apply(this, arguments);
 };
@@ -47,7 +54,7 @@ proto.drawElements = function (mode, count) {
   if (count === %(indices)d) window.gdfe.draws += 1;
   return draw.apply(this, arguments);
 };
-window.addEventListener("keydown", () => window.gdfe.keys.push(performance.now()), true);
+window.addEventListener("keydown", () => window.gdfe.keys.push(now()), true);
 """
 
 
@@ -57,6 +64,10 @@ class Browser:
     Args:
         surface: of the body that it will see.
         size: of the window [px].
+
+    Attributes:
+        chrome: the browser's driver.
+        wire: what reaches it.
     """
 
     def __init__(self, surface: Surface, *, size: tuple[int, int] = (1100, 700)) -> None:
@@ -71,6 +82,7 @@ class Browser:
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
         self.chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
         self.chrome.set_script_timeout(100.0)  # below the 120 s after which a request counts as lost
+        self.wire = Wire(self.chrome.capabilities["goog:chromeOptions"]["debuggerAddress"])
         source = _WATCH % {"bytes": 12 * surface.count, "indices": surface.triangles.size}
         self.chrome.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": source})
 
@@ -79,6 +91,7 @@ class Browser:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.chrome.quit()
+        self.wire.close()
 
     def open(self, port: int) -> None:
         """Open a page of this machine, and wait until its body is drawn."""
@@ -106,29 +119,79 @@ class Browser:
         return self.chrome.execute_script(script)
 
     def frames(self) -> list[tuple[float, float]]:
-        """Give time [ms] and a sum of the positions of each frame so far."""
+        """Give wall time [s] and a sum of the positions of each frame that has been handed to the graphics card."""
         return [tuple(frame) for frame in self.ask("return window.gdfe.frames")]
+
+    def dismiss(self) -> None:
+        """Close the note that the page shows of drawing without a graphics card; it lies over the body."""
+        found = "return document.querySelector('.mantine-Notification-closeButton')"
+        self.wait(lambda: self.ask(found), "the note").click()
+        self.wait(lambda: not self.ask(found), "the note's end")
+
+    def settle(self) -> None:
+        """Wait until nothing new has been drawn for a second."""
+        quiet = "const last = window.gdfe.frames.at(-1)[0]; return Date.now() / 1e3 - last > 1"
+        self.wait(lambda: self.ask(quiet), "a body that rests")
 
     def text(self) -> str:
         """Give all text of the page."""
         return self.ask("return document.body.innerText")
 
     def nudge(self, place: int) -> float:
-        """Press the right arrow on a slider, and return when the page had it [ms]."""
+        """Press the right arrow on a slider, and return when the page had it, wall time [s]."""
         slider = self.chrome.find_elements(By.CSS_SELECTOR, "[role=slider]")[place]
         slider.send_keys(Keys.ARROW_RIGHT)
         return self.ask("return window.gdfe.keys.at(-1)")
 
-    def drag(self, start: tuple[float, float], way: tuple[float, float], *, steps: int = 6) -> None:
-        """Drag the mouse from a place in the window along a way [px]."""
-        mouse = ActionBuilder(self.chrome, duration=50)
-        mouse.pointer_action.move_to_location(round(start[0] - 3), round(start[1]))
-        mouse.pointer_action.move_to_location(*map(round, start)).pointer_down()
-        for step in range(1, steps + 1):
-            place = [origin + part * step / steps for origin, part in zip(start, way, strict=True)]
-            mouse.pointer_action.move_to_location(*map(round, place))
-        mouse.pointer_action.pointer_up()
-        mouse.perform()
+    def drag(self, start: tuple[float, float], way: tuple[float, float], *, steps: int = 8) -> None:
+        """Drag the mouse, its left button down, from a place in the window along a way [px]."""
+        places = [
+            [origin + part * step / steps for origin, part in zip(start, way, strict=True)] for step in range(steps + 1)
+        ]
+        self._mouse("mouseMoved", (start[0] - 3, start[1]))
+        self._mouse("mouseMoved", start)
+        self._mouse("mousePressed", start, buttons=1)
+        for place in places[1:]:
+            self._mouse("mouseMoved", place, buttons=1)
+        self._mouse("mouseReleased", places[-1])
+
+    def drag_control(self, mesh: HexMesh, handle: Handle, axis: Sequence[float], *, pixels: float) -> None:
+        """Drag the head of the arrow of a handle's control along it, by so many pixels.
+
+        Args:
+            mesh: of the body, as the page was opened: nobody has turned the picture.
+            handle: at rest.
+            axis: of the arrow (3,).
+            pixels: of the way.
+        """
+        scale, view = scale_of(mesh), first_view(mesh)
+        foot = scale * handle.centre(mesh.vertices)
+        head = foot + 0.9 * CONTROL * scale * mesh.size * np.array(axis)
+        start, end = np.array(self._project(foot, view)), np.array(self._project(head, view))
+        self.drag(tuple(end), tuple(pixels * (end - start) / np.linalg.norm(end - start)))
+
+    def _project(self, point: Sequence[float], view: tuple[Any, Any]) -> tuple[float, float]:
+        """Give where a point is in the window [px].
+
+        Args:
+            point: (3,) in the units of the picture.
+            view: what the eye looks at, and where it is, (3,) each, while nobody has turned the picture.
+        """
+        script = "const box = document.querySelector('canvas').getBoundingClientRect();"
+        left, top, width, height = self.ask(f"{script} return [box.x, box.y, box.width, box.height]")
+        middle, eye = map(np.asarray, view)
+        ahead = (middle - eye) / np.linalg.norm(middle - eye)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        away = np.subtract(point, eye)
+        unit = 0.5 * height / (away @ ahead * np.tan(0.5 * _FIELD))
+        return left + 0.5 * width + unit * (away @ right), top + 0.5 * height - unit * (away @ np.cross(right, ahead))
+
+    def _mouse(self, kind: str, place: Sequence[float], *, buttons: int = 0) -> None:
+        given = {"type": kind, "x": place[0], "y": place[1], "button": "none", "buttons": buttons}
+        if kind != "mouseMoved":
+            given |= {"button": "left", "clickCount": 1}
+        self.chrome.execute_cdp_cmd("Input.dispatchMouseEvent", given)
 
     def press(self, label: str) -> None:
         """Press a button by its label."""

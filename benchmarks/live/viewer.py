@@ -39,7 +39,6 @@ class Viewer:
         address = f"ws://127.0.0.1:{port}"
         patience = {"open_timeout": 60.0, "close_timeout": 0.1}
         self._socket = connect(address, subprotocols=[protocol], max_size=None, compression=None, **patience)
-        self._unpack = zstandard.ZstdDecompressor()
         self.controls: dict[str, dict[str, Any]] = {}
         self.content: dict[str, str] = {}
         self.values: dict[str, Any] = {}
@@ -75,9 +74,7 @@ class Viewer:
             data = self._socket.recv(timeout=patience)
         except TimeoutError:
             return False
-        size, packed = struct.unpack("<QQ", data[:16])
-        window = msgspec.msgpack.decode(self._unpack.decompress(data[16 : 16 + packed], max_output_size=size))
-        for message in window["messages"]:
+        for message in messages_in(data):
             self._take(message)
         return True
 
@@ -100,10 +97,7 @@ class Viewer:
 
     def surface(self) -> NDArray[np.float32]:
         """Give the vertices of the frame received last (k, 3), in the units of the picture."""
-        data = self.nodes["/body/0" if self.last == 0 else "/body/1"]["glb_data"]
-        length = struct.unpack("<I", data[12:16])[0]
-        count = msgspec.json.decode(data[_HEAD : _HEAD + length])["accessors"][0]["count"]
-        return np.frombuffer(data, "<f4", count=3 * count, offset=_HEAD + length + 8).reshape(-1, 3)
+        return vertices_in(self.nodes["/body/0" if self.last == 0 else "/body/1"]["glb_data"])
 
     def text(self) -> str:
         """Give the texts of the page, the state among them."""
@@ -141,3 +135,33 @@ class Viewer:
                 self.last = int(message["name"][-1])
             elif kind == "GlbMessage":
                 self.last = getattr(self, "last", 0)
+
+
+def messages_in(data: bytes) -> list[dict[str, Any]]:
+    """Give the messages of a window, as the page sends them."""
+    size, packed = struct.unpack("<QQ", data[:16])
+    unpacked = zstandard.ZstdDecompressor().decompress(data[16 : 16 + packed], max_output_size=size)
+    window = msgspec.msgpack.decode(unpacked)
+    buffers, place = [], 16 + packed
+    for length in window["binaryBufferLengths"]:
+        place += -place % 8
+        buffers.append(data[place : place + length])
+        place += length
+    for message in window["messages"]:
+        for part in (message.get("props", {}), message.get("updates", {})):
+            part |= {key: _array(value, buffers) for key, value in part.items()}
+    return window["messages"]
+
+
+def vertices_in(glb: bytes) -> NDArray[np.float32]:
+    """Give the vertices of the body in a frame (k, 3), in the units of the picture."""
+    length = struct.unpack("<I", glb[12:16])[0]
+    count = msgspec.json.decode(glb[_HEAD : _HEAD + length])["accessors"][0]["count"]
+    return np.frombuffer(glb, "<f4", count=3 * count, offset=_HEAD + length + 8).reshape(-1, 3)
+
+
+def _array(value: Any, buffers: list[bytes]) -> Any:
+    """Give the array that a message names by its place among the buffers; of anything else, that itself."""
+    if isinstance(value, dict) and "__binary_index" in value:
+        return np.frombuffer(buffers[value["__binary_index"]], value["dtype"])
+    return value

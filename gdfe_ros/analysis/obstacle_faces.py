@@ -28,28 +28,34 @@ def obstacle_faces(obstacle: Obstacle, pose: Pose, before: NDArray[np.float64]) 
     Of a plane it is one square, as large as the points ``before`` it (n, 3) [m] need.
     """
     origin, axes = obstacle.frame(pose)
-    match obstacle.form:
-        case Plane():
-            own = (before - origin) @ axes
-            low, high = own[:, :2].min(axis=0), own[:, :2].max(axis=0)
-            edge = BEYOND * (high - low).max()
-            (a, b), (c, d) = low - edge, high + edge
-            faces = np.array([[[a, b, 0.0], [c, b, 0.0], [c, d, 0.0], [a, d, 0.0]]])
+    if isinstance(obstacle.form, Plane):
+        own = (before - origin) @ axes
+        low, high = own[:, :2].min(axis=0), own[:, :2].max(axis=0)
+        edge = BEYOND * (high - low).max()
+        (a, b), (c, d) = low - edge, high + edge
+        faces = np.array([[[a, b, 0.0], [c, b, 0.0], [c, d, 0.0], [a, d, 0.0]]])
+    else:
+        faces = form_faces(obstacle.form)
+    return origin + faces @ axes.T
+
+
+def form_faces(form: Sphere | Box | Capsule | Cylinder | TriangleMesh) -> NDArray[np.float64]:
+    """Return the faces (f, k, 3) [m] of a form in its own frame."""
+    match form:
         case Sphere(radius):
-            faces = _turned(radius * np.sin(_polar()), radius * np.cos(_polar()))
+            return _turned(radius * np.sin(_polar()), radius * np.cos(_polar()))
         case Capsule(radius, length):
             polar = np.concatenate([_polar()[: ALONG // 2 + 1], _polar()[ALONG // 2 :]])
             ends = np.repeat([0.5 * length, -0.5 * length], ALONG // 2 + 1)
-            faces = _turned(radius * np.sin(polar), radius * np.cos(polar) + ends)
+            return _turned(radius * np.sin(polar), radius * np.cos(polar) + ends)
         case Cylinder(radius, length):
-            faces = _turned(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([1.0, 1.0, -1.0, -1.0]))
+            return _turned(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([1.0, 1.0, -1.0, -1.0]))
         case Box(size):
             square = np.array([[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
             sides = [np.roll(side, axis, axis=1) for axis in range(3) for side in (square, -square[::-1])]
-            faces = 0.5 * np.array(sides) * size
+            return 0.5 * np.array(sides) * size
         case TriangleMesh(solid):
-            faces = solid.vertices[solid.triangles]
-    return origin + faces @ axes.T
+            return solid.vertices[solid.triangles]
 
 
 def _polar() -> NDArray[np.float64]:

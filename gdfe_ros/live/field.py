@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.colour_map import VIRIDIS
 from gdfe_ros.live.surface import Surface
-from gdfe_ros.node.step import Step
+from gdfe_ros.live.view import View
 from gdfe_ros.scene.scene import Scene
 
 
@@ -25,28 +25,28 @@ class Field:
     """
 
     label: str
-    values: Callable[[Step, Surface], NDArray[np.float64]]
+    values: Callable[[View, Surface], NDArray[np.float64]]
 
 
 def fields_of(scene: Scene) -> dict[str, Field]:
     """Name the fields of a scene by label; those of the cells are averaged at the vertices."""
 
     def of_cells(label: str, name: str) -> Field:
-        return Field(label, lambda step, surface: surface.at_vertices(getattr(step.fields(), name)))
+        return Field(label, lambda view, surface: surface.at_vertices(view.fields()[name]))
 
-    def of_vertices(label: str, give: Callable[[Step], NDArray[np.float64]]) -> Field:
-        return Field(label, lambda step, surface: np.linalg.norm(surface.outside.at(give(step)), axis=1))
+    def of_vertices(label: str, give: Callable[[View], NDArray[np.floating]]) -> Field:
+        return Field(label, lambda view, surface: np.linalg.norm(surface.outside.at(give(view)), axis=1))
 
     found = [
         of_cells("equivalent strain [1]", "eps_eq"),
-        of_vertices("displacement [m]", lambda step: step.result.positions - scene.mesh.vertices),
+        of_vertices("displacement [m]", lambda view: view.positions - scene.mesh.vertices),
         of_cells("volume ratio [1]", "J"),
         of_cells("energy density [J/m^3]", "energy_density"),
         of_cells("tangent modulus [Pa]", "tangent"),
         of_cells("shape factor [1]", "omega"),
     ]
     if scene.dynamics:
-        found.append(of_vertices("speed [m/s]", lambda step: step.result.velocities))
+        found.append(of_vertices("speed [m/s]", lambda view: view.velocities))
     return {field.label: field for field in found}
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.node.step import Step
+from gdfe_ros.live.view import View
 from gdfe_ros.scene.scene import Scene
 
 _LENGTH = 4096
@@ -33,10 +33,10 @@ class History:
         self._rows: NDArray[np.float64] | None = None
         self._count = 0
 
-    def add(self, step: Step) -> None:
+    def add(self, view: View) -> None:
         """Keep a step; one at an earlier time than the last, after a reset, begins anew."""
-        groups = list(self._groups(step))
-        row = np.array([step.record.time, *(value for _, values in groups for value in values.values())])
+        groups = list(self._groups(view))
+        row = np.array([view.record.time, *(value for _, values in groups for value in values.values())])
         with self._lock:
             if self._rows is None:
                 self.curves = {name: tuple(values) for name, values in groups}
@@ -56,18 +56,18 @@ class History:
             order = np.arange(self._count - count, self._count)[:: max(1, -(-count // most))] % _LENGTH
             return self._rows[np.ix_(order, columns)].T.copy()
 
-    def _groups(self, step: Step) -> Iterator[tuple[str, dict[str, float]]]:
-        result, rest = step.result, self._scene.mesh.vertices
+    def _groups(self, view: View) -> Iterator[tuple[str, dict[str, float]]]:
+        record, rest = view.record, self._scene.mesh.vertices
         for name, point in self._scene.probes.items():
-            moved = point.at(result.positions)[0] - point.at(rest)[0]
+            moved = point.at(view.positions)[0] - point.at(rest)[0]
             yield f"{name}: displacement [m]", dict(zip(_AXES, moved, strict=True))
-        for name, reaction in result.reactions.items():
-            yield f"{name}: force [N]", dict(zip(_AXES, reaction[:3], strict=True))
-            yield f"{name}: moment [N m]", dict(zip(_AXES, reaction[3:], strict=True))
-        for name, state in step.actuators.items():
-            for quantity, value, unit in state.readings():
+        for name, wrench in view.wrenches.items():
+            yield f"{name}: force [N]", dict(zip(_AXES, wrench[:3], strict=True))
+            yield f"{name}: moment [N m]", dict(zip(_AXES, wrench[3:], strict=True))
+        for name, readings in view.actuators.items():
+            for quantity, value, unit in readings:
                 yield f"{name}: {quantity} [{unit or 1}]", {quantity: value}
-        yield "energy [J]", {"elastic": result.energy, **result.energies}
-        yield "least det F [1]", {"least det F": result.min_det}
-        yield "iterations of a step [1]", {"iterations": float(result.iterations)}
-        yield "time of a step [ms]", {"time": 1e3 * result.wall_time}
+        yield "energy [J]", {"elastic": record.energy, **record.energies}
+        yield "least det F [1]", {"least det F": record.min_det}
+        yield "iterations of a step [1]", {"iterations": float(record.iterations)}
+        yield "time of a step [ms]", {"time": 1e3 * record.wall_time}

@@ -18,13 +18,13 @@ import viser
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.field import Range, fields_of, legend
 from gdfe_ros.live.history import History
+from gdfe_ros.live.interface import Session
 from gdfe_ros.live.panel import Panel
 from gdfe_ros.live.plots import Plots
-from gdfe_ros.live.session import LiveSession
-from gdfe_ros.live.stage import GROUPS, Stage
+from gdfe_ros.live.stage import Stage
 from gdfe_ros.live.status import Status
+from gdfe_ros.live.view import View
 from gdfe_ros.node.orders import PoseOrder
-from gdfe_ros.node.step import Step
 from gdfe_ros.threads import VIEWER, show_name
 
 _SLOWLY = 0.2
@@ -64,8 +64,8 @@ class Page:
         self.port = self._server.get_port()
         self._changed, self._ending = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work, name=VIEWER, daemon=True)
-        self._step: Step | None = None
-        self._seen: Step | None = None
+        self._view: View | None = None
+        self._seen: View | None = None
         self._again = True
 
     @property
@@ -73,11 +73,11 @@ class Page:
         """Number of browsers that look."""
         return len(self._server.get_clients())
 
-    def show(self, session: LiveSession) -> None:
+    def show(self, session: Session) -> None:
         """Lay out the page for a session, and begin to draw what it tells to `take`."""
         gui, scene = self._server.gui, session.scene
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
-        gui.set_panel_label(f"gdfe live: {scene.name}")
+        gui.set_panel_label(f"gdfe live: {session.title}")
         self._session, self._fields, self._range = session, fields_of(scene), Range()
         self._stage = Stage(self._server, scene, dragged=self._lead)
         self._history = History(scene)
@@ -98,11 +98,11 @@ class Page:
 
         self._thread.start()
 
-    def take(self, step: Step) -> None:
-        """Take a step, in the stepping thread; it is drawn when the next frame is due."""
-        self._history.add(step)
-        self._status.add(step)
-        self._step = step
+    def take(self, view: View) -> None:
+        """Take a step, in the thread that makes or hears it; it is drawn when the next frame is due."""
+        self._history.add(view)
+        self._status.add(view)
+        self._view = view
         self._changed.set()
 
     def say(self, text: str) -> None:
@@ -126,7 +126,7 @@ class Page:
         with gui.add_folder("Look", expand_by_default=False):
             self._colour = gui.add_dropdown("colour", (*self._fields, _PLAIN))
             held = gui.add_checkbox("hold the range", False)
-            groups = {name: gui.add_checkbox(name, True) for name in GROUPS}
+            groups = {name: gui.add_checkbox(name, True) for name in self._stage.groups}
 
         @self._colour.on_update
         async def _(event: viser.GuiEvent) -> None:
@@ -173,38 +173,37 @@ class Page:
             self._changed.wait(_SLOWLY)
             self._changed.clear()
             started = monotonic()
-            step, again = self._step, self._again
-            if step is None or not self.viewers:
+            view, again = self._view, self._again
+            if view is None or not self.viewers:
                 continue
-            if step is not self._seen or again:
-                self._seen, self._again = step, False
-                self._draw(step)
+            if view is not self._seen or again:
+                self._seen, self._again = view, False
+                self._draw(view)
                 self._ending.wait(self._interval / 2)  # until it has been read
                 self._stage.turn()
                 self.drawn += 1
             if started - slow >= _SLOWLY:
                 slow = started
-                self._refresh(step)
+                self._refresh(view)
             self._ending.wait(max(0.0, started + self._interval - monotonic()))
 
-    def _draw(self, step: Step) -> None:
+    def _draw(self, view: View) -> None:
         """Send a frame."""
         shares = None
         if self._colour.value != _PLAIN:
             field = self._fields[self._colour.value]
-            shares = self._range.shares(field.values(step, self._stage.surface))
+            shares = self._range.shares(field.values(view, self._stage.surface))
         with self._server.atomic():
-            self._stage.draw(step.result.positions, shares)
-            self._stage.mark(step)
+            self._stage.draw(view.positions, shares)
+            self._stage.mark(view)
 
-    def _refresh(self, step: Step) -> None:
+    def _refresh(self, view: View) -> None:
         """Send what need not come with every frame."""
-        simulation = self._session.simulation
         with self._server.atomic():
             self._stage.trace()
-            self._stage.lead(simulation.targets)
-            self._panel.refresh(simulation.commands)
-            self._state.content = self._status.text(step, largest=self._stage.largest, viewers=self.viewers)
+            self._stage.lead(self._session.targets)
+            self._panel.refresh(self._session.commands)
+            self._state.content = self._status.text(view, largest=self._stage.largest(), viewers=self.viewers)
             self._legend.content = "" if self._colour.value == _PLAIN else legend(self._colour.value, self._range)
             self._plots.refresh()
 

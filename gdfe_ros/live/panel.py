@@ -5,16 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, field
-from datetime import datetime
-from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import viser
 
 from gdfe_ros.actuators import Actuator
-from gdfe_ros.live.session import LiveSession
+from gdfe_ros.live.interface import Ability, Session
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.node.remodelling import moduli_of
@@ -40,14 +39,17 @@ class Panel:
     def __init__(
         self,
         gui: viser.GuiApi,
-        session: LiveSession,
+        session: Session,
         *,
         say: Callable[[str], None],
         guarded: Callable[[Callable[[], Any]], None],
     ) -> None:
         self._gui, self._session, self._say, self._guarded = gui, session, say, guarded
         self._sliders: dict[str, _Slider] = {}
-        self._add_buttons()
+        self._buttons: dict[Ability, viser.GuiButtonHandle] = {}
+        for ability in Ability:
+            if ability in session.abilities and ability is not Ability.MODULI:
+                self._add_button(ability, lambda ability=ability: session.ask(ability))
         scene = session.scene
         if scene.actuators or scene.loads:
             with gui.add_folder("Commands"):
@@ -60,37 +62,30 @@ class Panel:
     def refresh(self, commands: Mapping[str, float]) -> None:
         """Show the commands in force, and what the buttons would do."""
         for name, slider in self._sliders.items():
-            slider.show(commands[name])
-        self._hold.label = "go on" if self._session.stepper.paused else "pause"
-        self._bag.label = "record" if self._session.recording is None else "finish the bag"
+            slider.show(commands.get(name))
+        self._label(Ability.PAUSE, "go on" if self._session.paused else "pause")
+        self._label(Ability.RECORD, "record" if self._session.recording is None else "finish the bag")
 
-    def _add_buttons(self) -> None:
-        session, scene = self._session, self._session.scene
-        actions = {
-            "play": ("play the program", session.play),
-            "hold": ("pause", lambda: session.pause(not session.stepper.paused)),
-            "step": ("one step", session.advance),
-            "reset": ("reset", session.reset),
-            "bag": ("record", self._switch_bag),
-        }
-        made = {key: self._add_button(label, action) for key, (label, action) in actions.items()}
-        made["play"].disabled = scene.program is None
-        self._hold, self._bag = made["hold"], made["bag"]
-
-    def _add_button(self, label: str, action: Callable[[], Any]) -> viser.GuiButtonHandle:
-        button = self._gui.add_button(label)
+    def _add_button(self, ability: Ability, action: Callable[[], Future[Any] | None]) -> None:
+        button = self._buttons[ability] = self._gui.add_button(ability.value)
 
         @button.on_click
         async def _(event: viser.GuiEvent) -> None:
-            self._guarded(action)
+            self._guarded(lambda: self._await(action()))
 
-        return button
+    def _await(self, answer: Future[Any] | None) -> None:
+        """Tell viewers what is answered, once it is."""
 
-    def _switch_bag(self) -> None:
-        path = None
-        if self._session.recording is None:
-            path = Path("runs") / f"{self._session.scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}"
-        self._session.record(path).add_done_callback(lambda answer: self._guarded(lambda: self._say(answer.result())))
+        def tell(done: Future[Any]) -> None:
+            if text := done.result():
+                self._say(text)
+
+        if answer is not None:
+            answer.add_done_callback(lambda done: self._guarded(lambda: tell(done)))
+
+    def _label(self, ability: Ability, text: str) -> None:
+        if ability in self._buttons:
+            self._buttons[ability].label = text
 
     def _add_actuator(self, actuator: Actuator) -> None:
         label = f"{actuator.name}, {actuator.mode.value} [{actuator.mode.unit or 1}]"
@@ -98,7 +93,7 @@ class Panel:
 
     def _add_input(self, name: str, label: str, low: float, high: float) -> None:
         """Add a slider from end to end or, where a range has none, a number."""
-        start = self._session.simulation.commands[name]
+        start = self._session.commands.get(name, min(max(0.0, low), high))
         if math.isfinite(high - low):
             step = (high - low) / _STEPS
             control = self._gui.add_slider(
@@ -107,7 +102,7 @@ class Panel:
         else:
             ends = {"min": low if math.isfinite(low) else None, "max": high if math.isfinite(high) else None}
             control = self._gui.add_number(label, initial_value=start, step=1e-3, **ends)
-        slider = self._sliders[name] = _Slider(control)
+        slider = self._sliders[name] = _Slider(control, label)
 
         @control.on_update
         async def _(event: viser.GuiEvent) -> None:
@@ -119,23 +114,22 @@ class Panel:
     def _add_moduli(self) -> None:
         """Add a number for each modulus, and the button that has the body take them."""
         moduli = moduli_of(self._session.scene)
-        if not moduli:
+        if not moduli or Ability.MODULI not in self._session.abilities:
             return
         with self._gui.add_folder("Young's moduli", expand_by_default=False):
             numbers = {
                 name: self._gui.add_number(f"{name} [Pa]", young, min=MODULUS.least, max=MODULUS.most, step=1.0)
                 for name, young in moduli.items()
             }
-            self._add_button("change the body", lambda: self._change_moduli(numbers))
+            self._add_button(Ability.MODULI, lambda: self._change_moduli(numbers))
 
-    def _change_moduli(self, numbers: Mapping[str, viser.GuiNumberHandle]) -> None:
+    def _change_moduli(self, numbers: Mapping[str, viser.GuiNumberHandle]) -> Future[Any] | None:
         present = moduli_of(self._session.scene)
         wanted = {name: float(number.value) for name, number in numbers.items() if number.value != present[name]}
-        if not wanted:
-            self._say("the body has these moduli already")
-            return
-        answer = self._session.set_moduli(wanted)
-        answer.add_done_callback(lambda done: self._guarded(done.result))
+        if wanted:
+            return self._session.set_moduli(wanted)
+        self._say("the body has these moduli already")
+        return None
 
 
 @dataclass
@@ -144,13 +138,16 @@ class _Slider:
 
     Attributes:
         control: of viser.
+        label: of it.
         touched: when a viewer moved it last (monotonic) [s].
     """
 
     control: Any
+    label: str
     touched: float = field(default=-math.inf)
 
-    def show(self, value: float) -> None:
-        """Show a command in force, where no viewer is at it."""
-        if monotonic() - self.touched > _TOUCHED:
+    def show(self, value: float | None) -> None:
+        """Show a command in force, where no viewer is at it; None: it is not known."""
+        self.control.label = self.label if value is not None else f"{self.label}, not known"
+        if value is not None and monotonic() - self.touched > _TOUCHED:
             self.control.value = value

@@ -5,13 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from datetime import datetime
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from gdfe_ros.checkpoint import save_state
+from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.bag import LiveBag
+from gdfe_ros.live.interface import Ability
 from gdfe_ros.live.programme import Programme
+from gdfe_ros.live.view import View
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, require_near
 from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
@@ -22,6 +27,9 @@ from gdfe_ros.node.stepper import Stepper
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
+
+_LONG = 0.3
+"""Time after which it is told that a solve takes long [s]."""
 
 
 class RestingPace(WallPace):
@@ -44,7 +52,7 @@ class LiveSession:
         simulation: ready to step; touched by the stepping thread only from now on.
         dt: simulation time of a step [s].
         clock: ``WALL`` steps in real time where the machine keeps up, ``FAST`` as fast as it goes.
-        told: called in the stepping thread with each step; it must be quick.
+        told: called in the stepping thread with what is shown of each step; it must be quick.
         warn: takes the text of a refused command, or of what else a user should know.
 
     Attributes:
@@ -63,7 +71,7 @@ class LiveSession:
         *,
         dt: float = 0.01,
         clock: ClockMode = ClockMode.WALL,
-        told: Callable[[Step], None] = lambda step: None,
+        told: Callable[[View], None] = lambda view: None,
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.simulation = simulation
@@ -89,9 +97,64 @@ class LiveSession:
         return self._programme
 
     @property
-    def recording(self) -> Path | None:
+    def recording(self) -> str | None:
         """The bag that is written, or None."""
-        return None if self._bag is None else self._bag.path
+        return None if self._bag is None else str(self._bag.path)
+
+    @property
+    def abilities(self) -> frozenset[Ability]:
+        """All, but to play a program that the scene has not."""
+        return frozenset(Ability) - ({Ability.PLAY} if self.scene.program is None else frozenset())
+
+    @property
+    def title(self) -> str:
+        """The scene's name."""
+        return self.scene.name
+
+    @property
+    def commands(self) -> Mapping[str, float]:
+        """Commands in force of actuators and loads."""
+        return self.simulation.commands
+
+    @property
+    def targets(self) -> Mapping[str, Pose]:
+        """Targets in force."""
+        return self.simulation.targets
+
+    @property
+    def paused(self) -> bool:
+        """Whether only `advance` makes steps."""
+        return self.stepper.paused
+
+    def doing(self) -> tuple[str, bool]:
+        """Say what it does and whether that is bad; nothing where it follows commands or rests."""
+        if self.failure is not None:
+            return f"ended: {self.failure}", True
+        work, playing = self.stepper.work, self._programme
+        if work is not None and monotonic() - work[1] > _LONG:
+            return f"{work[0]}, since {monotonic() - work[1]:.1f} s", False
+        if self.paused:
+            return "paused", False
+        if playing is None:
+            return "", False
+        moment = max(0.0, self.last.record.time - playing.start)
+        return f"plays the program, {moment:.2f} of {playing.duration:g} s", False
+
+    def ask(self, ability: Ability) -> Future[str] | None:
+        """Do what a button asks for."""
+        match ability:
+            case Ability.PLAY:
+                self.play()
+            case Ability.PAUSE:
+                self.pause(not self.paused)
+            case Ability.STEP:
+                self.advance()
+            case Ability.RESET:
+                self.reset()
+            case Ability.RECORD:
+                name = f"{self.scene.name}_{datetime.now():%Y%m%d_%H%M%S_%f}"
+                return self.record(Path("runs") / name if self._bag is None else None)
+        return None
 
     def start(self) -> None:
         """Start the thread; it tells of the present state at once."""
@@ -196,7 +259,7 @@ class LiveSession:
         """Record a step, tell of it, and have the program command the next one."""
         if self._bag is not None:
             self._bag.write(step)
-        self._told(step)
+        self._told(View.of(step))
         self._feed(step.record.time)
 
     def _feed(self, time: float) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The picture in space: body, handles to drag, probes with their traces, reaction arrows."""
+"""The picture in space: body, handles to drag, probes with their traces, what it touches, forces."""
 
 from __future__ import annotations
 
@@ -14,27 +14,32 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.contacts import contact_names
+from gdfe_ros.live.arrows import Arrows
+from gdfe_ros.live.solids import Solids
 from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.view import View
+from gdfe_ros.mesh import HexMesh
 from gdfe_ros.node.interface.scene_topics import is_commanded
 from gdfe_ros.node.orders import PoseOrder
-from gdfe_ros.node.step import Step
 from gdfe_ros.scene.scene import Scene
 
-GROUPS = ("handles", "probes", "reactions")
-"""What can be hidden."""
+HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
+CONTROL = 0.22
+"""Of the body's size: length of the arrows of a handle's control."""
 _EYE = np.array([-0.55, -1.15, 0.65])
 """Of the body's size: from its middle to the eye."""
 _TRACE = 400
 """Points of a probe's trace."""
-_LONGEST = 0.35
-"""Of the body's size: the arrow of the largest force so far."""
 _GRAIN = 2e-3
 """Of the body's size: the least way between two points of a trace."""
-_LEAST_SHARE = 0.01
-"""Of the largest force so far: smaller ones have no arrow."""
 _TOUCHED = 0.7
 """Time after a drag during which a handle's control is the user's [s]."""
-_RED, _ORANGE = (200, 40, 40), (240, 140, 20)
+_ORANGE = (240, 140, 20)
+_HELD = {"arrows": (40, 80, 200)}
+_TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}
+"""Colours of arrows, by kind."""
 
 
 class Stage:
@@ -49,34 +54,41 @@ class Stage:
 
     Attributes:
         surface: of the body.
-        largest: the largest force so far [N]: that of the longest arrow.
     """
 
     def __init__(self, server: viser.ViserServer, scene: Scene, *, dragged: Callable[[PoseOrder], None]) -> None:
         self._scene, self._dragged = scene, dragged
-        self._scale = 10.0 ** round(-math.log10(scene.mesh.size))
+        self._scale = scale_of(scene.mesh)
         self._size = scene.mesh.size * self._scale
         self.surface = Surface(scene.mesh, scale=self._scale)
         self._space = server.scene
-        server.initial_camera.look_at, server.initial_camera.position = self._camera()
+        server.initial_camera.look_at, server.initial_camera.position = first_view(scene.mesh)
         self._light()
         first = self.surface.pack(scene.mesh.vertices, None)
         self._bodies = [self._space.add_glb(f"/body/{place}", first, visible=not place) for place in range(2)]
-        self._shown, self._time, self.largest = 0, 0.0, 0.0
-        self._groups = {name: self._space.add_frame(f"/{name}", show_axes=False) for name in GROUPS}
+        self._shown, self._time = 0, 0.0
+        self._held = [handle for handle in scene.handles if not isinstance(handle, Obstacle)]
+        self._touching = bool(contact_names(scene.handles, scene.self_contact))
+        there = {
+            HANDLES: any(map(is_commanded, scene.handles)),
+            PROBES: scene.probes,
+            REACTIONS: self._held,
+            CONTACTS: self._touching,
+            SOLIDS: len(self._held) < len(scene.handles),
+        }
+        self._groups = {
+            name: self._space.add_frame(_path(name), show_axes=False) for name, wanted in there.items() if wanted
+        }
         self._rests = {handle.name: handle.centre(scene.mesh.vertices) for handle in scene.handles}
         self._touched: dict[str, float] = {}
         self._controls = {handle.name: self._control(handle) for handle in scene.handles if is_commanded(handle)}
         self._ways: dict[str, deque[NDArray[np.float64]]] = {name: deque(maxlen=_TRACE) for name in scene.probes}
-        self._arrows = self._space.add_arrows(
-            "/reactions/arrows",
-            np.zeros((1, 2, 3), np.float32),
-            _RED,
-            shaft_radius=0.008 * self._size,
-            head_radius=0.022 * self._size,
-            head_length=0.05 * self._size,
-            visible=False,
-        )
+        self._arrows = {
+            name: Arrows(self._space, _path(name), colours, size=self._size, thin=thin)
+            for name, colours, thin in ((REACTIONS, _HELD, 1.0), (CONTACTS, _TOUCHES, 0.5))
+            if name in self._groups
+        }
+        self._solids = Solids(self._space, _path(SOLIDS), scene, scale=self._scale)
         self._probes = self._traces = None
         if scene.probes:
             points, size = np.zeros((len(scene.probes), 3), np.float32), 0.03 * self._size
@@ -97,13 +109,15 @@ class Stage:
         self._bodies[self._shown].visible = False
         self._shown = 1 - self._shown
 
-    def mark(self, step: Step) -> None:
-        """Move probes and arrows to where they are after a step."""
+    def mark(self, view: View) -> None:
+        """Move probes, obstacles, rigid bodies and arrows to where they are after a step."""
         if self._probes is not None:
-            points = np.concatenate([point.at(step.result.positions) for point in self._scene.probes.values()])
+            points = np.concatenate([point.at(view.positions) for point in self._scene.probes.values()])
             self._probes.points = (self._scale * points).astype(np.float32)
-            self._follow(step.record.time, self._scale * points)
-        self._draw_arrows(step)
+            self._follow(view.record.time, self._scale * points)
+        self._solids.move(view.poses, view.positions)
+        self._draw_reactions(view)
+        self._draw_contacts(view)
 
     def trace(self) -> None:
         """Draw the traces."""
@@ -122,15 +136,18 @@ class Stage:
                 control.position = self._scale * (self._rests[name] + targets[name].translation)
                 control.wxyz = np.array([w, x, y, z])
 
-    def show(self, group: str, wanted: bool) -> None:
-        """Show or hide one of `GROUPS`."""
-        self._groups[group].visible = wanted
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """What the scene has that can be hidden."""
+        return tuple(self._groups)
 
-    def _camera(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Give what the eye looks at, and where it is."""
-        vertices = self._scene.mesh.vertices
-        middle = self._scale * (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-        return middle, middle + self._size * _EYE
+    def largest(self) -> dict[str, float]:
+        """Give the largest force so far [N] of each group of arrows, that of its longest arrow."""
+        return {name: arrows.largest for name, arrows in self._arrows.items()}
+
+    def show(self, group: str, wanted: bool) -> None:
+        """Show or hide one of `groups`."""
+        self._groups[group].visible = wanted
 
     def _light(self) -> None:
         """Light the body without shadows and reflections, so that its colours are those of the legend."""
@@ -140,11 +157,11 @@ class Stage:
         self._space.add_light_directional("/light/sun", position=(-1.0, -2.0, 3.0), intensity=1.6)
 
     def _control(self, handle: Handle) -> viser.TransformControlsHandle:
-        """Add a control that leads a handle; axes along which it slides freely cannot be dragged."""
+        """Add a control that leads a handle or obstacle."""
         name = handle.name
         control = self._space.add_transform_controls(
             f"/handles/{name}",
-            scale=0.22 * self._size,
+            scale=CONTROL * self._size,
             disable_sliders=True,
             depth_test=False,
             position=self._scale * self._rests[name],
@@ -169,14 +186,34 @@ class Stage:
                 way.append(point)
         self._time = time
 
-    def _draw_arrows(self, step: Step) -> None:
+    def _draw_reactions(self, view: View) -> None:
         """Draw the force that each handle exerts on the body, at the handle."""
-        forces = {name: reaction[:3] for name, reaction in step.result.reactions.items()}
-        sizes = {name: float(np.linalg.norm(force)) for name, force in forces.items()}
-        self.largest = max(self.largest, *sizes.values(), 0.0) if sizes else 0.0
-        wanted = [handle for handle in self._scene.handles if sizes[handle.name] > _LEAST_SHARE * self.largest]
-        self._arrows.visible = bool(wanted)
-        if wanted:
-            ends = [self._scale * handle.centre(step.result.positions) for handle in wanted]
-            ways = [_LONGEST * self._size * forces[handle.name] / self.largest for handle in wanted]
-            self._arrows.points = np.array([[end - way, end] for end, way in zip(ends, ways, strict=True)], np.float32)
+        if self._held:
+            ends = np.array([handle.centre(view.positions) for handle in self._held])
+            forces = np.array([view.wrenches[handle.name][:3] for handle in self._held])
+            self._arrows[REACTIONS].draw({"arrows": (self._scale * ends, forces)})
+
+    def _draw_contacts(self, view: View) -> None:
+        """Draw what touches: the force on each point, from without; one that slips in another colour."""
+        if self._touching:
+            points = view.contacts()
+            ends = self._scale * np.stack([points[name] for name in "xyz"], axis=1)
+            forces = np.stack([points[f"f{name}"] + points[f"t{name}"] for name in "xyz"], axis=1)
+            slips = points["slips"] == 1
+            parts = {"sticks": ~slips, "slips": slips}
+            self._arrows[CONTACTS].draw({kind: (ends[part], forces[part]) for kind, part in parts.items()})
+
+
+def scale_of(mesh: HexMesh) -> float:
+    """Give the factor from metres to the units of the picture, in which a body is about as large as 1."""
+    return 10.0 ** round(-math.log10(mesh.size))
+
+
+def first_view(mesh: HexMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Give what the eye looks at when a page is opened, and where it is, (3,) in the units of the picture."""
+    middle = scale_of(mesh) * mesh.bounds.mean(axis=0)
+    return middle, middle + scale_of(mesh) * mesh.size * _EYE
+
+
+def _path(group: str) -> str:
+    return f"/{group.replace(' ', '_')}"

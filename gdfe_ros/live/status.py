@@ -5,15 +5,14 @@ from __future__ import annotations
 
 import html
 from collections import deque
+from collections.abc import Mapping
 from time import monotonic
 
-from gdfe_ros.live.session import LiveSession
-from gdfe_ros.node.step import Step
+from gdfe_ros.live.interface import Session
+from gdfe_ros.live.view import View
 
 _WINDOW = 1.0
 """Wall time over which rates are taken [s]."""
-_LONG = 0.3
-"""Time after which it is told that a solve takes long [s]."""
 
 
 class Status:
@@ -23,36 +22,37 @@ class Status:
         session: that runs.
     """
 
-    def __init__(self, session: LiveSession) -> None:
+    def __init__(self, session: Session) -> None:
         self._session = session
-        self._times: deque[tuple[float, float]] = deque(maxlen=10_000)
+        self._times: deque[tuple[float, float, int]] = deque(maxlen=10_000)
 
-    def add(self, step: Step) -> None:
+    def add(self, view: View) -> None:
         """Note a step, in the stepping thread."""
         now = monotonic()
-        if self._times and step.record.time < self._times[-1][1]:
+        if self._times and view.record.time < self._times[-1][1]:
             self._times.clear()
-        self._times.append((now, step.record.time))
+        self._times.append((now, view.record.time, view.record.step))
         while len(self._times) > 2 and self._times[0][0] < now - _WINDOW:
             self._times.popleft()
 
-    def text(self, step: Step, *, largest: float, viewers: int) -> str:
+    def text(self, view: View, *, largest: Mapping[str, float], viewers: int) -> str:
         """Write it as HTML.
 
         Args:
-            step: the last one.
-            largest: force of the longest arrow [N].
+            view: the last step.
+            largest: force of the longest arrow [N] of each group of arrows.
             viewers: browsers that look.
         """
-        result, pace = step.result, self._pace()
+        record, pace = view.record, self._pace()
         rows = {
             "state": self._doing(),
-            "time": f"{result.time:.3f} s, " + (f"{pace[1]:.0f} steps/s" if pace else "no steps"),
+            "time": f"{record.time:.3f} s, " + (f"{pace[1]:.0f} steps/s" if pace else "no steps"),
             "real time": f"&times; {pace[0]:.2f}" if pace else "-",
-            "solve": f"{result.iterations} iterations, residual {result.residual:.1e}",
-            "converged": "yes" if result.converged else _bad(f"no: {result.message}"),
-            "least det F": f"{result.min_det:.3f}",
-            "longest arrow": f"{largest:.3g} N; {viewers} look",
+            "solve": f"{record.iterations} iterations, residual {record.residual:.1e}",
+            "converged": "yes" if record.converged else _bad(f"no: {record.message}"),
+            "least det F": f"{record.min_det:.3f}",
+            **{f"longest of {name}": f"{force:.3g} N" for name, force in largest.items()},
+            "viewers": str(viewers),
         }
         if self._session.recording is not None:
             rows["recording"] = html.escape(str(self._session.recording))
@@ -64,24 +64,14 @@ class Status:
         times = list(self._times)
         if len(times) < 2 or times[-1][0] < monotonic() - _WINDOW:
             return None
-        (begun, first), (ended, last) = times[0], times[-1]
+        (begun, first, number), (ended, last, latest) = times[0], times[-1]
         wall = max(ended - begun, 1e-9)
-        return (last - first) / wall, (len(times) - 1) / wall
+        return (last - first) / wall, (latest - number) / wall
 
     def _doing(self) -> str:
-        session = self._session
-        if session.failure is not None:
-            return _bad(f"ended: {session.failure}")
-        work = session.stepper.work
-        if work is not None and monotonic() - work[1] > _LONG:
-            return f"{html.escape(work[0])}, since {monotonic() - work[1]:.1f} s"
-        if session.stepper.paused:
-            return "paused"
-        programme = session.playing
-        if programme is not None:
-            moment = max(0.0, session.last.record.time - programme.start)
-            return f"plays the program, {moment:.2f} of {programme.duration:g} s"
-        return "at rest, waits for commands" if self._pace() is None else "follows commands"
+        text, bad = self._session.doing()
+        text = text or ("at rest, waits for commands" if self._pace() is None else "follows commands")
+        return _bad(text) if bad else html.escape(text)
 
 
 def _bad(text: str) -> str:

@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 from benchmarks.live.browser import Browser
 from gdfe_ros.live.surface import Surface
 
@@ -22,4 +24,22 @@ def test_a_user_moves_a_slider_and_resets(live: Callable[..., Any]) -> None:
         browser.press("reset")
         browser.wait(lambda: session.last.record.time == 0.0, "the reset")
         browser.wait(lambda: "0.000 s" in browser.text(), "the state")
+        assert browser.complaints() == []
+
+
+def test_a_user_drags_a_handle(live: Callable[..., Any]) -> None:
+    """Drag the tip's upward arrow with the mouse: the body's surface in the browser goes up with it."""
+    page = live()
+    session, mesh = page.session, page.session.scene.mesh
+    with Browser(Surface(mesh), size=(900, 650)) as browser:
+        browser.open(page.page.port)
+        browser.wait(lambda: "converged" in browser.text(), "the page")
+        browser.dismiss()
+        browser.drag_control(mesh, session.scene.handles[1], (0, 0, 1), pixels=60.0)
+        browser.wait(lambda: session.simulation.targets["tip"].translation[2] > 0.1 * mesh.size, "the drag")
+        browser.settle()
+        x, y, z = session.simulation.targets["tip"].translation
+        assert abs(x) + abs(y) < 1e-6 * mesh.size
+        assert session.last.poses["tip"].translation[2] == pytest.approx(z)
+        assert browser.frames()[-1][1] > browser.frames()[0][1]
         assert browser.complaints() == []

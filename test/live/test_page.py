@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.live.viewer import Viewer
 from gdfe_ros.analysis.bag_run import BagRun
@@ -156,6 +157,72 @@ def test_a_rigid_body_has_no_control(live: Callable[..., Any]) -> None:
     assert "/handles/cube" not in viewer.nodes
 
 
+def test_obstacles_and_bodies_are_where_they_are(live: Callable[..., Any]) -> None:
+    """Drag a ball, let a cube fall: the ball's shape goes along, the cube's pose is the simulation's."""
+    things = "obstacles: {ball: {sphere: {radius: 0.01}, at: [0.05, 0, 0.05]}}\nbodies: {cube: {box: {size: [0.01, "
+    things += "0.01, 0.01]}, density: 500, at: [0.2, 0, 0.2], rotation_deg: [0, 0, 30]}}\ndynamics: {step: 0.01}"
+    page = live(motion=things)
+    viewer, session = page.look(), page.session
+    shape = viewer.nodes["/obstacles/ball"]["vertices"].reshape(-1, 3)
+    np.testing.assert_allclose(np.linalg.norm(shape, axis=1), 0.1, rtol=1e-6)
+    np.testing.assert_allclose(viewer.nodes["/obstacles/ball"]["position"], [0.5, 0.0, 0.5], atol=1e-6)
+    viewer.drag("ball", [0.6, 0.1, 0.5])
+    viewer.wait(lambda: viewer.nodes["/obstacles/ball"]["position"][0] > 0.55, "the ball's way")
+    np.testing.assert_allclose(viewer.nodes["/obstacles/ball"]["position"], [0.6, 0.1, 0.5], atol=1e-6)
+    viewer.wait(lambda: viewer.nodes["/obstacles/cube"]["position"][2] < 1.9, "the cube's fall")
+    viewer.press("pause")
+    viewer.wait(lambda: session.stepper.paused and session.stepper.work is None, "a hold")
+    place = 10.0 * np.add([0.2, 0.0, 0.2], session.last.poses["cube"].translation)
+    node = viewer.nodes["/obstacles/cube"]
+    viewer.wait(lambda: np.allclose(node["position"], place, atol=1e-5), "the cube where it is")
+    half = np.deg2rad(15.0)
+    np.testing.assert_allclose(node["wxyz"], [np.cos(half), 0.0, 0.0, np.sin(half)], atol=1e-3)
+
+
+def test_an_obstacle_of_triangles_is_shown(live: Callable[..., Any], tmp_path: Path) -> None:
+    """Put an icosahedron of a file beside the bar: its twenty triangles are sent, in the units of the picture."""
+    file = tmp_path / "tool.stl"
+    trimesh.creation.icosahedron().apply_scale(0.01).export(file)
+    motion = f"obstacles: {{tool: {{mesh: {{file: {file}}}, at: [0.05, 0, 0.05]}}}}"
+    node = live(motion=motion).look().nodes["/obstacles/tool"]
+    shape = node["vertices"].reshape(-1, 3)
+    assert node["faces"].size == 60
+    np.testing.assert_allclose(np.linalg.norm(shape, axis=1), 0.1, rtol=1e-5)
+
+
+def test_contact_forces_push_from_without(live: Callable[..., Any]) -> None:
+    """Press a floor against the bar: arrows from below end at what touches; together they are the reaction."""
+    page = live(motion=TOUCHING.replace("-0.0101]", "-0.0101], friction: 1.0"))
+    viewer, session = page.look(), page.session
+    viewer.move("weight, factor [1]", 0.0)
+    viewer.wait(lambda: not len(session.last.result.contacts["floor"].presses), "a bar that hangs free")
+    viewer.wait(lambda: not viewer.nodes["/contact_forces/sticks"]["visible"], "no arrows")
+    viewer.drag("floor", [0.0, 0.0, -0.096])
+    viewer.wait(lambda: session.last.result.reactions["floor"][2] > 0.01, "a press")
+    viewer.wait(lambda: session.simulation.settled, "rest")
+    floor = session.last.result.reactions["floor"][:3]
+    assert floor[2] > 0.01
+
+    def told() -> bool:
+        total = np.diff(_arrows(viewer), axis=1).sum(axis=(0, 1))
+        return total[2] > 0.0 and np.allclose(total / total[2], floor / floor[2], atol=0.02)
+
+    viewer.wait(told, "arrows that add up to the reaction")
+    arrows = _arrows(viewer)
+    assert (np.diff(arrows[:, :, 2], axis=1) > 0.0).all()
+    assert arrows[:, 1, 2] == pytest.approx(-0.097, abs=2e-3)
+
+
+def test_groups_can_be_hidden_where_the_scene_has_them(live: Callable[..., Any]) -> None:
+    """Hide the contact forces; a scene where nothing touches has no such box."""
+    viewer = live(motion=TOUCHING).look()
+    viewer.move("contact forces", False)
+    viewer.wait(lambda: viewer.nodes["/contact_forces"].get("visible") is False, "the hidden group")
+    other = live().look()
+    assert {"handles", "probes", "reactions"} <= set(other.controls)
+    assert not {"contact forces", "obstacles"} & set(other.controls)
+
+
 def test_moduli_change_while_it_runs(live: Callable[..., Any], tmp_path: Path) -> None:
     """Halve a modulus: the force at the tip falls under the same command; while a bag is written it is refused."""
     page = live()
@@ -264,6 +331,13 @@ def _hanging(page: Any) -> Viewer:
     page.viewers.append(viewer)
     viewer.wait(lambda: viewer.frames, "a frame")
     return viewer
+
+
+def _arrows(viewer: Viewer) -> Any:
+    """Give begin and end of the arrows of contact (k, 2, 3), in the units of the picture."""
+    nodes = [viewer.nodes[f"/contact_forces/{kind}"] for kind in ("sticks", "slips")]
+    seen = [node["points"].reshape(-1, 2, 3) for node in nodes if node["visible"]]
+    return np.concatenate([np.zeros((0, 2, 3)), *seen])
 
 
 def _largest(viewer: Viewer) -> float:

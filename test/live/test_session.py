@@ -43,7 +43,7 @@ def test_a_rate_limit_holds_after_a_rest(bar: str) -> None:
     while len(steps) < 2:
         session.stepper.call(lambda: None)
     session.stop()
-    assert steps[1].actuators["left"].command == pytest.approx(0.01)
+    assert dict((name, value) for name, value, _ in steps[1].actuators["left"])["tension"] == pytest.approx(0.01)
 
 
 def test_the_surface_is_a_sound_gltf() -> None:

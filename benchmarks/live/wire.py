@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What reaches a browser over its web socket, and when: the browser's own account of it, whatever it draws later."""
+
+from __future__ import annotations
+
+import base64
+import json
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+from urllib.request import urlopen
+
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from benchmarks.live.viewer import messages_in, vertices_in
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A frame of the body.
+
+    Attributes:
+        moment: when it reached the browser, wall time [s].
+        total: sum of its positions: another body has another one.
+    """
+
+    moment: float
+    total: float
+
+
+class Wire:
+    """Listens to the DevTools protocol of a browser: viser's socket lives in a worker of the page.
+
+    Args:
+        address: of the protocol, host and port.
+    """
+
+    def __init__(self, address: str) -> None:
+        with urlopen(f"http://{address}/json") as answer:
+            pages = [target for target in json.load(answer) if target["type"] == "page"]
+        self._socket = connect(pages[0]["webSocketDebuggerUrl"], max_size=None)
+        self._count, self._lead = 0, 0.0
+        self._windows: list[tuple[float, str]] = []
+        self._send("Target.setAutoAttach", autoAttach=True, waitForDebuggerOnStart=True, flatten=True)
+        self._send("Network.enable")
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def arrivals(self) -> Iterator[Arrival]:
+        """Give the frames of the body so far, and forget them."""
+        windows, self._windows = self._windows, []
+        for moment, payload in windows:
+            for message in messages_in(base64.b64decode(payload)):
+                if glb := message.get("updates", {}).get("glb_data"):
+                    yield Arrival(moment + self._lead, float(vertices_in(glb).sum(dtype=float)))
+
+    def close(self) -> None:
+        """End the listening."""
+        self._socket.close()
+        self._thread.join()
+
+    def _send(self, method: str, session: str | None = None, **parameters: Any) -> None:
+        self._count += 1
+        message = {"id": self._count, "method": method, "params": parameters}
+        self._socket.send(json.dumps(message | ({"sessionId": session} if session else {})))
+
+    def _listen(self) -> None:
+        try:
+            for text in self._socket:
+                self._take(json.loads(text))
+        except ConnectionClosed:
+            return  # the browser has ended
+
+    def _take(self, message: dict[str, Any]) -> None:
+        given = message.get("params", {})
+        match message.get("method"):
+            case "Target.attachedToTarget":
+                self._send("Network.enable", given["sessionId"])
+                self._send("Runtime.runIfWaitingForDebugger", given["sessionId"])
+            case "Network.requestWillBeSent":
+                # The only event that has both clocks.
+                self._lead = given["wallTime"] - given["timestamp"]
+            case "Network.webSocketFrameReceived":
+                self._windows.append((given["timestamp"], given["response"]["payloadData"]))

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Draw the pictures of the live page in the documentation: real runs in a real Chromium.
+
+python -m docs.scripts.live_pictures [SCENE ...]
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from benchmarks.live.browser import Browser
+from gdfe_ros.live.page import Page
+from gdfe_ros.live.session import LiveSession
+from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.view import View
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+
+IMAGES = Path(__file__).parent.parent / "images"
+MOMENTS = {"tendon_finger": ("live.png", 1.25, 0.25), "finger_press": ("live_contact.png", 3.0, 0.1)}
+"""Of each scene: the file, when it is drawn [s], and the time of a step [s]."""
+
+
+def main() -> None:
+    """Play each scene's program before a Chromium, hold it, and keep what that shows."""
+    for name in sys.argv[1:] or MOMENTS:
+        file, moment, dt = MOMENTS[name]
+        draw(name, IMAGES / file, moment=moment, dt=dt)
+
+
+def draw(name: str, path: Path, *, moment: float, dt: float) -> None:
+    """Draw a scene at a moment of its program [s], which steps of ``dt`` [s] lead to."""
+    scene = load_scene(name)
+    page = Page(host="127.0.0.1", port=8780, frames=30.0)
+
+    def told(view: View) -> None:
+        page.take(view)
+        if view.record.time > moment - dt / 2:
+            session.pause(True)
+
+    session = LiveSession(Simulation(scene), dt=dt, told=told, warn=page.say)
+    page.show(session)
+    session.start()
+    try:
+        with Browser(Surface(scene.mesh), size=(1300, 800)) as browser:
+            browser.open(page.port)
+            browser.press("play the program")
+            time = f"{moment:.3f} s"
+            browser.wait(lambda: "paused" in browser.text() and time in browser.text(), "the moment")
+            browser.dismiss()
+            browser.settle()
+            browser.chrome.save_screenshot(str(path))
+            print(path, time, browser.complaints() or "no errors")
+    finally:
+        session.stop()
+        page.close()
+
+
+if __name__ == "__main__":
+    main()

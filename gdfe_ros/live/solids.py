@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Obstacles and rigid bodies in the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.analysis.obstacle_faces import form_faces
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.obstacle import Obstacle, Plane
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.scene.scene import Scene
+
+_SHEET = 4.0
+"""Edge of the sheet that stands for a plane, over the body's size."""
+_OBSTACLE, _BODY, _LINES = (140, 145, 155), (230, 140, 50), (110, 115, 125)
+_OBSTACLE_OPACITY, _BODY_OPACITY = 0.45, 0.8
+"""So that what lies behind, and the forces, are seen through them."""
+
+
+class Solids:
+    """Shapes that are sent once; then only their poses, and only of those that have moved.
+
+    A plane is a sheet with lines a tenth of the body's size apart, which stays below the body: it moves on by whole
+    lines, so that these stand still.
+
+    Args:
+        space: of the page.
+        group: name of the node that they hang on.
+        scene: whose obstacles and rigid bodies are shown.
+        scale: from metres to the units of the picture.
+    """
+
+    def __init__(self, space: viser.SceneApi, group: str, scene: Scene, *, scale: float) -> None:
+        self._space, self._scale, self._size = space, scale, scene.mesh.size
+        self._things = [handle for handle in scene.handles if isinstance(handle, Obstacle)]
+        self._nodes = {thing.name: self._add(f"{group}/{thing.name}", thing) for thing in self._things}
+
+    def move(self, poses: Mapping[str, Pose], positions: NDArray[np.floating]) -> None:
+        """Put each where it is; viser sends what has changed.
+
+        Args:
+            poses: of all, relative to rest.
+            positions: of the body's vertices (n, 3) [m].
+        """
+        for thing in self._things:
+            origin, axes = thing.frame(poses[thing.name])
+            if isinstance(thing.form, Plane):
+                cell = self._size / 10.0
+                foot = np.round((positions.mean(axis=0) - origin) @ axes / cell) * cell
+                origin = origin + axes[:, :2] @ foot[:2]
+            node, (x, y, z, w) = self._nodes[thing.name], Rotation.from_matrix(axes).as_quat()
+            node.position, node.wxyz = self._scale * origin, np.array([w, x, y, z])
+
+    def _add(self, path: str, thing: Obstacle) -> viser.SceneNodeHandle:
+        if isinstance(thing.form, Plane):
+            edge = _SHEET * self._size * self._scale
+            return self._space.add_grid(
+                path,
+                width=edge,
+                height=edge,
+                cell_size=edge / _SHEET / 10.0,
+                section_size=edge / _SHEET,
+                cell_color=_LINES,
+                section_color=_LINES,
+                plane_color=_OBSTACLE,
+                plane_opacity=_OBSTACLE_OPACITY,
+                shadow_opacity=0.0,
+            )
+        faces = form_faces(thing.form)
+        count, corners = faces.shape[:2]
+        fan = np.array([[0, place, place + 1] for place in range(1, corners - 1)])
+        free = isinstance(thing, RigidBody)
+        return self._space.add_mesh_simple(
+            path,
+            (self._scale * faces).reshape(-1, 3),
+            (corners * np.arange(count)[:, None, None] + fan).reshape(-1, 3),
+            color=_BODY if free else _OBSTACLE,
+            opacity=_BODY_OPACITY if free else _OBSTACLE_OPACITY,
+            flat_shading=True,
+            side="double",
+        )
