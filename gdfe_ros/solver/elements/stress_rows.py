@@ -56,7 +56,7 @@ LINEAR, NEO_HOOKEAN, CURVE, OGDEN_LAW = 0, 1, 2, 3
 UNIQUE = 1e-6
 """Margin of the rotation below which its closed form loses digits and the invariants are used for the energy."""
 SWEEPS = 12
-"""Of Jacobi's method at most: it ends after three to five, quadratically; not a number never ends."""
+"""Of Jacobi's method at most: three to five are enough for any numbers, none for what is not a number."""
 FIRST, SECOND, DETERMINANT, STRETCH_SUM, SIZE, FACTOR, STORED = range(COORDINATES, COORDINATES + 7)
 """Scratch of the corotated laws: invariants of F, tr(R^T F), |F - lam R|^2, what multiplies F - lam R, its energy."""
 TENSOR, LEFT, RIGHT = COORDINATES, COORDINATES + 6, FORCES
