@@ -38,6 +38,7 @@ def texts() -> dict[str, str]:
         "scene": scene_reference.markdown(),
         "node": node_reference.markdown(),
         "constants": constant_table(),
+        "robots_level": second_level.table(json.loads((DATA / "robots_level.json").read_text())["rows"]),
         "second_level": second_level.table(json.loads((DATA / "second_level.json").read_text())["rows"]),
         "manners": manners_table(json.loads((DATA / "manners.json").read_text())),
         **tables_beside(DATA / "bench.json"),
