@@ -174,6 +174,7 @@ class Page:
             self._changed.clear()
             started = monotonic()
             view, again = self._view, self._again
+            self._session.watch(bool(self.viewers))
             if not self.viewers:
                 continue
             if view is not None and (view is not self._seen or again):

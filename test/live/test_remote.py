@@ -100,6 +100,21 @@ def test_a_body_in_motion_is_seen(shown: Callable[..., Shown], bar: str, tmp_pat
     assert "/handles/cube" not in viewer.nodes
 
 
+def test_a_page_that_nobody_looks_at_hears_no_meshes(shown: Callable[..., Shown]) -> None:
+    """Let the only viewer leave, and another one come: the mesh is subscribed to while somebody looks."""
+    page = shown()
+    rest = page.viewer.surface().copy()
+    page.viewer.__exit__(None, None, None)
+    _await(lambda: page.session._node.count_subscribers("/gdfe_sim/mesh") == 0)
+    before = page.session.commands["lower"]
+    page.session.command("lower", ActuatorOrder({"lower": before + 1.0}))
+    _await(lambda: page.session.commands["lower"] == before + 1.0)
+    page.viewer = viewer = Viewer(page.page.port)
+    uuid = viewer.wait(lambda: viewer.controls.get("lower, tension [N]"), "the page")["uuid"]
+    viewer.wait(lambda: viewer.values[uuid] == before + 1.0, "the slider")
+    viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar")
+
+
 def test_what_others_command_is_shown(shown: Callable[..., Shown]) -> None:
     """Let somebody else command the node: slider and control go there, and give no command of their own."""
     page = shown()
@@ -213,6 +228,13 @@ def test_a_page_of_a_scene_needs_no_ros() -> None:
     """Import the page and its session in a fresh process: rclpy is not touched."""
     code = "import sys, gdfe_ros.live.page, gdfe_ros.live.session, gdfe_ros.commands.live; exit('rclpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def _await(done: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60.0
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 def _next_page(port: int) -> Viewer:

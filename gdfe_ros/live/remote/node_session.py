@@ -74,7 +74,7 @@ class NodeSession:
         self._led: dict[str, Pose] = {}
         self._steps: Steps | None = None
         self._thread: threading.Thread | None = None
-        self._ending = threading.Event()
+        self._ending, self._watched = threading.Event(), False
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node(f"{_OWN}_{os.getpid()}", context=self._context)
@@ -153,6 +153,10 @@ class NodeSession:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.stop()
+
+    def watch(self, wanted: bool) -> None:
+        """Hear all of the steps, or no more than what they consume."""
+        self._watched = wanted
 
     def doing(self) -> tuple[str, bool]:
         """Say what the node reports and whether that is bad; nothing where its steps tell it."""
@@ -233,6 +237,7 @@ class NodeSession:
     def _spin(self) -> None:
         try:
             while not self._ending.is_set():
+                self._steps.listen(self._watched)
                 self._executor.spin_once(timeout_sec=0.1)
         except Exception as error:
             self._fail(error)

@@ -10,6 +10,7 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
 
 from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.live.view import Reading, View
@@ -31,6 +32,8 @@ _INTERVAL = 1.0 / 60.0
 class Steps:
     """Hears the topics of a scene's state, and tells of the newest step of which all has come.
 
+    The records of steps it always hears, all else while somebody wants it: a node makes no message that nobody hears.
+
     Args:
         node: that subscribes.
         name: full name of the simulation's node.
@@ -51,21 +54,34 @@ class Steps:
         failed: Callable[[Exception], None],
     ) -> None:
         self._scene, self._consumed, self._told, self._failed = scene, consumed, told, failed
-        self._specs = state_topics(scene)
+        self._specs, self._node, self._name = state_topics(scene), node, name
+        self._subscriptions: list[Subscription] = []
         self._parts: dict[Moment, dict[str, Any]] = {}
         self._newest: dict[str, Any] | None = None
         self._come, self._ending = threading.Event(), threading.Event()
-        for key, spec in self._specs.items():
-            kind = interface_class(spec.type)
-            node.create_subscription(kind, f"{name}/{key}", partial(self._hear, key), _QOS)
+        self._subscribe(topics.STEP_RECORD.key())
         self._thread = threading.Thread(target=self._work, name="gdfe-listener", daemon=True)
         self._thread.start()
+
+    def listen(self, wanted: bool) -> None:
+        """Begin or end to hear what is shown, in the thread that spins the node."""
+        if wanted and not self._subscriptions:
+            others = [key for key in self._specs if key != topics.STEP_RECORD.key()]
+            self._subscriptions = [self._subscribe(key) for key in others]
+        elif not wanted and self._subscriptions:
+            for subscription in self._subscriptions:
+                self._node.destroy_subscription(subscription)
+            self._subscriptions = []
 
     def close(self) -> None:
         """End the thread."""
         self._ending.set()
         self._come.set()
         self._thread.join()
+
+    def _subscribe(self, key: str) -> Subscription:
+        kind = interface_class(self._specs[key].type)
+        return self._node.create_subscription(kind, f"{self._name}/{key}", partial(self._hear, key), _QOS)
 
     def _hear(self, key: str, message: Any) -> None:
         """Keep a message until all of its step are there; what came before them is never complete any more."""
