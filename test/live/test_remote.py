@@ -34,7 +34,7 @@ class Shown:
     """A node in a process of its own, its page in this one, and a viewer."""
 
     def __init__(self, parameters: dict[str, Any]) -> None:
-        self.process = NodeProcess(parameters)
+        self.parameters, self.process = parameters, NodeProcess(parameters)
         self.session = NodeSession("gdfe_sim", patience=120.0)
         self.page = Page(host="127.0.0.1", port=8650, frames=30.0)
         self.page.show(self.session)
@@ -157,13 +157,19 @@ def test_what_the_node_refuses_is_told(shown: Callable[..., Shown]) -> None:
 
 
 def test_a_node_that_goes_is_told_of(shown: Callable[..., Shown]) -> None:
-    """End the node: state and buttons say that it is gone; one with another scene makes the page outdated."""
+    """End the node: state and buttons say that it is gone. Start it again: the page goes on; not with another scene."""
     page = shown()
     viewer = page.viewer
     page.process.stop()
     viewer.wait(lambda: "nothing heard of /gdfe_sim" in viewer.text(), "silence to be told of")
     viewer.press("pause")
     viewer.wait(lambda: any("is the node /gdfe_sim running" in note for note in viewer.notes), "a note")
+    with NodeProcess(page.parameters):
+        viewer.wait(lambda: "nothing heard" not in viewer.text(), "its return")
+        viewer.wait(lambda: page.session._commander.heard(), "the node to listen")
+        viewer.move("left, tension [N]", 1.25)
+        viewer.wait(lambda: page.session.commands["left"] == 1.25, "its command")
+        assert not page.session.outdated
     with NodeProcess(OTHER):
         viewer.wait(lambda: page.session.outdated, "the other scene")
 
