@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe live``: a running scene in the browser, seen and commanded with the mouse."""
+"""``gdfe live``: a running scene in the browser, or a running node, seen and commanded with the mouse."""
 
 from __future__ import annotations
 
@@ -13,16 +13,25 @@ from importlib.util import find_spec
 
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.pace import ClockMode
 
 ENDED = 1
 LOCAL = "127.0.0.1"
 PORT = 8080
+DT = 0.01
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("scene", help="a name in config/scenes or the path of a YAML file")
+    parser.add_argument("scene", nargs="?", help="a name in config/scenes or the path of a YAML file")
+    parser.add_argument(
+        "--ros",
+        nargs="?",
+        const=NODE_NAME,
+        metavar="NODE",
+        help=f"instead of a scene: show the node of this name, over its topics (default: {NODE_NAME})",
+    )
     parser.add_argument(
         "--host",
         default=LOCAL,
@@ -35,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"the first one to try, 1 to 65535; the next where taken (default: {PORT})",
     )
     parser.add_argument("--fps", type=float, default=30.0, help="most frames a second, 1 to 60 (default: 30)")
-    parser.add_argument("--dt", type=float, default=0.01, help="simulation time of a step [s] (default: 0.01)")
+    parser.add_argument("--dt", type=float, help=f"simulation time of a step [s] (default: {DT})")
     parser.add_argument("--fast", action="store_true", help="step as fast as it goes (default: at most in real time)")
     parser.add_argument("--play", action="store_true", help="play the scene's program at once")
     parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
@@ -45,8 +54,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show the scene until interrupted; return 0, or 1 where stepping or drawing ended by itself."""
+    """Show the scene or the node until interrupted; return 0, or 1 where stepping or drawing ended by itself."""
     _require(arguments)
+    ending = threading.Event()
+    if arguments.ros is not None:
+        return _show_node(arguments, ending)
+    return _show_scene(arguments, ending)
+
+
+def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
     from gdfe_ros.live.page import Page
     from gdfe_ros.live.session import LiveSession
     from gdfe_ros.scene import load_scene
@@ -60,16 +76,15 @@ def run(arguments: argparse.Namespace) -> int:
         raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program', or leave out --play")
     page = Page(host=arguments.host, port=arguments.port, frames=arguments.fps)
     clock = ClockMode.FAST if arguments.fast else ClockMode.WALL
-    session = LiveSession(simulation, dt=arguments.dt, clock=clock, told=page.take, warn=page.say)
-    ending = threading.Event()
+    dt = DT if arguments.dt is None else arguments.dt
+    session = LiveSession(simulation, dt=dt, clock=clock, told=page.take, warn=page.say)
     try:
         page.show(session)
         session.start()
         _say_where(arguments, page.port)
         if arguments.play:
             session.play()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: ending.set())
+        _end_on_signals(ending)
         while not ending.wait(0.5) and session.failure is None and page.failure is None:
             pass
     finally:
@@ -78,16 +93,63 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if session.failure is None and page.failure is None else ENDED
 
 
+def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
+    """Show a node; where it has another scene after a while, with another page at the same address."""
+    from gdfe_ros.live.page import Page
+    from gdfe_ros.live.remote.node_session import NodeSession
+
+    port = arguments.port
+    while True:
+        session = NodeSession(arguments.ros)
+        page = None
+        try:
+            page = Page(host=arguments.host, port=port, frames=arguments.fps)
+            page.show(session)
+            session.start(told=page.take, warn=page.say)
+            if page.port != port or port == arguments.port:
+                _say_where(arguments, page.port)
+            port = page.port
+            _end_on_signals(ending)
+            while not (ending.wait(0.5) or session.outdated or session.failure or page.failure):
+                pass
+        finally:
+            session.stop()
+            if page is not None:
+                page.close()
+        if ending.is_set() or session.failure or page.failure:
+            return 0 if session.failure is None and page.failure is None else ENDED
+
+
+def _end_on_signals(ending: threading.Event) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ending.set())
+
+
 def _require(arguments: argparse.Namespace) -> None:
     """Refuse what cannot be, before anything slow is imported."""
     if find_spec("viser") is None:
         raise GdfeError("the page needs viser; install it: pip install 'gdfe_ros[live]'")
+    _require_source(arguments)
     if not 1 <= arguments.port <= 65535:
         raise GdfeError(f"--port is {arguments.port}; allowed: 1 to 65535")
     if not 1.0 <= arguments.fps <= 60.0:
         raise GdfeError(f"--fps is {arguments.fps!r}; allowed: 1 to 60 frames a second")
-    if not (math.isfinite(arguments.dt) and 1e-6 <= arguments.dt <= 1e3):
+    if arguments.dt is not None and not (math.isfinite(arguments.dt) and 1e-6 <= arguments.dt <= 1e3):
         raise GdfeError(f"--dt is {arguments.dt!r}; allowed: 1e-6 to 1000 s")
+
+
+def _require_source(arguments: argparse.Namespace) -> None:
+    """Refuse anything but a scene or a node, and what only the other takes."""
+    if (arguments.scene is None) == (arguments.ros is None):
+        given = "neither" if arguments.ros is None else f"scene {arguments.scene!r} and --ros {arguments.ros}"
+        raise GdfeError(f"{given} given; allowed: a scene, or --ros with the name of a running node")
+    if arguments.ros is None:
+        return
+    own = {"--dt": arguments.dt, "--fast": arguments.fast, "--play": arguments.play, "--set": arguments.set}
+    if refused := [name for name, value in own.items() if value]:
+        raise GdfeError(f"{', '.join(refused)} with --ros: the node has its own; drop it, or set the node's parameters")
+    if find_spec("rclpy") is None:
+        raise GdfeError("--ros needs rclpy; source a ROS 2, or: pip install 'gdfe_ros[ros]'")
 
 
 def _say_where(arguments: argparse.Namespace, port: int) -> None:

@@ -59,6 +59,9 @@ class Session(Protocol):
     def recording(self) -> str | None:
         """The bag that is written, or None."""
 
+    def watch(self, wanted: bool) -> None:
+        """Take note of whether anybody looks."""
+
     def doing(self) -> tuple[str, bool]:
         """Say what it does and whether that is bad; nothing where the last steps tell it."""
 

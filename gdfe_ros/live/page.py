@@ -174,9 +174,10 @@ class Page:
             self._changed.clear()
             started = monotonic()
             view, again = self._view, self._again
-            if view is None or not self.viewers:
+            self._session.watch(bool(self.viewers))
+            if not self.viewers:
                 continue
-            if view is not self._seen or again:
+            if view is not None and (view is not self._seen or again):
                 self._seen, self._again = view, False
                 self._draw(view)
                 self._ending.wait(self._interval / 2)  # until it has been read
@@ -197,13 +198,15 @@ class Page:
             self._stage.draw(view.positions, shares)
             self._stage.mark(view)
 
-    def _refresh(self, view: View) -> None:
-        """Send what need not come with every frame."""
+    def _refresh(self, view: View | None) -> None:
+        """Send what need not come with every frame; before the first step that is little."""
         with self._server.atomic():
-            self._stage.trace()
-            self._stage.lead(self._session.targets)
             self._panel.refresh(self._session.commands)
             self._state.content = self._status.text(view, largest=self._stage.largest(), viewers=self.viewers)
+            if view is None:
+                return
+            self._stage.trace()
+            self._stage.lead(self._session.targets)
             self._legend.content = "" if self._colour.value == _PLAIN else legend(self._colour.value, self._range)
             self._plots.refresh()
 

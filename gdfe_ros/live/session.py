@@ -126,6 +126,9 @@ class LiveSession:
         """Whether only `advance` makes steps."""
         return self.stepper.paused
 
+    def watch(self, wanted: bool) -> None:
+        """Tell of steps whether anybody looks or not: plots show what was before."""
+
     def doing(self) -> tuple[str, bool]:
         """Say what it does and whether that is bad; nothing where it follows commands or rests."""
         if self.failure is not None:

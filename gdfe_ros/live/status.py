@@ -35,16 +35,23 @@ class Status:
         while len(self._times) > 2 and self._times[0][0] < now - _WINDOW:
             self._times.popleft()
 
-    def text(self, view: View, *, largest: Mapping[str, float], viewers: int) -> str:
+    def text(self, view: View | None, *, largest: Mapping[str, float], viewers: int) -> str:
         """Write it as HTML.
 
         Args:
-            view: the last step.
+            view: the last step, or None.
             largest: force of the longest arrow [N] of each group of arrows.
             viewers: browsers that look.
         """
+        rows = {"state": self._doing()} if view is None else self._rows(view, largest, viewers)
+        if self._session.recording is not None:
+            rows["recording"] = html.escape(str(self._session.recording))
+        cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in rows.items())
+        return f'<table id="status" style="font-size:0.8em;line-height:1.3;width:100%;padding:0 0.8em">{cells}</table>'
+
+    def _rows(self, view: View, largest: Mapping[str, float], viewers: int) -> dict[str, str]:
         record, pace = view.record, self._pace()
-        rows = {
+        return {
             "state": self._doing(),
             "time": f"{record.time:.3f} s, " + (f"{pace[1]:.0f} steps/s" if pace else "no steps"),
             "real time": f"&times; {pace[0]:.2f}" if pace else "-",
@@ -54,10 +61,6 @@ class Status:
             **{f"longest of {name}": f"{force:.3g} N" for name, force in largest.items()},
             "viewers": str(viewers),
         }
-        if self._session.recording is not None:
-            rows["recording"] = html.escape(str(self._session.recording))
-        cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in rows.items())
-        return f'<table id="status" style="font-size:0.8em;line-height:1.3;width:100%;padding:0 0.8em">{cells}</table>'
 
     def _pace(self) -> tuple[float, float] | None:
         """Give simulation time over wall time and steps a second of the last second; None where no steps are made."""

@@ -13,6 +13,7 @@ from typing import Any
 import av
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 from selenium import webdriver
 from selenium.common.exceptions import TimeoutException
@@ -35,6 +36,14 @@ CHARTS = {
     "Residual over the body's size",
     "Solve time",
 }
+ROD = """
+name: rod
+mesh: {voxels: {surface: rod.stl, cell: 0.005, cells: cut}}
+skin: {file: rod.stl}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
+"""
 _PATIENCE = 300.0
 """Longest wait for the browser [s]: without a graphics card it draws with the processor."""
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -131,6 +140,32 @@ def test_the_report_works_in_a_browser(
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
     fetched = browser.execute_script("return performance.getEntriesByType('resource').map(e => e.name)")
     assert [name for name in fetched if not name.startswith("data:")] == []
+
+
+def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, tmp_path: Path) -> None:
+    """Bend a rod of voxels with a skin: the page draws the skin's points, coloured by face, without edges."""
+    rod = trimesh.creation.capsule(height=0.05, radius=0.01, count=[24, 24])
+    rod.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
+    rod.export(tmp_path / "rod.stl")
+    (tmp_path / "rod.yaml").write_text(ROD)
+    bag = maker(tmp_path / "bag", load_scene(tmp_path / "rod.yaml"))
+    for height in (0.0, 0.005, 0.01):
+        bag.step({"tip": Pose(translation=(0.0, 0.0, height))})
+    outside = bag.scene.mesh.outside
+    assert outside.skin
+    write_report(bag.close(), tmp_path / "report.html")
+    _open(browser, tmp_path / "report.html")
+    positions = np.stack([_drawn(browser, axis) for axis in "xyz"], axis=1)
+    np.testing.assert_allclose(positions, outside.at(bag.simulation.positions), atol=0.1 / 65535)
+    assert len(_intensity(browser)) == len(outside.faces)
+    strain = bag.simulation.fields().eps_eq[outside.cells]
+    np.testing.assert_allclose(_intensity(browser), strain, atol=2.0 * strain.max() / 65535)
+    _picture(browser, "report_skin.png")
+    assert not browser.find_element(By.ID, "edges").is_selected()
+    browser.find_element(By.ID, "edges").click()
+    lines = "return document.getElementById('mesh').data[1].x.length"
+    WebDriverWait(browser, _PATIENCE).until(lambda chrome: chrome.execute_script(lines) == 5 * len(outside.faces))
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
 
 
 def test_a_large_run_fits(maker: Any, tmp_path: Path) -> None:

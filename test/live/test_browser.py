@@ -42,4 +42,7 @@ def test_a_user_drags_a_handle(live: Callable[..., Any]) -> None:
         assert abs(x) + abs(y) < 1e-6 * mesh.size
         assert session.last.poses["tip"].translation[2] == pytest.approx(z)
         assert browser.frames()[-1][1] > browser.frames()[0][1]
+        reached = list(browser.wire.arrivals())
+        assert reached[-1].total > reached[0].total
+        assert len(reached) >= len(browser.frames()) - 2  # two were there before any step
         assert browser.complaints() == []

@@ -23,7 +23,7 @@ _NOT_COLOURS = frozenset({"x", "y", "z"})
 
 @dataclass(eq=False)
 class Animation:
-    """Frames of the surface, gathered by ``add``.
+    """Frames of the surface, gathered by ``add``; it is the skin of a mesh that has one.
 
     Args:
         mesh: at rest.
@@ -40,10 +40,9 @@ class Animation:
     frames: NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
-        faces = self.mesh.boundary
-        self._vertices, places = np.unique(faces.quads, return_inverse=True)
-        self._quads, self._cells = places.reshape(faces.quads.shape).astype(np.uint32), faces.cells
-        size = 6 * len(self._vertices) + 2 * len(self._quads) * max(1, len(self.fields))
+        self._outside = self.mesh.outside
+        points, faces = len(self._outside.corners), len(self._outside.faces)
+        size = 6 * points + 2 * faces * max(1, len(self.fields))
         count = max(2, min(MOST_FRAMES, BUDGET // size, self.steps))
         self.frames = np.unique(np.linspace(0, self.steps - 1, count).round().astype(np.int64))
         self._wanted = set(self.frames.tolist())
@@ -57,11 +56,12 @@ class Animation:
         if number not in self._wanted or mesh is None or any(topic not in step.samples for topic, _ in self.fields):
             return
         self._times.append(step.record.time)
-        self._positions.append(np.stack([mesh[axis][self._vertices] for axis in "xyz"], axis=1))
+        self._positions.append(self._outside.at(np.stack([mesh[axis] for axis in "xyz"], axis=1)).astype(np.float32))
         for topic, name in self.fields:
             values = step.samples[topic][name]
-            on_quads = values[self._cells] if topic == "strain" else values[self._vertices][self._quads].mean(axis=1)
-            self._colours[topic, name].append(on_quads.astype(np.float32))
+            shown = self._outside
+            on_faces = values[shown.cells] if topic == "strain" else shown.at(values)[shown.faces].mean(axis=1)
+            self._colours[topic, name].append(on_faces.astype(np.float32))
 
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
         """Give the description for the page's script, and arrays in base64 by name.
@@ -69,13 +69,14 @@ class Animation:
         Positions and colours are 16-bit levels between the least and the largest value of the run: positions are
         off by at most 1/131070 of the box that the run fills.
         """
-        arrays = {"quads": _encode(self._quads)}
+        arrays = {"faces": _encode(self._outside.faces.astype("<u4"))}
         low, high, levels = _levels(np.array(self._positions).reshape(-1, 3))
         arrays["positions"] = _encode(levels)
         description: dict[str, Any] = {
             "times": self._times,
-            "vertices": len(self._vertices),
-            "quads": len(self._quads),
+            "vertices": len(self._outside.corners),
+            "faces": len(self._outside.faces),
+            "corners": self._outside.faces.shape[1],
             "low": low.tolist(),
             "high": high.tolist(),
             "fields": [],

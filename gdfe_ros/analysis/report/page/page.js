@@ -15,7 +15,7 @@ function bytes(id) {
   return data.buffer;
 }
 
-const quads = new Uint32Array(bytes("quads"));
+const faces = new Uint32Array(bytes("faces"));
 const positions = new Uint16Array(bytes("positions"));
 const colours = {};
 
@@ -38,22 +38,29 @@ function coordinates(frame) {
   return axes;
 }
 
-// Each quad is drawn as two triangles.
+// The vertices of a face: three of a skin, four of a cell.
+function cornersOf(face) {
+  return faces.subarray(run.corners * face, run.corners * (face + 1));
+}
+
+// A face of four vertices is drawn as two triangles.
 function triangles() {
   const corners = [[], [], []];
-  for (let q = 0; q < run.quads; q++) {
-    const [a, b, c, d] = quads.subarray(4 * q, 4 * q + 4);
-    [[a, b, c], [a, c, d]].forEach((three) => three.forEach((v, k) => corners[k].push(v)));
+  for (let f = 0; f < run.faces; f++) {
+    const [a, b, c, d] = cornersOf(f);
+    const parts = run.corners === 4 ? [[a, b, c], [a, c, d]] : [[a, b, c]];
+    parts.forEach((three) => three.forEach((v, k) => corners[k].push(v)));
   }
   return corners;
 }
 
 function intensity(field, frame) {
   const source = levels(field);
-  const values = new Float32Array(2 * run.quads);
-  for (let q = 0; q < run.quads; q++) {
-    const value = field.low + (source[run.quads * frame + q] / LEVELS) * (field.high - field.low);
-    values[2 * q] = values[2 * q + 1] = value;
+  const parts = run.corners - 2;
+  const values = new Float32Array(parts * run.faces);
+  for (let f = 0; f < run.faces; f++) {
+    const value = field.low + (source[run.faces * frame + f] / LEVELS) * (field.high - field.low);
+    values.fill(value, parts * f, parts * (f + 1));
   }
   return values;
 }
@@ -61,9 +68,10 @@ function intensity(field, frame) {
 // Unit normals of the vertices, out of the body: three arrays.
 function normals(axes) {
   const sums = axes.map((values) => new Float32Array(values.length));
-  for (let q = 0; q < run.quads; q++) {
-    const corners = quads.subarray(4 * q, 4 * q + 4);
-    const [u, v] = [0, 1].map((k) => axes.map((values) => values[corners[k + 2]] - values[corners[k]]));
+  const [first, second] = run.corners === 4 ? [[0, 2], [1, 3]] : [[0, 1], [0, 2]];
+  for (let f = 0; f < run.faces; f++) {
+    const corners = cornersOf(f);
+    const [u, v] = [first, second].map(([from, to]) => axes.map((values) => values[corners[to]] - values[corners[from]]));
     for (let axis = 0; axis < 3; axis++) {
       const [b, c] = [(axis + 1) % 3, (axis + 2) % 3];
       const part = u[b] * v[c] - u[c] * v[b];
@@ -77,16 +85,18 @@ function normals(axes) {
   return sums;
 }
 
-// The outlines of all quads as one line, broken by gaps; they float a little above the surface, which would hide them.
+// The outlines of all faces as one line, broken by gaps; they float a little above the surface, which would hide them.
 function outlines(axes) {
   const out = normals(axes);
   const lift = 0.001 * Math.max(...run.low.map((low, axis) => run.high[axis] - low));
   return axes.map((values, axis) => {
-    const line = new Array(6 * run.quads).fill(null);
-    for (let q = 0; q < run.quads; q++) {
-      for (let k = 0; k < 5; k++) {
-        const v = quads[4 * q + (k % 4)];
-        line[6 * q + k] = values[v] + lift * out[axis][v];
+    const length = run.corners + 2;
+    const line = new Array(length * run.faces).fill(null);
+    for (let f = 0; f < run.faces; f++) {
+      const corners = cornersOf(f);
+      for (let k = 0; k <= run.corners; k++) {
+        const v = corners[k % run.corners];
+        line[length * f + k] = values[v] + lift * out[axis][v];
       }
     }
     return line;
@@ -104,15 +114,14 @@ function chosenField() {
 function drawMesh() {
   const [i, j, k] = triangles();
   const axes = coordinates(0);
-  const lines = outlines(axes);
   const field = chosenField();
   const surface = {
-    type: "mesh3d", x: axes[0], y: axes[1], z: axes[2], i, j, k, flatshading: true, hoverinfo: "skip",
+    type: "mesh3d", x: axes[0], y: axes[1], z: axes[2], i, j, k, hoverinfo: "skip", flatshading: run.corners === 4,
     lighting: { ambient: 0.75, diffuse: 0.4, specular: 0.05 }, color: "#8fa6c6",
   };
   if (field) Object.assign(surface, colouring(field, 0));
   const edges = {
-    type: "scatter3d", mode: "lines", x: lines[0], y: lines[1], z: lines[2], hoverinfo: "skip", showlegend: false,
+    type: "scatter3d", mode: "lines", x: [], y: [], z: [], hoverinfo: "skip", showlegend: false,
     line: { color: "rgb(20,25,35)", width: 1 }, opacity: 0.5,
   };
   const ranges = run.low.map((low, axis) => [low, run.high[axis]]);
@@ -204,6 +213,7 @@ function start() {
     return;
   }
   for (const [place, field] of run.fields.entries()) element("field").add(new Option(fieldLabel(field), String(place)));
+  element("edges").checked = run.corners === 4; // A skin is smooth.
   const slider = element("time");
   slider.max = String(run.times.length - 1);
   const show = () => showFrame(Number(slider.value));

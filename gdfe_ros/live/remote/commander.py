@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is sent to a node: orders on its topics, requests to its services."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from typing import Any
+
+from geometry_msgs.msg import Point, PoseStamped, Quaternion
+from geometry_msgs.msg import Pose as PoseMessage
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.interface import Ability
+from gdfe_ros.node.interface import services, topics
+from gdfe_ros.node.interface.scene_topics import is_commanded, target_key
+from gdfe_ros.node.messages import actuation
+from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, require_near
+from gdfe_ros.node.qos import interface_class, qos_profile
+from gdfe_ros.scene.scene import Scene
+
+SERVICES = {
+    Ability.PAUSE: services.PAUSE,
+    Ability.STEP: services.STEP,
+    Ability.RESET: services.RESET,
+    Ability.RECORD: services.RECORD,
+}
+"""What a node can be asked for."""
+
+
+class Commander:
+    """Sends orders and requests; from any thread.
+
+    Args:
+        node: that publishes and calls.
+        name: full name of the simulation's node.
+        scene: of that.
+    """
+
+    def __init__(self, node: Node, name: str, scene: Scene) -> None:
+        self._name, self._scene = name, scene
+        self._actuators = {actuator.name: actuator for actuator in scene.actuators}
+        profile = qos_profile(topics.ACTUATION.delivery)
+        self._actuation = node.create_publisher(JointState, f"{name}/{topics.ACTUATION.key()}", profile)
+        self._targets = {
+            handle.name: node.create_publisher(PoseStamped, f"{name}/{target_key(handle)}", profile)
+            for handle in scene.handles
+            if is_commanded(handle)
+        }
+        self._clients = {
+            ability: node.create_client(interface_class(spec.type), spec.name.replace("~", name))
+            for ability, spec in SERVICES.items()
+        }
+
+    def heard(self) -> bool:
+        """Tell whether the node listens to what is sent."""
+        return all(each.get_subscription_count() for each in (self._actuation, *self._targets.values()))
+
+    def send(self, order: Order) -> None:
+        """Publish an order.
+
+        Raises:
+            GdfeError: a handle is led too far away, or it is another kind of order.
+        """
+        if isinstance(order, PoseOrder):
+            require_near(order.translation, self._scene.mesh.size)
+            position = Point(**dict(zip("xyz", order.translation, strict=True)))
+            pose = PoseMessage(
+                position=position, orientation=Quaternion(**dict(zip("xyzw", order.quaternion, strict=True)))
+            )
+            self._targets[order.handle].publish(PoseStamped(pose=pose))
+        elif isinstance(order, ActuatorOrder):
+            self._actuation.publish(actuation(self._actuators, order.values))
+        else:
+            raise GdfeError(f"a page gives poses and values, not {type(order).__name__}")
+
+    def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
+        """Call a service; ``on`` is what one that switches something gets.
+
+        The answer is what the node says of a bag, empty of all else, which is seen; where it refuses, a GdfeError.
+
+        Raises:
+            GdfeError: the node does not offer it at the moment.
+        """
+        client = self._clients[ability]
+        if not client.service_is_ready():
+            raise GdfeError(f"{client.srv_name} is not there; is the node {self._name} running?")
+        request = SetBool.Request(data=on) if client.srv_type is SetBool else Trigger.Request()
+        answer: Future[str] = Future()
+
+        def hear(done: Any) -> None:
+            response = done.result()
+            if response.success:
+                answer.set_result(response.message if ability is Ability.RECORD else "")
+            else:
+                answer.set_exception(GdfeError(f"{client.srv_name}: {response.message}"))
+
+        client.call_async(request).add_done_callback(hear)
+        return answer

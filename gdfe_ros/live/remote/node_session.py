@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A running node as a session: heard over its topics, commanded over them and its services."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import replace
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.interface import Ability
+from gdfe_ros.live.remote.commander import SERVICES, Commander
+from gdfe_ros.live.remote.report import Report
+from gdfe_ros.live.remote.search import absence, full_name
+from gdfe_ros.live.remote.steps import Steps, view_of
+from gdfe_ros.live.view import View
+from gdfe_ros.node.actuator_orders import EFFORTS
+from gdfe_ros.node.interface import topics
+from gdfe_ros.node.orders import Order
+from gdfe_ros.node.process import make_executor
+from gdfe_ros.node.qos import qos_profile
+from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
+from gdfe_ros.testing.state import State
+
+PATIENCE = 5.0
+"""Longest wait for a node's scene [s]."""
+_SILENT = 3.5
+"""Time without a report after which it is told that nothing is heard [s]; a node reports once a second."""
+_OWN = "gdfe_live"
+
+
+class NodeSession:
+    """Shows a node that runs somewhere; its scene is known once this is made.
+
+    Args:
+        name: of the node, e.g. ``gdfe_sim`` or ``/left/gdfe_sim``.
+        patience: longest wait for its scene [s].
+
+    Raises:
+        GdfeError: no name of a node, no such node, or none that is configured; says which there are.
+
+    Attributes:
+        abilities: what its services offer.
+        failure: why the listening ended by itself, or None.
+        outdated: whether the node has another scene by now; make another session then.
+    """
+
+    abilities = frozenset(SERVICES)
+
+    def __init__(self, name: str, *, patience: float = PATIENCE) -> None:
+        self.name = full_name(name)
+        self.failure: Exception | None = None
+        self.outdated = False
+        self._text: str | None = None
+        self._report, self._heard = Report(), time.monotonic()
+        self._state: State | None = None
+        self._commanded: dict[str, float] = {}
+        self._led: dict[str, Pose] = {}
+        self._steps: Steps | None = None
+        self._thread: threading.Thread | None = None
+        self._ending, self._watched = threading.Event(), False
+        self._context = Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node(f"{_OWN}_{os.getpid()}", context=self._context)
+        self._executor = make_executor(self._context)
+        self._executor.add_node(self._node)
+        try:
+            self._scene = self._find(patience)
+            self._commander = Commander(self._node, self.name, self._scene)
+        except BaseException:
+            self.stop()
+            raise
+
+    @property
+    def title(self) -> str:
+        """The scene's name and the node's."""
+        return f"{self._scene.name} of {self.name}"
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that the node simulates."""
+        return self._scene
+
+    @property
+    def commands(self) -> Mapping[str, float]:
+        """Commands heard of, else what the actuators are at; loads only once their factor was heard of."""
+        state, known = self._state, {}
+        for actuator in self._scene.actuators if state is not None else ():
+            position, _, effort = state.joints[actuator.name]
+            known[actuator.name] = effort if actuator.mode in EFFORTS else position
+        return known | self._commanded
+
+    @property
+    def targets(self) -> Mapping[str, Pose]:
+        """Targets heard of, else where handles and obstacles are."""
+        poses = {handle.name: Pose() for handle in self._scene.handles}
+        return poses | (self._state.poses if self._state is not None else {}) | self._led
+
+    @property
+    def paused(self) -> bool:
+        """Whether the node holds its steps."""
+        return self._report.paused
+
+    @property
+    def recording(self) -> str | None:
+        """The bag that the node writes, or None."""
+        return self._report.bag
+
+    def start(self, *, told: Callable[[View], None], warn: Callable[[str], None]) -> None:
+        """Begin to listen.
+
+        Args:
+            told: called with what is shown of each step, in a thread of its own.
+            warn: takes the text of what a user should know.
+        """
+        self._told, self._warn = told, warn
+        node, name = self._node, self.name
+        profile = qos_profile(topics.DIAGNOSTICS.delivery)
+        node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS.name, self._hear_report, profile)
+        self._steps = Steps(node, name, self._scene, consumed=self._keep, told=self._take, failed=self._fail)
+        self._thread = threading.Thread(target=self._spin, name="gdfe-ros", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the listening."""
+        self._ending.set()
+        if self._thread is not None:
+            self._thread.join()
+        if self._steps is not None:
+            self._steps.close()
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    def __enter__(self) -> NodeSession:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.stop()
+
+    def watch(self, wanted: bool) -> None:
+        """Hear all of the steps, or no more than what they consume."""
+        self._watched = wanted
+
+    def doing(self) -> tuple[str, bool]:
+        """Say what the node reports and whether that is bad; nothing where its steps tell it."""
+        silence = time.monotonic() - self._heard
+        if self.failure is not None:
+            return f"the listening ended: {self.failure}", True
+        if silence > _SILENT:
+            return f"nothing heard of {self.name} for {silence:.0f} s", True
+        if self._report.bad:
+            return self._report.text, True
+        return self._report.text or ("paused" if self.paused else ""), False
+
+    def command(self, name: str, order: Order) -> None:
+        """Publish an order.
+
+        Raises:
+            GdfeError: a handle is led too far away.
+        """
+        self._commander.send(order)
+
+    def ask(self, ability: Ability) -> Future[str] | None:
+        """Call a service.
+
+        Raises:
+            GdfeError: the node does not offer it at the moment.
+        """
+        match ability:
+            case Ability.PAUSE:
+                wanted = not self.paused
+                answer = self._commander.call(ability, on=wanted)
+                answer.add_done_callback(lambda done: done.exception() or self._note_pause(wanted))
+            case Ability.RECORD:
+                answer = self._commander.call(ability, on=self.recording is None)
+            case _:
+                answer = self._commander.call(ability)
+        return answer
+
+    def set_moduli(self, moduli: Mapping[str, float]) -> Future[Any]:
+        """Refuse: a page of a node has no moduli."""
+        raise GdfeError(f"moduli of {self.name} are its parameters; set them with ros2 param set")
+
+    def _find(self, patience: float) -> Scene:
+        """Wait for the node's scene."""
+        profile = qos_profile(topics.SCENE.delivery)
+        self._node.create_subscription(String, f"{self.name}/{topics.SCENE.key()}", self._hear_scene, profile)
+        end = time.monotonic() + patience
+        while self._text is None:
+            if time.monotonic() > end:
+                raise GdfeError(absence(self._node, self.name, patience))
+            self._executor.spin_once(timeout_sec=0.05)
+        return scene_from_text(self._text, origin=f"of the node {self.name}")
+
+    def _hear_scene(self, message: String) -> None:
+        self.outdated = self._text not in (None, message.data)
+        self._text = self._text or message.data
+
+    def _hear_report(self, message: DiagnosticArray) -> None:
+        report = Report.of(message, self.name)
+        if report is not None:
+            self._report, self._heard = report, time.monotonic()
+
+    def _keep(self, record: StepRecord) -> None:
+        """Keep what a step has consumed."""
+        if record.begin is Begin.REST:
+            self._commanded, self._led = {load.name: LOAD_FACTOR for load in self._scene.loads}, {}
+        self._commanded = {**self._commanded, **record.actuators, **record.loads}
+        self._led = {**self._led, **record.handles}
+
+    def _take(self, state: State) -> None:
+        """Tell of a step."""
+        self._state = state
+        self._told(view_of(state, self._scene))
+
+    def _note_pause(self, paused: bool) -> None:
+        """Show a pause before the node reports it."""
+        self._report = replace(self._report, paused=paused)
+
+    def _spin(self) -> None:
+        try:
+            while not self._ending.is_set():
+                self._steps.listen(self._watched)
+                self._executor.spin_once(timeout_sec=0.1)
+        except Exception as error:
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        if not self._ending.is_set():
+            self.failure = error
+            self._warn(f"the listening to {self.name} ended: {error!r}")

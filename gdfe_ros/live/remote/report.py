@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a node says on ``/diagnostics`` that it is doing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+_ACTIVE, _RECORDING, _PAUSED = "active", "recording", "paused"
+"""What the node says of its lifecycle, of a bag that it writes, and in the place of its clock."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a node reports once a second.
+
+    Attributes:
+        text: what it does, or what is wrong; empty where it is active and all is well.
+        bad: whether something is wrong.
+        paused: whether its steps are held.
+        bag: that it writes, or None.
+    """
+
+    text: str = ""
+    bad: bool = False
+    paused: bool = False
+    bag: str | None = None
+
+    @classmethod
+    def of(cls, message: DiagnosticArray, name: str) -> Report | None:
+        """Read the statuses of a node by its full name; None where none is its."""
+        parts = {status.name: status for status in message.status}
+        whole, recording, clock = (
+            parts.get(f"{name.lstrip('/')}: {part}") for part in ("simulation", "recording", "clock")
+        )
+        if whole is None:
+            return None
+        values, bad = _values(whole), whole.level != DiagnosticStatus.OK
+        work = values.get("working on", "")
+        text = whole.message if bad or values.get("state") != _ACTIVE else work
+        return cls(
+            text=text,
+            bad=bad or values.get("state") != _ACTIVE,
+            paused=clock is not None and _values(clock).get("clock") == _PAUSED,
+            bag=_values(recording).get("bag") if recording is not None and recording.message == _RECORDING else None,
+        )
+
+
+def _values(status: DiagnosticStatus) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of a node, put together to the steps that they tell of."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
+
+from gdfe_ros.actuators import Actuator, Mode
+from gdfe_ros.live.view import Reading, View
+from gdfe_ros.node.interface import topics
+from gdfe_ros.node.interface.scene_topics import state_topics
+from gdfe_ros.node.messages import STRAIN_FIELDS
+from gdfe_ros.node.qos import interface_class
+from gdfe_ros.recording.step_record import StepRecord
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.testing.state import Moment, State, moment_of, unpack
+
+_QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_MOST = 16
+"""Steps of which only a part has been heard."""
+_INTERVAL = 1.0 / 60.0
+"""Least time between two steps that are unpacked [s]; of those in between nothing is shown."""
+
+
+class Steps:
+    """Hears the topics of a scene's state, and tells of the newest step of which all has come.
+
+    The records of steps it always hears, all else while somebody wants it: a node makes no message that nobody hears.
+
+    Args:
+        node: that subscribes.
+        name: full name of the simulation's node.
+        scene: of that.
+        consumed: called with the record of each step, shown or not.
+        told: called with each step that is shown, in a thread of its own.
+        failed: called there with what ended it.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        scene: Scene,
+        *,
+        consumed: Callable[[StepRecord], None],
+        told: Callable[[State], None],
+        failed: Callable[[Exception], None],
+    ) -> None:
+        self._scene, self._consumed, self._told, self._failed = scene, consumed, told, failed
+        self._specs, self._node, self._name = state_topics(scene), node, name
+        self._subscriptions: list[Subscription] = []
+        self._parts: dict[Moment, dict[str, Any]] = {}
+        self._newest: dict[str, Any] | None = None
+        self._come, self._ending = threading.Event(), threading.Event()
+        self._subscribe(topics.STEP_RECORD.key())
+        self._thread = threading.Thread(target=self._work, name="gdfe-listener", daemon=True)
+        self._thread.start()
+
+    def listen(self, wanted: bool) -> None:
+        """Begin or end to hear what is shown, in the thread that spins the node."""
+        if wanted and not self._subscriptions:
+            others = [key for key in self._specs if key != topics.STEP_RECORD.key()]
+            self._subscriptions = [self._subscribe(key) for key in others]
+        elif not wanted and self._subscriptions:
+            for subscription in self._subscriptions:
+                self._node.destroy_subscription(subscription)
+            self._subscriptions = []
+
+    def close(self) -> None:
+        """End the thread."""
+        self._ending.set()
+        self._come.set()
+        self._thread.join()
+
+    def _subscribe(self, key: str) -> Subscription:
+        kind = interface_class(self._specs[key].type)
+        return self._node.create_subscription(kind, f"{self._name}/{key}", partial(self._hear, key), _QOS)
+
+    def _hear(self, key: str, message: Any) -> None:
+        """Keep a message until all of its step are there; what came before them is never complete any more."""
+        if key == topics.STEP_RECORD.key():
+            self._consumed(StepRecord.from_json(message.data))
+        moment = moment_of(message)
+        parts = self._parts.setdefault(moment, {})
+        parts[key] = message
+        if len(parts) == len(self._specs):
+            order = list(self._parts)
+            for old in order[: order.index(moment) + 1]:
+                del self._parts[old]
+            self._newest = parts
+            self._come.set()
+        while len(self._parts) > _MOST:
+            del self._parts[next(iter(self._parts))]
+
+    def _work(self) -> None:
+        try:
+            while not self._ending.is_set():
+                self._come.wait()
+                self._come.clear()
+                newest, self._newest = self._newest, None
+                if newest is not None:
+                    self._told(unpack(self._scene, newest))
+                self._ending.wait(_INTERVAL)
+        except Exception as error:
+            self._failed(error)
+
+
+def view_of(state: State, scene: Scene) -> View:
+    """Show a step that was heard."""
+    columns = dict(zip(STRAIN_FIELDS, state.strain.T, strict=True))
+    return View(
+        record=state.record,
+        positions=state.positions,
+        velocities=state.velocities,
+        fields=lambda: columns,
+        poses=state.poses,
+        wrenches=state.wrenches,
+        contacts=lambda: state.contacts,
+        actuators={each.name: _readings(each, *state.joints[each.name]) for each in scene.actuators},
+    )
+
+
+def _readings(actuator: Actuator, position: float, speed: float, effort: float) -> list[Reading]:
+    """Name what ``~/joint_states`` says of an actuator."""
+    match actuator.mode:
+        case Mode.GROWTH:
+            return [("growth", position, "")]
+        case Mode.PRESSURE | Mode.VOLUME:
+            return [("volume", position, "m^3"), ("pressure", effort, "Pa")]
+        case Mode.SHORTENING:
+            return [("shortening", position, "m"), ("tension", effort, "N")]
+    return [("length", position, "m"), ("tension", effort, "N")]

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The live page of a node in another process: what viewers see of it, and what they command."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from websockets.exceptions import WebSocketException
+
+from benchmarks.live.viewer import Viewer
+from gdfe_ros.cli import main
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.page import Page
+from gdfe_ros.live.remote.node_session import NodeSession
+from gdfe_ros.node.orders import ActuatorOrder
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.testing import NodeProcess
+from gdfe_ros.testing.link import Link
+
+FLOOR = "obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02]}}\n"
+OTHER = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
+
+
+class Shown:
+    """A node in a process of its own, its page in this one, and a viewer."""
+
+    def __init__(self, parameters: dict[str, Any]) -> None:
+        self.parameters, self.process = parameters, NodeProcess(parameters)
+        self.session = NodeSession("gdfe_sim", patience=120.0)
+        self.page = Page(host="127.0.0.1", port=8650, frames=30.0)
+        self.page.show(self.session)
+        self.session.start(told=self.page.take, warn=self.page.say)
+        self.viewer = Viewer(self.page.port)
+        self.viewer.wait(lambda: self.viewer.frames and "converged" in self.viewer.text(), "the page")
+
+    def close(self) -> None:
+        """End all."""
+        self.viewer.__exit__(None, None, None)
+        self.session.stop()
+        self.page.close()
+        self.process.stop()
+
+
+@pytest.fixture
+def shown(bar: str, tmp_path: Path) -> Iterator[Callable[..., Shown]]:
+    """Give a function that shows a node of the bar above a floor."""
+    scene = tmp_path / "pulled.yaml"
+    scene.write_text(bar + FLOOR)
+    made: list[Shown] = []
+
+    def make(**parameters: Any) -> Shown:
+        made.append(Shown({"scene": str(scene), **parameters}))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def test_a_node_is_seen_and_commanded(shown: Callable[..., Shown]) -> None:
+    """Move a slider, drag the tip, press the floor on it: the node follows, and the viewer sees all of it."""
+    page = shown()
+    viewer, session = page.viewer, page.session
+    assert "play the program" not in viewer.controls
+    assert "change the body" not in viewer.controls
+    rest = viewer.surface().copy()
+    viewer.move("lower, tension [N]", 1.5)
+    viewer.wait(lambda: session.commands["lower"] == 1.5, "the slider's command in a step record")
+    viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar")
+    viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.3]))
+    viewer.wait(lambda: session.targets["tip"].translation[2] == pytest.approx(0.03), "the drag")
+    viewer.wait(lambda: viewer.surface()[:, 2].max() > 0.38, "a lifted tip")
+    assert viewer.nodes["/reactions/arrows"]["visible"]
+    viewer.drag("floor", [0.0, 0.0, -0.05])
+    viewer.wait(lambda: abs(viewer.nodes["/obstacles/floor"]["position"][2] + 0.05) < 1e-3, "the floor's way")
+    kinds = [viewer.nodes[f"/contact_forces/{kind}"] for kind in ("sticks", "slips")]
+    viewer.wait(lambda: any(node["visible"] for node in kinds), "contact forces")
+
+
+def test_a_body_in_motion_is_seen(shown: Callable[..., Shown], bar: str, tmp_path: Path) -> None:
+    """Let a cube fall beside a bar that swings: its shape goes along, and the speed colours the bar."""
+    scene = tmp_path / "moving.yaml"
+    cube = "{box: {size: [0.01, 0.01, 0.01]}, density: 500, at: [0.2, 0, 0.2]}"
+    scene.write_text(
+        f"{bar}{FLOOR}bodies: {{cube: {cube}}}\nsensors: {{pad: {{where: {{face: z-}}}}}}\ndynamics: {{}}\n"
+    )
+    viewer = shown(scene=str(scene), publish_clock=True).viewer
+    viewer.wait(lambda: viewer.nodes["/obstacles/cube"]["position"][2] < 1.9, "the cube's fall")
+    viewer.move("colour", "speed [m/s]")
+    viewer.wait(lambda: "speed [m/s]" in viewer.text(), "the legend")
+    assert "/handles/cube" not in viewer.nodes
+
+
+def test_a_page_that_nobody_looks_at_hears_no_meshes(shown: Callable[..., Shown]) -> None:
+    """Let the only viewer leave, and another one come: the mesh is subscribed to while somebody looks."""
+    page = shown()
+    rest = page.viewer.surface().copy()
+    page.viewer.__exit__(None, None, None)
+    _await(lambda: page.session._node.count_subscribers("/gdfe_sim/mesh") == 0)
+    before = page.session.commands["lower"]
+    page.session.command("lower", ActuatorOrder({"lower": before + 1.0}))
+    _await(lambda: page.session.commands["lower"] == before + 1.0)
+    page.viewer = viewer = Viewer(page.page.port)
+    uuid = viewer.wait(lambda: viewer.controls.get("lower, tension [N]"), "the page")["uuid"]
+    viewer.wait(lambda: viewer.values[uuid] == before + 1.0, "the slider")
+    viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar")
+
+
+def test_what_others_command_is_shown(shown: Callable[..., Shown]) -> None:
+    """Let somebody else command the node: slider and control go there, and give no command of their own."""
+    page = shown()
+    viewer = page.viewer
+    uuid = viewer.controls["left, tension [N]"]["uuid"]
+    with NodeSession("gdfe_sim", patience=60.0) as other:
+        other.start(told=lambda view: None, warn=print)
+        viewer.wait(other._commander.heard, "the node to listen")
+        other.command("left", ActuatorOrder({"left": 0.75}))
+        viewer.wait(lambda: viewer.values[uuid] == 0.75, "the slider")
+    assert page.session.commands["lower"] == 0.0
+
+
+def test_buttons_call_services(shown: Callable[..., Shown], tmp_path: Path) -> None:
+    """Record, pause, step, reset over services: the node says that it did; a bag is there."""
+    page = shown(bag_path=str(tmp_path / "bag"), publish_clock=True)
+    viewer, session = page.viewer, page.session
+    viewer.press("record")
+    viewer.wait(lambda: "finish the bag" in viewer.controls, "the bag")
+    assert session.recording == str(tmp_path / "bag")
+    viewer.press("finish the bag")
+    viewer.wait(lambda: session.recording is None, "the bag's end")
+    assert BagReader(tmp_path / "bag").topics
+    viewer.press("pause")
+    viewer.wait(lambda: "go on" in viewer.controls and "paused" in viewer.text(), "the pause")
+    viewer.press("reset")
+    viewer.wait(lambda: session._state.record.time == 0.0, "the reset")
+    viewer.press("one step")
+    viewer.wait(lambda: session._state.record.time == pytest.approx(0.01), "one step")
+    viewer.press("go on")
+    viewer.wait(lambda: session._state.record.time > 0.05, "time to go on")
+
+
+def test_what_the_node_refuses_is_told(shown: Callable[..., Shown]) -> None:
+    """Ask for a step that the node does not make while it runs: the viewer gets the node's reason."""
+    viewer = shown().viewer
+    viewer.press("one step")
+    viewer.wait(lambda: viewer.notes, "a note")
+    assert "/gdfe_sim/step: " in viewer.notes[0]
+
+
+def test_a_node_that_goes_is_told_of(shown: Callable[..., Shown]) -> None:
+    """End the node: state and buttons say that it is gone. Start it again: the page goes on; not with another scene."""
+    page = shown()
+    viewer = page.viewer
+    page.process.stop()
+    viewer.wait(lambda: "nothing heard of /gdfe_sim" in viewer.text(), "silence to be told of")
+    viewer.press("pause")
+    viewer.wait(lambda: any("is the node /gdfe_sim running" in note for note in viewer.notes), "a note")
+    with NodeProcess(page.parameters):
+        viewer.wait(lambda: "nothing heard" not in viewer.text(), "its return")
+        viewer.wait(lambda: page.session._commander.heard(), "the node to listen")
+        viewer.move("left, tension [N]", 1.25)
+        viewer.wait(lambda: page.session.commands["left"] == 1.25, "its command")
+        assert not page.session.outdated
+    with NodeProcess(OTHER):
+        viewer.wait(lambda: page.session.outdated, "the other scene")
+
+
+def test_no_such_node_is_told_with_those_there_are(capsys: Any) -> None:
+    """Ask for a node that is not there, beside one that is: status 2, its name, the domain, how to start one."""
+    with NodeProcess(OTHER, namespace="/left"):
+        with NodeSession("left/gdfe_sim", patience=120.0) as session:
+            assert session.scene.name == "bend5"
+        assert main(["live", "--ros", "nobody"]) == 2
+    error = capsys.readouterr().err
+    assert "no node /nobody within 5 s; nodes that simulate: /left/gdfe_sim (ROS domain" in error
+    assert "ros2 launch gdfe_ros sim.launch.py" in error
+
+
+def test_a_node_that_is_not_configured_is_told() -> None:
+    """Start a node that stays unconfigured: the message says so, and what to do."""
+    there = "is not configured; remedy: ros2 lifecycle set /gdfe_sim configure"
+    with NodeProcess({**OTHER, "autostart": False}), pytest.raises(GdfeError, match=there):
+        NodeSession("gdfe_sim", patience=8.0)
+
+
+def test_a_node_that_is_not_active_is_shown_at_rest() -> None:
+    """Configure a node only: the page has its body at rest, and the state says that it is inactive."""
+    with NodeProcess({**OTHER, "autostart": False}) as process, Link(process, "/gdfe_sim", {}, patience=120.0) as link:
+        link.wait_for_services()
+        link.transition("configure")
+        with NodeSession("gdfe_sim", patience=60.0) as session:
+            page = Page(host="127.0.0.1", port=8650, frames=30.0)
+            page.show(session)
+            session.start(told=page.take, warn=page.say)
+            with Viewer(page.port) as viewer:
+                viewer.wait(lambda: "inactive" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
+                link.transition("activate")
+                viewer.wait(lambda: "converged" in viewer.text() and "inactive" not in viewer.text(), "its steps")
+            page.close()
+
+
+def test_the_command_shows_the_next_scene_at_the_same_address(bar: str, tmp_path: Path) -> None:
+    """Run the command, replace the node by one of another scene: its page follows; a signal ends it with status 0."""
+    scene = tmp_path / "pulled.yaml"
+    scene.write_text(bar)
+    with NodeProcess({"scene": str(scene)}):
+        NodeSession("gdfe_sim", patience=120.0).stop()  # the command waits for seconds only
+        command = [sys.executable, "-m", "gdfe_ros.cli", "live", "--ros", "--port", "8660"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        port = int(process.stdout.readline().split("localhost:")[1].split()[0])
+        with Viewer(port) as viewer:
+            viewer.wait(lambda: "lower, tension [N]" in viewer.controls and "converged" in viewer.text(), "the page")
+    try:
+        with NodeProcess(OTHER):
+            with _next_page(port) as viewer:
+                assert "/handles/tip" in viewer.nodes
+            process.send_signal(signal.SIGINT)
+            assert process.wait(60.0) == 0
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_a_page_of_a_scene_needs_no_ros() -> None:
+    """Import the page and its session in a fresh process: rclpy is not touched."""
+    code = "import sys, gdfe_ros.live.page, gdfe_ros.live.session, gdfe_ros.commands.live; exit('rclpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def _await(done: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60.0
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def _next_page(port: int) -> Viewer:
+    """Look at a port until there is a page without the bar's sliders."""
+    end = time.monotonic() + 120.0
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError, WebSocketException):  # while one page goes and the next one comes
+            viewer = Viewer(port)
+            viewer.wait(lambda viewer=viewer: "converged" in viewer.text(), "a page", patience=10.0)
+            if "lower, tension [N]" not in viewer.controls:
+                return viewer
+            viewer.__exit__(None, None, None)
+        time.sleep(0.2)
+    raise TimeoutError("the other scene's page did not come")
