@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from gdfe_ros.actuators import Actuator
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.scene import Scene
@@ -30,11 +31,14 @@ class Command:
         handles: pose of each named handle relative to its rest pose.
         actuators: command of each named actuator in the unit of its mode, e.g. a tension [N]; of a growth, 0 to 1.
         loads: factor on each named load; 1 where it was never commanded.
+        bodies: pose relative to its rest pose at which each named rigid body is put, without velocity, before the step;
+            from there on it moves freely again.
     """
 
     handles: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, float] = field(default_factory=dict)
     loads: Mapping[str, float] = field(default_factory=dict)
+    bodies: Mapping[str, Pose] = field(default_factory=dict)
 
 
 class Orders:
@@ -91,20 +95,38 @@ class Orders:
         """
         targets = dict(last)
         for name, pose in (command.handles if command else {}).items():
-            if not isinstance(pose, Pose):
-                raise CommandError(f"handle {name!r}: the target is {pose!r}; allowed: a Pose(translation, rotation)")
+            _require_pose(f"handle {name!r}: the target", pose)
             if (handle := self.handle(name)).fixed:
                 movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
                 raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")
-            far = math.hypot(*pose.translation) / self._scene.mesh.size
-            turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
-            if far > FARTHEST or turns > FARTHEST:
-                raise CommandError(
-                    f"{handle.noun} {name!r} is commanded {far:.3g} body lengths and {turns:.3g} turns away; at most "
-                    f"{FARTHEST:g} of each are taken: check the units (metres, radians)"
-                )
+            self._require_near(f"{handle.noun} {name!r} is commanded", pose)
             targets[name] = pose
         return targets
+
+    def places(self, command: Command | None) -> dict[str, Pose]:
+        """Return where rigid bodies are to be put.
+
+        Raises:
+            CommandError: a body is unknown, its pose is none, or out of reach.
+        """
+        places = dict(command.bodies if command else {})
+        known = [each.name for each in self._scene.handles if isinstance(each, RigidBody)]
+        for name, pose in places.items():
+            if name not in known:
+                scene = f"scene {self._scene.name!r}"
+                raise CommandError(f"no rigid body {name!r} in {scene}; bodies: {_list(known)}")
+            _require_pose(f"body {name!r}: the pose", pose)
+            self._require_near(f"body {name!r} is put", pose)
+        return places
+
+    def _require_near(self, what: str, pose: Pose) -> None:
+        far = math.hypot(*pose.translation) / self._scene.mesh.size
+        turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
+        if far > FARTHEST or turns > FARTHEST:
+            raise CommandError(
+                f"{what} {far:.3g} body lengths and {turns:.3g} turns away; at most {FARTHEST:g} of each are taken: "
+                "check the units (metres, radians)"
+            )
 
     def values(self, command: Command | None, last: Mapping[str, float]) -> dict[str, float]:
         """Return the commands of all actuators and loads after a command.
@@ -169,6 +191,11 @@ def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[n
     if len(wrong):
         raise CommandError(f"positions of vertices {list_ids(wrong)} are not finite; allowed: finite [m]")
     return given
+
+
+def _require_pose(what: str, pose: object) -> None:
+    if not isinstance(pose, Pose):
+        raise CommandError(f"{what} is {pose!r}; allowed: a Pose(translation, rotation)")
 
 
 def _require_number(what: str, value: object) -> None:

@@ -119,7 +119,7 @@ class Simulation:
 
     def warm_up(self) -> None:
         """Have every kernel compiled or loaded from its cache, so that the first step takes no longer; resets."""
-        shift = Pose(translation=(0.0, 0.0, WARM_UP * self.mesh.size))
+        shift = Pose((0.0, 0.0, WARM_UP * self.mesh.size))
         self.step(Command(handles={handle.name: shift for handle in self.scene.handles if not handle.fixed}))
         self.fields()
         self.reset()
@@ -149,9 +149,10 @@ class Simulation:
         if dt is None:
             dt = moves.step if moves else 0.0
         require_times(dt=dt, deadline=deadline, cut_after=cut_after)
-        targets = self._orders.targets(command, self.targets)
+        targets, places = self._orders.targets(command, self.targets), self._orders.places(command)
         commands = self._orders.values(command, self.commands)
         self.targets, self.commands = targets, commands
+        self._state = self._stepper.put(self._state, places) if places else self._state
         limited = self._orders.within_rates(commands, self._state.commands, dt)
         limit = Deadline.of(started, deadline, cut_after, interrupted)
         march = None

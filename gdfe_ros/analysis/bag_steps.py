@@ -15,7 +15,7 @@ from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.step_record import StepRecord
 
 _INPUTS = frozenset({"actuation", "commands", "trajectory"})
-_HANDLE_INPUTS = frozenset({"target", "velocity", "follow"})
+_HANDLE_INPUTS = frozenset({"target", "velocity", "follow", "set"})
 """Last parts of topics that the node listens to, those of handles apart: ``velocity`` alone is that of the body.
 
 What it made of them stands in the step record.
@@ -129,4 +129,5 @@ def _is_step_topic(role: str) -> bool:
 def _is_known(role: str) -> bool:
     """Tell whether a topic of the node needs no comparison."""
     owner, _, last = role.rpartition("/")
-    return role in _OTHERS or (not role.startswith("/") and (last in _INPUTS or (owner and last in _HANDLE_INPUTS)))
+    is_input = last in _INPUTS or ("/" in owner and last in _HANDLE_INPUTS)
+    return role in _OTHERS or (is_input and not role.startswith("/"))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node.host import Host
-from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TrajectoryOrder, TwistOrder, require_near
+from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, PutOrder, TrajectoryOrder, TwistOrder, require_near
 from gdfe_ros.node.refusals import Refusal
 from gdfe_ros.simulation import Command
 
@@ -49,6 +49,7 @@ class Drive:
         """
         poses: dict[str, Pose] = {}
         actuators: dict[str, float] = {}
+        bodies: dict[str, Pose] = {}
         for order in orders:
             match order:
                 case PoseOrder():
@@ -56,6 +57,8 @@ class Drive:
                     poses[order.handle] = order.after(self._run.simulation.targets[order.handle])
                 case TwistOrder():
                     self._twists[order.handle] = (order, self._run.parameters["velocity_timeout"])
+                case PutOrder():
+                    bodies[order.body] = order.pose
                 case ActuatorOrder():
                     actuators.update(order.values)
                     for name in order.values:
@@ -71,6 +74,7 @@ class Drive:
             handles=poses,
             actuators={name: value for name, value in values.items() if name not in loads},
             loads={name: value for name, value in values.items() if name in loads},
+            bodies=bodies,
         )
 
     def _moved(self, dt: float) -> dict[str, Pose]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a message that commands a handle or obstacle to an order, or a refusal that says why not."""
+"""From a message that commands a handle, obstacle or rigid body to an order, or a refusal that says why not."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.node.frames import Frames, Placement
-from gdfe_ros.node.orders import FARTHEST, PoseOrder, TwistOrder, require_near
+from gdfe_ros.node.orders import FARTHEST, PoseOrder, PutOrder, TwistOrder, require_near
 from gdfe_ros.node.refusals import Reason, Refusal
 
 UNIT_SLACK = 1e-3
 FASTEST_TURN = 1e3
 """Fastest turn [rad/s]."""
+Vector, Quaternion = tuple[float, float, float], tuple[float, float, float, float]
 
 
 def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> PoseOrder:
@@ -32,13 +33,16 @@ def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fra
             is not of unit length, or the translation is over ten times the body's size.
     """
     _require_movable(handle)
-    place, given = frames.relative(message.header.frame_id, handle.name), message.pose
-    pose = require_pose(given)
-    if place is not None:
-        return _near(handle, place @ pose, size)
-    require_near(tuple(pose.origin.tolist()), size)
-    turn = given.orientation
-    return PoseOrder(handle.name, tuple(pose.origin.tolist()), (turn.x, turn.y, turn.z, turn.w))
+    return PoseOrder(handle.name, *_given(message, handle, size, frames))
+
+
+def put_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> PutOrder:
+    """Check where a rigid body is to be put; arguments as for ``pose_order``.
+
+    Raises:
+        Refusal: as of ``pose_order``, but for what is fixed.
+    """
+    return PutOrder(handle.name, *_given(message, handle, size, frames))
 
 
 def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frames) -> PoseOrder:
@@ -48,7 +52,7 @@ def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frame
         Refusal: it is over ten times the body's size away.
     """
     rest = frames.rests()[frames.rest(handle.name)]
-    return _near(handle, rest.inverse() @ place, size)
+    return PoseOrder(handle.name, *_near(rest.inverse() @ place, size))
 
 
 def require_pose(pose: PoseMessage) -> Placement:
@@ -90,11 +94,22 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
     return TwistOrder(handle.name, linear, angular)
 
 
-def _near(handle: Handle, place: Placement, size: float) -> PoseOrder:
-    """Command a handle to a place relative to rest, if it is within reach."""
+def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
+    """Return translation from rest and quaternion of a message, those that it has where its frame is that of rest."""
+    place, given = frames.relative(message.header.frame_id, handle.name), message.pose
+    pose = require_pose(given)
+    if place is not None:
+        return _near(place @ pose, size)
+    translation, turn = tuple(pose.origin.tolist()), given.orientation
+    require_near(translation, size)
+    return translation, (turn.x, turn.y, turn.z, turn.w)
+
+
+def _near(place: Placement, size: float) -> tuple[Vector, Quaternion]:
+    """Return translation and quaternion of a place relative to rest, if it is within reach."""
     translation = tuple(place.origin.tolist())
     require_near(translation, size)
-    return PoseOrder(handle.name, translation, tuple(place.turn.as_quat().tolist()))
+    return translation, tuple(place.turn.as_quat().tolist())
 
 
 def _require_movable(handle: Handle) -> None:

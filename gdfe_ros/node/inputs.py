@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message
 from gdfe_ros.node.actuator_orders import ActuatorOrders
 from gdfe_ros.node.following import Followers, Leader, followed_order, refuse_followed
 from gdfe_ros.node.freshness import Freshness
-from gdfe_ros.node.handle_orders import pose_order, twist_order
+from gdfe_ros.node.handle_orders import pose_order, put_order, twist_order
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.orders import ActuatorOrder, Order
@@ -143,6 +143,12 @@ class Inputs:
 def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
     """List what a scene can be commanded by; handles and obstacles that are fixed or follow refuse by name."""
     scene, frames, size = run.scene, run.frames, run.scene.mesh.size
+    # First, so that in lockstep a body that is put before a command set is complete is there in its step.
+    for handle in scene.handles:
+        if spec := topics.MOVED[handle.section].put:
+            topic = spec.name.format(**{handle.noun: handle.name})
+            take = partial(put_order, handle=handle, size=size, frames=frames)
+            yield Input(topic.removeprefix("~/"), topic, spec, take, stamped=True)
     for handle in scene.handles:
         leader, moved = leaders.get(handle.name), topics.MOVED[handle.section]
         if moved.target is None:

@@ -78,6 +78,30 @@ class TwistOrder:
 
 
 @dataclass(frozen=True)
+class PutOrder:
+    """Where a rigid body is put.
+
+    Attributes:
+        body: name.
+        translation: from rest [m].
+        quaternion: x, y, z, w, of unit length.
+    """
+
+    body: str
+    translation: tuple[float, float, float]
+    quaternion: tuple[float, float, float, float]
+
+    def without(self, later: Order) -> PutOrder | None:
+        """Stay, but for another place of the body."""
+        return None if isinstance(later, PutOrder) and later.body == self.body else self
+
+    @property
+    def pose(self) -> Pose:
+        """Where it is put, relative to rest."""
+        return Pose(self.translation, tuple(Rotation.from_quat(self.quaternion).as_rotvec()))
+
+
+@dataclass(frozen=True)
 class ActuatorOrder:
     """Commands of actuators by name, in the unit of each one's mode, and factors of loads; none changes nothing."""
 
@@ -122,7 +146,7 @@ class TrajectoryOrder:
         return replace(self, names=tuple(self.names[place] for place in kept), values=self.values[:, kept])
 
 
-Order = PoseOrder | TwistOrder | ActuatorOrder | TrajectoryOrder
+Order = PoseOrder | TwistOrder | PutOrder | ActuatorOrder | TrajectoryOrder
 
 
 def require_near(translation: tuple[float, float, float], size: float) -> None:

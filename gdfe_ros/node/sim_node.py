@@ -16,6 +16,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.diagnostics import Diagnostics
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.parameters import PARAMETERS
+from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.preparation import prepare
@@ -135,7 +136,8 @@ class SimNode(ManagedNode):
 
     def _activate(self) -> None:
         self._session.start()
-        fixed = tuple(f"{each.section}/{each.name}/" for each in self._session.scene.handles if each.fixed)
+        held = [each for each in self._session.scene.handles if each.fixed and MOVED[each.section].put is None]
+        fixed = tuple(f"{each.section}/{each.name}/" for each in held)
         inputs = ", ".join(f"~/{key}" for key in self._session.inputs.keys if not key.startswith(fixed))
         self.get_logger().info(f"active, clock {self._session.mode.value}; takes commands on {inputs or 'no topic'}")
 

@@ -93,6 +93,7 @@ def make_record(result: StepResult, command: Command, *, step: int, begin: Begin
         handles=command.handles,
         actuators=command.actuators,
         loads=command.loads,
+        bodies=command.bodies,
         cut=result.cut_after is not None and not result.converged,
         **{name: getattr(result, name) for name in _OUTCOME},
     )

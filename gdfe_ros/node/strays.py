@@ -15,11 +15,11 @@ from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
 
 
 class Strays:
-    """Looks for publishers on command topics of handles and obstacles that do not exist; each is told and counted once.
+    """Looks for publishers on command topics of handles, obstacles and bodies that do not exist; each is told once.
 
     Args:
         node: whose topics are looked at.
-        handles: that exist, obstacles among them.
+        handles: that exist, obstacles and rigid bodies among them.
         refusals: counts and warns.
     """
 
@@ -29,8 +29,7 @@ class Strays:
         self._patterns = [
             (section, *node.resolve_topic_name(re.sub("{.*}", "h", spec.name)).rsplit("h/", 1))
             for section, moved in topics.MOVED.items()
-            for spec in (moved.target, moved.velocity)
-            if spec is not None
+            for spec in moved.commands
         ]
         self._told: set[str] = set()
 

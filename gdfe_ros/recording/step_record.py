@@ -31,8 +31,8 @@ class Begin(str, Enum):
 class StepRecord:
     """Input and outcome of one step.
 
-    A replay starts from ``begin``, calls ``Simulation.step`` with ``handles``, ``actuators``, ``loads`` and ``dt``,
-    and with ``cut_after``, which ends a solve where its deadline once did.
+    A replay starts from ``begin``, calls ``Simulation.step`` with ``handles``, ``actuators``, ``loads``, ``bodies``
+    and ``dt``, and with ``cut_after``, which ends a solve where its deadline once did.
 
     Attributes:
         step: number of the step since the node was configured; 0 is the state that it was activated with.
@@ -43,6 +43,7 @@ class StepRecord:
         handles: targets consumed by this step, by handle: translation [m] and rotation vector [rad].
         actuators: commands consumed by this step, by actuator, in the unit of its mode.
         loads: factors of loads consumed by this step, by load.
+        bodies: poses at which rigid bodies were put before this step, as of handles; not in the text where none was.
         cut: a deadline ended the solve before it had converged.
         cut_after: how often the solve asked for the time before its deadline had passed; None: it never passed.
         converged: as in ``StepResult``, like all that follow.
@@ -65,6 +66,7 @@ class StepRecord:
     handles: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, float] = field(default_factory=dict)
     loads: Mapping[str, float] = field(default_factory=dict)
+    bodies: Mapping[str, Pose] = field(default_factory=dict)
     cut: bool = False
     cut_after: int | None = None
     converged: bool = True
@@ -81,9 +83,11 @@ class StepRecord:
     def to_json(self) -> str:
         """Give the text that is published: one object, ``format`` first, poses as six numbers."""
         entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        entries["handles"] = {name: [*pose.translation, *pose.rotation] for name, pose in self.handles.items()}
-        if not self.energies:
-            del entries["energies"]
+        for poses in ("handles", "bodies"):
+            entries[poses] = {name: [*pose.translation, *pose.rotation] for name, pose in entries[poses].items()}
+        for seldom in ("bodies", "energies"):
+            if not entries[seldom]:
+                del entries[seldom]
         # JSON has no infinity: a distance that is not known is null.
         entries["residual"] = self.residual if math.isfinite(self.residual) else None
         return json.dumps({"format": FORMAT, **entries, "begin": self.begin.value})
@@ -101,8 +105,9 @@ class StepRecord:
                 raise ValueError(f"its format is not {FORMAT}")
             entries["begin"] = Begin(entries["begin"])
             entries["residual"] = math.inf if entries["residual"] is None else entries["residual"]
-            poses = entries["handles"].items()
-            entries["handles"] = {name: Pose(tuple(six[:3]), tuple(six[3:])) for name, six in poses}
+            for poses in entries.keys() & {"handles", "bodies"}:
+                found = entries[poses].items()
+                entries[poses] = {name: Pose(tuple(six[:3]), tuple(six[3:])) for name, six in found}
             entries["skipped"] = {FORMER_NAMES.get(name, name): count for name, count in entries["skipped"].items()}
             return cls(**entries)
         except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -66,6 +66,13 @@ class HandleMotions:
                 moved[handle.vertices] = centre + slides[p] + arms
         return moved
 
+    def put(self, slides: Vectors, turns: Vectors, places: Mapping[str, Pose]) -> tuple[Vectors, Vectors]:
+        """Return free motions (p, 3) with those of handles that move freely in all ways as their poses say."""
+        slides, turns = slides.copy(), turns.copy()
+        for name, pose in places.items():
+            slides[self._row[name]], turns[self._row[name]] = pose.translation, pose.rotation
+        return slides, self.within_a_turn(turns)
+
     def turning_vertices(self) -> NDArray[np.bool_]:
         """Tell which of the prescribed vertices (b,) belong to handles that turn freely."""
         turning = [np.full(len(handle.vertices), bool(handle.turning)) for handle in self._body.handles]

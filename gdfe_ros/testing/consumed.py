@@ -15,10 +15,10 @@ from std_msgs.msg import Header
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.node.interface.scene_topics import target_key
+from gdfe_ros.node.interface.scene_topics import put_key, target_key
 from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.messages import actuation, pose_stamped
-from gdfe_ros.node.orders import PoseOrder, TwistOrder
+from gdfe_ros.node.orders import PoseOrder, PutOrder, TwistOrder
 from gdfe_ros.recording.step_record import StepRecord
 
 ACTUATION = "actuation"
@@ -38,7 +38,8 @@ class Consumed:
         run: that was recorded.
 
     Attributes:
-        inputs: topics after the node's name that the run uses.
+        inputs: topics after the node's name that the run uses, and a step of the replay waits for.
+        puts: topics on which it puts rigid bodies; their messages come before those of ``inputs``.
         inexact: number of targets met so far that no message in the bag gives to the last bit.
     """
 
@@ -48,6 +49,9 @@ class Consumed:
         self._driven = {name for record in run.records for name in (*record.actuators, *record.loads)}
         self._actuators = {item.name: item for item in run.scene.actuators if item.name in self._driven}
         self.inputs = [*map(target_key, handles), *([ACTUATION] if self._driven else [])]
+        bodies = dict.fromkeys(name for record in run.records for name in record.bodies)
+        self._bodies = {name: (put_key(known[name]), _sent_turns(run, put_key(known[name]))) for name in bodies}
+        self.puts = [key for key, _ in self._bodies.values()]
         self._handles = {handle.name: (target_key(handle), _SentTurns(run, handle)) for handle in handles}
         self._poses: dict[str, Pose] = {}
         self._values: dict[str, float] = {}
@@ -61,10 +65,16 @@ class Consumed:
     def messages(self, record: StepRecord) -> dict[str, PoseStamped | JointState]:
         """Give one message for each of ``inputs``; none where the step consumed nothing."""
         values = {**record.actuators, **record.loads}
-        if not record.handles and not values:
-            return {}
-        poses = self._poses | dict(record.handles)
         messages: dict[str, PoseStamped | JointState] = {}
+        for name, pose in record.bodies.items():
+            key, sent = self._bodies[name]
+            turns = _quaternion(pose), *sent.get(pose.translation, ())
+            turn = next((each for each in turns if PutOrder(name, pose.translation, each).pose == pose), None)
+            messages[key] = _target(pose, turn)
+            self.inexact += turn is None
+        if not (record.handles or values or (messages and self.inputs)):
+            return messages
+        poses = self._poses | dict(record.handles)
         for name, pose in poses.items():
             key, sent = self._handles[name]
             turn = sent.find(self._poses[name], pose, record.dt)
@@ -82,10 +92,7 @@ class _SentTurns:
 
     def __init__(self, run: BagRun, handle: Handle) -> None:
         self._handle = handle.name
-        self._sent: dict[tuple[float, float, float], list[Quaternion]] = {}
-        for message in _messages(run, target_key(handle)):
-            place, turn = message.pose.position, message.pose.orientation
-            self._sent.setdefault((place.x, place.y, place.z), []).append((turn.x, turn.y, turn.z, turn.w))
+        self._sent = _sent_turns(run, target_key(handle))
         velocity = MOVED[handle.section].velocity.key(**{handle.noun: handle.name})
         twists = [message.twist for message in _messages(run, velocity)]
         rates = dict.fromkeys((twist.angular.x, twist.angular.y, twist.angular.z) for twist in twists)
@@ -100,11 +107,24 @@ class _SentTurns:
         return None
 
     def _candidates(self, last: Pose, target: Pose, dt: float) -> Iterator[Quaternion]:
-        yield tuple(map(float, Rotation.from_rotvec(target.rotation).as_quat()))
+        yield _quaternion(target)
         yield from self._sent.get(target.translation, ())
         for twist in self._twists:
             turned = Rotation.from_rotvec(dt * np.array(twist.angular)) * Rotation.from_rotvec(last.rotation)
             yield tuple(map(float, turned.as_quat()))
+
+
+def _sent_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], list[Quaternion]]:
+    """Return the quaternions that were sent on a topic, by translation."""
+    sent: dict[tuple[float, float, float], list[Quaternion]] = {}
+    for message in _messages(run, key):
+        place, turn = message.pose.position, message.pose.orientation
+        sent.setdefault((place.x, place.y, place.z), []).append((turn.x, turn.y, turn.z, turn.w))
+    return sent
+
+
+def _quaternion(pose: Pose) -> Quaternion:
+    return tuple(map(float, Rotation.from_rotvec(pose.rotation).as_quat()))
 
 
 def _messages(run: BagRun, key: str) -> Iterator[Any]:

@@ -59,6 +59,9 @@ class NodeReplay:
         self._patience = PATIENCE + _SLOWER * max(record.wall_time for record in run.records)
         for record in run.records:
             _require_a_node(run, record)
+            if len(record.bodies) > 1 and not self._consumed.inputs:
+                text = f"step {record.step} of bag {run.reader.path} puts several bodies, and nothing completes a step"
+                raise RecordingError(f"{text}; replay it without --ros")
 
     def run(self) -> ReplayReport:
         """Replay the whole bag.
@@ -77,7 +80,8 @@ class NodeReplay:
         (folder / "scene.yaml").write_text(source.scene, encoding="utf-8")
         if STATE_FILE in source.files:
             (folder / STATE_FILE).write_bytes(source.files[STATE_FILE])
-        topics = {key: JointState if key == ACTUATION else PoseStamped for key in self._consumed.inputs}
+        keys = (*self._consumed.puts, *self._consumed.inputs)
+        topics = {key: JointState if key == ACTUATION else PoseStamped for key in keys}
         with (
             NodeProcess(self._parameters(folder), namespace=self._name.rpartition("/")[0]) as process,
             Link(process, self._name, topics, patience=self._patience) as link,
@@ -154,7 +158,7 @@ class NodeReplay:
 def _require_a_node(run: BagRun, record: StepRecord) -> None:
     """Refuse a first step, of the run or after a reset, that is more than the state that a node begins with."""
     begins = record is run.records[0] or record.begin is Begin.REST
-    if begins and (record.dt or record.handles or record.actuators or record.loads):
+    if begins and (record.dt or record.handles or record.actuators or record.loads or record.bodies):
         raise RecordingError(
             f"step {record.step} of bag {run.reader.path} begins a run with a command or a time step, where a node "
             "only publishes the state; replay it without --ros"

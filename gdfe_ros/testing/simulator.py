@@ -25,9 +25,9 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
-from gdfe_ros.node.interface.scene_topics import is_commanded, state_topics, target_key
+from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, state_topics, target_key
 from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, STEP
-from gdfe_ros.node.interface.topics import JACOBIAN
+from gdfe_ros.node.interface.topics import JACOBIAN, MOVED
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.scene.loader import load_scene
@@ -103,18 +103,24 @@ class Simulator:
         """Make one step and return it; what is not commanded keeps its last command."""
         command = command or Command()
         values = {**command.actuators, **command.loads}
-        unknown = sorted((set(command.handles) - set(self._movable)) | (set(values) - set(self._values)))
+        named = ((command.handles, self._movable), (values, self._values), (command.bodies, self._puts))
+        unknown = sorted(set().union(*(set(given) - set(known) for given, known in named)))
         if unknown or not self._own:
             reason = f"nothing is called {unknown}" if unknown else "`inputs` were given; use `spin`"
             raise GdfeError(f"cannot step: {reason}")
+        if len(command.bodies) > 1 and not self._inputs():
+            raise GdfeError("cannot step: a scene without handles, actuators and loads takes one body in a step")
         self._poses |= command.handles
         self._values |= values
         count = self.state.record.step + 1
+        # Before all others: what completes the command set makes the step.
+        for name, pose in command.bodies.items():
+            self._puts[name].publish(pose_stamped(Header(), pose))
         for name, publisher in self._targets.items():
             publisher.publish(pose_stamped(Header(), self._poses[name]))
         if self._actuation is not None:
             self._actuation.publish(actuation(self._actuators, self._values))
-        if not self._inputs():
+        if not self._inputs() and not command.bodies:
             self._client.call(self._walk, Trigger.Request())
         self._wait(lambda: self.state.record.step >= count, "the step")
         return self.state
@@ -188,8 +194,11 @@ class Simulator:
 
     def _advertise(self) -> None:
         make = partial(self._node.create_publisher, qos_profile=1000)
-        self._targets, self._actuation = {}, None
+        self._targets, self._puts, self._actuation = {}, {}, None
         if self._own:
+            for handle in self.scene.handles:
+                if MOVED[handle.section].put is not None:
+                    self._puts[handle.name] = make(PoseStamped, f"{self.name}/{put_key(handle)}")
             for name, key in self._movable.items():
                 self._targets[name] = make(PoseStamped, f"{self.name}/{key}")
             if self.scene.actuators or self.scene.loads:

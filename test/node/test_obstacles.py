@@ -318,6 +318,56 @@ def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path) -> None
         leaders_of(["part=topic:/x"], load_scene(path), listening=False)
 
 
+def test_a_rigid_body_is_put_by_topic(tmp_path: Path, client: Any, start: Callable, hear: Callable) -> None:
+    """Put a box beside the slab, in two frames; unknown names, wrong numbers and too far are refused by name."""
+    path = tmp_path / "slab.yaml"
+    path.write_text(SLAB)
+    poses = hear("bodies/part/pose", PoseStamped)
+    process = start(scene=str(path), clock="lockstep", frame_id="left/base_link")
+    for count, (frame, z) in enumerate((("", 0.3), ("left/part_rest", 0.2)), start=2):
+        client.publish("bodies/part/set", _pose(frame, z=z, turn=(0.0, 0.0, 0.1)))
+        client.wait(lambda count=count: len(poses) == count)
+        assert poses[-1].pose.position.z == pytest.approx(z, abs=2e-3)
+        assert poses[-1].pose.orientation.z == pytest.approx(np.sin(0.05), abs=1e-6)
+    client.publish("bodies/part/set", _pose(z=20.0))
+    client.wait(lambda: "20 m from rest; allowed:" in process.log)
+    client.publish("bodies/part/set", _pose("elsewhere"))
+    client.wait(lambda: "header.frame_id is 'elsewhere'" in process.log)
+    for topic in ("bodies/prt/set", "bodies/table/set"):
+        client.node.create_publisher(PoseStamped, client.full(topic), 10)
+    client.wait(lambda: client.diagnostics().get("refused: unknown name") == "2")
+    assert "takes commands on ~/bodies/part/set, ~/obstacles/table/target" in process.log
+    assert "no 'prt' among its bodies; did you mean 'part'? bodies: part" in process.log
+    assert "no 'table' among its bodies; its topics are ~/obstacles/table/...; bodies: part" in process.log
+    assert len(poses) == 3
+
+
+def test_bodies_that_were_put_are_replayed_to_the_bit(tmp_path: Path) -> None:
+    """Put a box twice while a table moves: the bag has it, both replays repeat it, exports tell it."""
+    path, bag = tmp_path / "slab.yaml", tmp_path / "bag"
+    path.write_text(SLAB)
+    with Simulator(path, bag=bag, parameters={"dt": 0.02}) as simulator:
+        for step in range(12):
+            bodies = {3: {"part": Pose((0.01, 0.0, 0.1), (0.3, 0.2, 0.1))}, 6: {"part": Pose((0.0, 0.0, 0.01))}}
+            table = Pose((0.0, 0.0, 1e-5 * step))
+            state = simulator.step(Command(handles={"table": table}, bodies=bodies.get(step, {})))
+            if step == 3:
+                np.testing.assert_allclose(state.poses["part"].translation, [0.01, 0.0, 0.1], atol=5e-3)
+        with pytest.raises(GdfeError, match="nothing is called"):
+            simulator.step(Command(bodies={"table": Pose()}))
+    assert state.poses["part"].translation[2] < 0.01
+    run = BagRun(bag)
+    assert [list(record.bodies) for record in run.records if record.bodies] == [["part"], ["part"]]
+    for replay in (Replay(run), NodeReplay(run)):
+        report = replay.run()
+        assert report.verdict() is Verdict.IDENTICAL, report.differences.differing
+        assert report.inexact == 0
+    assert main(["export", str(bag), "--to", "csv", "--out", str(tmp_path / "run.csv")]) == 0
+    first, *rows = (tmp_path / "run.csv").read_text().splitlines()
+    column = first.split(",").index("set.part.z [m]")
+    assert [float(row.split(",")[column]) for row in rows if row.split(",")[column]] == [0.1, 0.01]
+
+
 def _vectors(points: np.ndarray, names: Iterable[str]) -> np.ndarray:
     return np.stack([points[name] for name in names], axis=1).astype(float)
 

@@ -38,7 +38,7 @@ class Columns:
         if column.startswith("command."):
             actuator = self._actuators.get(column.removeprefix("command."))
             return actuator.mode.unit if actuator else ""
-        if column.startswith("target."):
+        if column.startswith(("target.", "set.")):
             return "rad" if field.startswith("r") else "m"
         if topic.startswith(f"{JOINTS}."):
             return self._joint_unit(self._actuators[topic.partition(".")[2]].mode, field)

@@ -21,15 +21,17 @@ def step_row(step: BagStep, known: Columns) -> Row:
     """Give time and outcome, what was consumed, and every published number that is no array.
 
     Columns: ``step, time, dt`` [s], ``wall_time`` [s], outcomes, ``target.<handle>.x`` to ``rz`` [m, rad],
-    ``command.<actuator>``, then ``<topic>.<field>``, and ``joint_states.<actuator>.<field>``.
+    ``set.<body>.x`` to ``rz``, ``command.<actuator>``, then ``<topic>.<field>``, and
+    ``joint_states.<actuator>.<field>``.
     """
     record = step.record
     row: Row = {"step": record.step, "time": record.time, "dt": record.dt, "wall_time": record.wall_time}
     row |= {"begin": record.begin.value, "converged": record.converged, "cut": record.cut, "message": record.message}
     row |= {name: float(values[0]) for name, values in step.samples[RECORD].items() if name != "converged"}
-    for name, pose in record.handles.items():
-        six = (*pose.translation, *pose.rotation)
-        row |= {f"target.{name}.{part}": value for part, value in zip(_TARGET, six, strict=True)}
+    for verb, poses in (("target", record.handles), ("set", record.bodies)):
+        for name, pose in poses.items():
+            six = (*pose.translation, *pose.rotation)
+            row |= {f"{verb}.{name}.{part}": value for part, value in zip(_TARGET, six, strict=True)}
     row |= {f"command.{name}": value for name, value in (record.actuators | record.loads).items()}
     for topic, fields in step.samples.items():
         if topic != RECORD:

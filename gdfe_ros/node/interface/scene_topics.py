@@ -20,6 +20,11 @@ def target_key(handle: Handle) -> str:
     return topics.MOVED[handle.section].target.key(**{handle.noun: handle.name})
 
 
+def put_key(handle: Handle) -> str:
+    """Name the topic that puts a rigid body somewhere, after the node's name."""
+    return topics.MOVED[handle.section].put.key(**{handle.noun: handle.name})
+
+
 def pose_and_wrench(handle: Handle) -> dict[str, TopicSpec]:
     """Give the topics of the pose and the wrench of a handle, obstacle or rigid body, in this order, by key."""
     moved, brace = topics.MOVED[handle.section], {handle.noun: handle.name}

@@ -35,6 +35,14 @@ OBSTACLE_VELOCITY = TopicSpec(
     meaning="velocity of the obstacle's target [m/s], [rad/s]; as of handles",
     delivery=Delivery.COMMAND,
 )
+BODY_SET = TopicSpec(
+    name="~/bodies/{body}/set",
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="puts the rigid body, before the next step, at a pose relative to its rest pose [m] and without velocity; "
+    "from there it moves freely again; `frame_id` empty, the node's or `<body>_rest`; in any other, which is looked up "
+    "on TF, it is where the frame `<body>` is to be",
+    delivery=Delivery.COMMAND,
+)
 ACTUATION = TopicSpec(
     name="~/actuation",
     type="sensor_msgs/msg/JointState",
@@ -61,7 +69,7 @@ FOLLOWED = TopicSpec(
     meaning="where a handle or obstacle that follows a topic is held: its frame in the header's; empty: the node's",
     delivery=Delivery.FOLLOWED,
 )
-COMMANDS = (TARGET, VELOCITY, OBSTACLE_TARGET, OBSTACLE_VELOCITY, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
+COMMANDS = (TARGET, VELOCITY, OBSTACLE_TARGET, OBSTACLE_VELOCITY, BODY_SET, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
 
 CLOCK = TopicSpec(
     name="/clock",
@@ -242,17 +250,26 @@ OUTPUTS = (
 
 @dataclass(frozen=True)
 class Moved:
-    """The topics of a handle, obstacle or rigid body; ``target`` and ``velocity`` of those that are commanded."""
+    """The topics of a handle, obstacle or rigid body; ``target`` and ``velocity`` of those that are commanded.
+
+    What moves freely has ``put`` instead, which puts it somewhere.
+    """
 
     pose: TopicSpec
     wrench: TopicSpec
     target: TopicSpec | None = None
     velocity: TopicSpec | None = None
+    put: TopicSpec | None = None
+
+    @property
+    def commands(self) -> tuple[TopicSpec, ...]:
+        """Topics that the node takes commands on."""
+        return tuple(spec for spec in (self.target, self.velocity, self.put) if spec is not None)
 
 
 MOVED = {
     "handles": Moved(HANDLE_POSE, HANDLE_WRENCH, TARGET, VELOCITY),
     "obstacles": Moved(OBSTACLE_POSE, OBSTACLE_WRENCH, OBSTACLE_TARGET, OBSTACLE_VELOCITY),
-    "bodies": Moved(BODY_POSE, BODY_WRENCH),
+    "bodies": Moved(BODY_POSE, BODY_WRENCH, put=BODY_SET),
 }
 """By the section of a scene that it stands in."""

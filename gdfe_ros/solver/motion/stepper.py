@@ -22,6 +22,7 @@ from gdfe_ros.solver.motion.flight import Flight
 from gdfe_ros.solver.motion.inertia import Inertia, kinematics_of, saved_of
 from gdfe_ros.solver.motion.ledger import Accounts
 from gdfe_ros.solver.motion.predictor import FlightPredictor
+from gdfe_ros.solver.motion.putting import pulled, put_elsewhere
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Skip, SolverSettings
@@ -144,6 +145,21 @@ class MotionStepper:
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the velocities of the start; handles stay where they are."""
         return placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
+
+    def put(self, state: State, places: Mapping[str, Pose]) -> State:
+        """Return a state with rigid bodies, by name, without velocity at poses relative to their rest poses.
+
+        The work that this takes counts as done on them.
+        """
+        found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
+        if self._began(state):
+            still = found.with_(terms={**found.terms, inertia.NAME: self.at_rest().terms[inertia.NAME]})
+            found = pulled(found, places, self._accelerated(-self.equilibrium.forces(still)), self.body)
+        before = self.actuation.balance(state.positions, state.commands)
+        after = self.actuation.balance(found.positions, state.commands)
+        kinetic = [self._accounts.energies(each, self.velocities(each))["kinetic"] for each in (state, found)]
+        work = state.ledger.work + after.potential - before.potential + kinetic[1] - kinetic[0]
+        return found.with_(balance=after, ledger=changed(found.ledger, work=work))
 
     def completed(self, state: State) -> State:
         """Return a state that was read from an archive with the operators that follow from its commands."""

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid bodies that somebody puts elsewhere in the middle of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.descent.history import History
+from gdfe_ros.solver.handle_motions import HandleMotions
+from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.terms.term import Saved
+from gdfe_ros.solver.value import changed
+
+UNTOLD = "rigid bodies were put elsewhere, and no step has been made since"
+
+
+def put_elsewhere(
+    body: Body, handles: HandleMotions, actuation: Actuation, state: State, places: Mapping[str, Pose]
+) -> State:
+    """Return a state with rigid bodies at rest at poses relative to their rest poses; all else stays.
+
+    What they touched has let go of them, and what they touch there pushes them from the next step on.
+    """
+    vertices = _vertices(body, places)
+    slides, turns = handles.put(state.slides, state.turns, places)
+    positions = state.positions.copy()
+    positions[vertices] = handles.placed(state.base, slides, turns)[vertices]
+    terms = dict(state.terms)
+    for contact in actuation.contacts:
+        if np.isin(contact.couplings(), vertices).any():
+            terms[contact.name] = {**contact.neutral(), "lost": terms[contact.name]["lost"]}
+    if terms[inertia.NAME]["h"][0]:
+        terms[inertia.NAME] = _stopped(terms[inertia.NAME], vertices, positions)
+    return state.with_(
+        positions=positions,
+        slides=slides,
+        turns=turns,
+        terms=terms,
+        motion=None,
+        history=History.empty(),
+        tangent=None,
+        summary=changed(state.summary, converged=False, message=UNTOLD),
+        ledger=changed(state.ledger, failure=None),
+    )
+
+
+def pulled(state: State, places: Mapping[str, Pose], acceleration: NDArray[np.float64], body: Body) -> State:
+    """Return a state whose rigid bodies, named in ``places``, are accelerated (n, 3) [m/s^2] by the forces there."""
+    vertices, kept = _vertices(body, places), dict(state.terms[inertia.NAME])
+    for name in ("acceleration", "balanced"):
+        kept[name] = kept[name].copy()
+        kept[name][vertices] = acceleration[vertices]
+    return state.with_(terms={**state.terms, inertia.NAME: kept})
+
+
+def _vertices(body: Body, places: Mapping[str, Pose]) -> NDArray[np.int32]:
+    rigid = [handle for handle in body.handles if isinstance(handle, RigidBody)]
+    return np.concatenate([handle.vertices for handle in rigid if handle.name in places])
+
+
+def _stopped(saved: Saved, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> Saved:
+    """Return what inertia keeps of vertices that have been at ``positions`` (n, 3) [m] for long."""
+    kept = dict(saved)
+    for name in ("velocity", "velocity_before", "acceleration", "balanced", inertia.PUSHED):
+        if name in saved:
+            kept[name] = saved[name].copy()
+            kept[name][vertices] = 0.0
+    for name in ("positions", "before"):
+        kept[name] = saved[name].copy()
+        kept[name][vertices] = positions[vertices]
+    return kept

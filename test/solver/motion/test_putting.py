@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid bodies that are put elsewhere in the middle of a motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.errors import CommandError
+from gdfe_ros.scene.loader import scene_from_text
+
+CUSHION = """
+name: cushion
+mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [5, 5, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: z-}, fixed: true}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.05, 0.0, 0.031], friction: 0.5}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 100}}
+"""
+WEIGHT = 9.81 * 1500 * 0.04 * 0.03 * 0.02
+FAR = Pose((0.5, 0.1, 2.0), (0.1, 0.2, 0.3))
+
+
+def cushion(scheme: str = "bdf2", steps: int = 40) -> Simulation:
+    """Return a box that has lain on a soft cushion for some steps."""
+    simulation = Simulation(scene_from_text(CUSHION, overrides={"dynamics.scheme": scheme}))
+    run(simulation, steps)
+    return simulation
+
+
+def run(simulation: Simulation, steps: int) -> None:
+    """Make steps, each of which has to converge."""
+    for _ in range(steps):
+        result = simulation.step()
+        assert result.converged, result.message
+
+
+@pytest.mark.parametrize(("scheme", "rel"), [("newmark", 1e-4), ("generalised_alpha", 1e-4), ("bdf2", 0.03)])
+def test_what_is_put_somewhere_falls_from_there(scheme: str, rel: float) -> None:
+    """Take a box off its cushion: it falls g t^2 / 2 from where it is put, as it is turned, and the cushion rises."""
+    simulation = cushion(scheme)
+    low = simulation.positions[:, 2].min(), simulation.positions[:, 2].max()
+    result = simulation.step(Command(bodies={"part": FAR}))
+    assert result.converged
+    assert not result.reactions["part"].any()
+    run(simulation, 39)
+    pose = simulation.handle_pose("part")
+    assert pose.translation[2] - 2.0 == pytest.approx(-0.5 * 9.81 * 0.2**2, rel=rel)
+    np.testing.assert_allclose([*pose.translation[:2], *pose.rotation], [0.5, 0.1, *FAR.rotation], atol=1e-9)
+    assert simulation.positions[:, 2].max() > low[1]
+
+
+def test_putting_is_work() -> None:
+    """Lift a box that falls: energies balance with the work that it took, and its speed is gone."""
+    simulation = cushion("generalised_alpha", 2)
+    stored = ("kinetic", "elastic", "potential", "dissipated")
+    for _ in range(2):
+        simulation.step(Command(bodies={"part": FAR}))
+        run(simulation, 10)
+        energies = simulation.result.energies
+        balance = sum(energies[name] for name in stored) - energies["work"]
+        assert abs(balance) < 1e-3 * energies["potential"]
+    assert energies["work"] == pytest.approx(WEIGHT * 2.0, rel=0.05)
+
+
+def test_who_puts_it_all_the_time_holds_it() -> None:
+    """Put a box at one place in every step: it stays there; on the cushion again, it weighs on that."""
+    simulation = cushion(steps=0)
+    for _ in range(5):
+        simulation.step(Command(bodies={"part": FAR}))
+        assert abs(simulation.handle_pose("part").translation[2] - 2.0) < 1e-3
+    simulation.step(Command(bodies={"part": Pose((0.0, 0.0, -0.0009))}))
+    run(simulation, 120)
+    assert simulation.result.reactions["part"][2] == pytest.approx(-WEIGHT, rel=0.05)
+
+
+def test_states_after_it_are_saved_to_the_bit() -> None:
+    """Put, save, go on; load into another simulation and go on: the very same, also of a state put but not stepped."""
+    first, second = cushion(), cushion(steps=0)
+    first.step(Command(bodies={"part": Pose((0.01, 0.0, 0.002), (0.0, 0.0, 0.2))}))
+    first.step(Command(bodies={"part": Pose((0.01, 0.0, 0.001))}), dt=0.0)
+    load_state(second, save_state(first))
+    for simulation in (first, second):
+        run(simulation, 20)
+    assert np.array_equal(first.positions, second.positions)
+    assert first.handle_pose("part") == second.handle_pose("part")
+    assert first.result.reactions["part"].any()
+
+
+def test_wrong_places_are_refused() -> None:
+    """Name no body, or one that is none, put it out of reach: what is wrong and what there is; the state stays."""
+    simulation = cushion(steps=3)
+    before = simulation.handle_pose("part")
+    for bodies, match in (
+        ({"prt": Pose()}, "no rigid body 'prt' in scene 'cushion'; bodies: part"),
+        ({"base": Pose()}, "no rigid body 'base' in scene 'cushion'; bodies: part"),
+        ({"part": (0, 0, 1)}, r"body 'part': the pose is \(0, 0, 1\); allowed: a Pose"),
+        ({"part": Pose((0.0, 0.0, 1e4))}, "body 'part' is put .* body lengths and 0 turns away; at most 1000"),
+    ):
+        with pytest.raises(CommandError, match=match):
+            simulation.step(Command(bodies=bodies))
+    assert simulation.handle_pose("part") == before
+    with pytest.raises(CommandError, match="no rigid body 'part' in scene 'bend5'; bodies: none"):
+        Simulation(load_scene("bend5")).step(Command(bodies={"part": Pose()}))
