@@ -88,7 +88,7 @@ def _watch(scene: Scene, arguments: argparse.Namespace) -> None:
         reached, drawn = _delays(browser)
         _row("slider's move until the moved body reaches the browser", f"{reached:.0f} ms", "100 ms")
         _row("slider's move until it is drawn, by the processor", f"{drawn:.0f} ms", "")
-        _play(browser, scene, arguments.seconds)
+        _play(browser, scene, arguments.seconds, dt=0.01)
         _finish(browser, scene, arguments)
 
 
@@ -115,26 +115,32 @@ def _drag(arguments: argparse.Namespace) -> None:
         way = (seen[-1].total - before.total) / Surface(scene.mesh).count / scale_of(scene.mesh)
         what = f"{scene.name}, {scene.mesh.n_cells} cells: rise of the surface"
         _row(f"{what} where {handle.name} is dragged up by 60 px with the mouse", f"{way:.4f} m", "")
-        _play(browser, scene, min(arguments.seconds, 4.0))
+        _play(browser, scene, min(arguments.seconds, 4.0), dt=0.001)
         _finish(browser, scene, arguments)
 
 
-def _play(browser: Browser, scene: Scene, seconds: float) -> None:
-    """Count the frames of a program."""
+def _play(browser: Browser, scene: Scene, seconds: float, *, dt: float) -> None:
+    """Count the frames of a program, and its steps of ``dt`` [s] meanwhile."""
     browser.press("play the program")
     time.sleep(1.0)
     list(browser.wire.arrivals())
+    begun, first = time.time(), _simulated(browser)
     time.sleep(seconds)
+    steps = (_simulated(browser) - first) / dt / (time.time() - begun)
     moments = [arrival.moment for arrival in browser.wire.arrivals()]
     span = moments[-1] - moments[0]
-    steps = re.search(r"(\d+) steps/s", browser.text())
     drawn = sum(moments[0] < moment <= moments[-1] for moment, _ in browser.frames())
     what = f"{scene.name}: frames a second of its program"
     _row(f"{what} that reach the browser", f"{(len(moments) - 1) / span:.1f}", "30")
     _row(f"{what} that the processor draws", f"{drawn / span:.1f}", "")
-    _row(f"{scene.name}: steps a second meanwhile; more frames there cannot be", steps[1] if steps else "none", "")
+    _row(f"{scene.name}: steps a second meanwhile; more frames there cannot be", f"{steps:.1f}", "")
     browser.press("pause")
     browser.settle()
+
+
+def _simulated(browser: Browser) -> float:
+    """Give the simulation time that the state shows [s]."""
+    return float(re.search(r"([\d.]+) s, (?:\d+|no) steps", browser.text())[1])
 
 
 def _finish(browser: Browser, scene: Scene, arguments: argparse.Namespace) -> None:

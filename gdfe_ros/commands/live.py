@@ -98,7 +98,7 @@ def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
     from gdfe_ros.live.page import Page
     from gdfe_ros.live.remote.node_session import NodeSession
 
-    port = arguments.port
+    port, said = arguments.port, 0
     while True:
         session = NodeSession(arguments.ros)
         page = None
@@ -106,9 +106,9 @@ def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
             page = Page(host=arguments.host, port=port, frames=arguments.fps)
             page.show(session)
             session.start(told=page.take, warn=page.say)
-            if page.port != port or port == arguments.port:
+            if page.port != said:
                 _say_where(arguments, page.port)
-            port = page.port
+            port = said = page.port
             _end_on_signals(ending)
             while not (ending.wait(0.5) or session.outdated or session.failure or page.failure):
                 pass

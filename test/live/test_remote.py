@@ -225,6 +225,7 @@ def test_the_command_shows_the_next_scene_at_the_same_address(bar: str, tmp_path
                 assert "/handles/tip" in viewer.nodes
             process.send_signal(signal.SIGINT)
             assert process.wait(60.0) == 0
+            assert process.stdout.read() == ""
     finally:
         process.kill()
         process.wait()

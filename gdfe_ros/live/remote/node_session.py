@@ -129,7 +129,7 @@ class NodeSession:
             told: called with what is shown of each step, in a thread of its own.
             warn: takes the text of what a user should know.
         """
-        self._told, self._warn = told, warn
+        self._told, self._warn, self._heard = told, warn, time.monotonic()
         node, name = self._node, self.name
         profile = qos_profile(topics.DIAGNOSTICS.delivery)
         node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS.name, self._hear_report, profile)
