@@ -34,7 +34,7 @@ OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
 .PHONY: install run live test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion \
-        bench-contact bench-skip bench-sweep profile \
+        bench-contact bench-coarse bench-skip bench-sweep profile \
         bags docs clean
 
 install: $(STAMP)
@@ -121,6 +121,10 @@ bench-motion: install
 # A cube on a ball, a ball between plates, a slab on a slope, a grip, the scene `grasp`; beside others and theory
 bench-contact: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.contact
+
+# Few cells across: torsion, bending, rubber pad, thick tube, beside FElupe and CalculiX where they are installed
+bench-coarse: install
+	@$(BIN)/python -m benchmarks.coarse_meshes
 
 bench-skip: install
 	@$(BIN)/python -m benchmarks.savings

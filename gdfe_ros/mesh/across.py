@@ -11,15 +11,19 @@ from scipy.sparse.csgraph import connected_components
 from gdfe_ros.mesh.faces import HEX_FACES, group_quads
 
 
-def cells_across(cells: NDArray[np.int32], material: NDArray[np.int32]) -> NDArray[np.int32]:
+def cells_across(
+    cells: NDArray[np.int32], material: NDArray[np.int32], straight: NDArray[np.bool_]
+) -> NDArray[np.int32]:
     """Count for each cell those in a row with it, along each of its three axes.
 
     Args:
         cells: (m, 8) corners, VTK order.
         material: (m,) of each cell; a row ends where the material does.
+        straight: (m,) whether a cell is a parallelepiped; a row with one that is none is not counted.
 
     Returns:
-        Lengths of the rows (m, 3), the cell itself included; where a row closes into a ring, cells of the ring.
+        Lengths of the rows (m, 3), the cell itself included, and 1 where a row is not counted; where a row closes into
+        a ring, cells of the ring.
     """
     count = len(cells)
     group, sharing = group_quads(cells[:, HEX_FACES].reshape(-1, 4))
@@ -30,4 +34,5 @@ def cells_across(cells: NDArray[np.int32], material: NDArray[np.int32]) -> NDArr
     first, second = (3 * (side // 6) + side % 6 // 2 for side in pairs.T)
     links = coo_array((np.ones(len(pairs), np.int8), (first, second)), shape=(3 * count, 3 * count))
     _, row = connected_components(links, directed=False)
-    return np.bincount(row)[row].reshape(count, 3).astype(np.int32)
+    bent = np.bincount(row, weights=np.repeat(~straight, 3)) > 0.0
+    return np.where(bent, 1, np.bincount(row))[row].reshape(count, 3).astype(np.int32)

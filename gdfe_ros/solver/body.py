@@ -70,7 +70,7 @@ class Body:
         material = np.ascontiguousarray(material, dtype=np.int32)
         shape, table = shape_operators(rest, cells, filling), pack(materials)
         if torsion is Torsion.SECTION:
-            shape = shape._replace(across=cells_across(cells, material).min(axis=1))
+            shape = shape._replace(across=cells_across(cells, material, shape.parallel).min(axis=1))
         return cls(
             rest,
             shape,

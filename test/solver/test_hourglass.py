@@ -13,6 +13,7 @@ from scipy.optimize import minimize_scalar
 
 from gdfe_ros.materials import Linear, Material
 from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.round_bodies import tube
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import corner_forces, strain_energies
 from gdfe_ros.solver.elements.torsion import OWN_SHEAR
@@ -134,6 +135,15 @@ def test_what_is_one_cell_thick_keeps_its_bits(make_body: MakeBody, law: Materia
     np.testing.assert_array_equal(cell, section)
 
 
+def test_what_is_round_keeps_its_bits(make_body: MakeBody) -> None:
+    """Deform a tube with caps at random: a round section twists without warping, and no coupling suits it."""
+    mesh = tube(0.01, 0.02, 0.04, [2, 16, 4], cap=0.01, cap_cells=2)
+    x = mesh.vertices + np.random.default_rng(2).uniform(-1e-3, 1e-3, mesh.vertices.shape)
+    none = np.zeros(mesh.n_cells)
+    cell, section = (corner_forces(make_body(mesh, torsion=kind), x, none)[0] for kind in Torsion)
+    np.testing.assert_array_equal(cell, section)
+
+
 def test_a_plate_of_two_layers_twists_as_kirchhoffs(make_body: MakeBody) -> None:
     """Twist a thin plate by sections: D (1 - nu) w_xy^2 for its area, as by cells."""
     thick, rate, poisson, mesh = 0.01, 1e-3, 0.3, bar([0.2, 0.2, 0.01], [4, 4, 2])
@@ -166,10 +176,12 @@ def test_sections_leave_no_motion_free(make_body: MakeBody, law: Material) -> No
 
 
 def test_forces_by_sections_are_the_gradient_of_the_energy(make_body: MakeBody) -> None:
-    """Deform a distorted block largely and compare forces with differences of the energy."""
+    """Deform a sheared block largely and compare forces with differences of the energy."""
     mesh, random = bar([0.3, 0.3, 0.3], [3, 3, 3]), np.random.default_rng(7)
-    mesh = HexMesh(mesh.vertices + random.uniform(-0.02, 0.02, mesh.vertices.shape), mesh.cells)
+    sheared = mesh.vertices @ np.array([[1.0, 0.3, 0.1], [0.0, 1.2, 0.4], [0.0, 0.0, 0.7]])
+    mesh = HexMesh(sheared, mesh.cells)
     body = make_body(mesh, torsion=Torsion.SECTION)
+    assert (body.shape.across == 3).all()
     x = mesh.vertices @ np.diag([1.3, 0.8, 0.9]) + random.uniform(-0.01, 0.01, mesh.vertices.shape)
     force, move = np.zeros_like(x), random.normal(size=x.shape)
     np.add.at(force, body.cells, corner_forces(body, x, np.zeros(27))[0])
