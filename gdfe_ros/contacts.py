@@ -64,14 +64,14 @@ class ContactSensor:
 def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = None) -> list[str]:
     """Name what `StepResult.contacts` has of a scene's handles, in its order.
 
-    The body with each obstacle and rigid body, by the name of these; then each rigid body on each obstacle; then the
-    body with itself, where it has ``self_contact``.
+    The body with each obstacle and rigid body, by the name of these; then each rigid body, with its corners, on each
+    obstacle and on each other rigid body; then the body with itself, where it has ``self_contact``.
     """
     touched = [handle for handle in handles if isinstance(handle, Obstacle)]
     rigid = [handle.name for handle in touched if isinstance(handle, RigidBody)]
     return (
         [handle.name for handle in touched]
-        + [f"{name} on {other.name}" for name in rigid for other in touched if not isinstance(other, RigidBody)]
+        + [f"{name} on {other.name}" for name in rigid for other in touched if other.name != name]
         + [SELF] * (self_contact is not None)
     )
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
@@ -21,6 +22,11 @@ NO_SAMPLES = np.zeros(0)
 
 RIM = 48
 """Points on each rim of a cylinder that moves freely."""
+INSET = 0.01
+"""Share of its half width by which points of a box' face are off its rim: over the rim of an equal face it is chance
+which side of that is nearer."""
+MOST_ALONG = 8
+"""Intervals between points along a rigid body, at most."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,22 @@ class Box:
         """Points (k, 3) [m] that touch before any other does: its corners."""
         return 0.5 * np.array(list(product((-1.0, 1.0), repeat=3))) * self.size
 
+    @property
+    def skin(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] that touch other bodies: its corners, and points of its faces, a little off their rims."""
+        half, found = 0.5 * np.array(self.size), [self.corners]
+        for axis in range(3):
+            others = [other for other in range(3) if other != axis]
+            lines = [(1.0 - INSET) * np.linspace(-half[other], half[other], self._along(other)) for other in others]
+            for side in (-half[axis], half[axis]):
+                face = np.empty((len(lines[0]) * len(lines[1]), 3))
+                face[:, axis], face[:, others] = side, list(product(*lines))
+                found.append(face)
+        return np.concatenate(found)
+
+    def _along(self, axis: int) -> int:
+        return 1 + min(MOST_ALONG, math.ceil(self.size[axis] / min(self.size)))
+
 
 @dataclass(frozen=True)
 class Capsule:
@@ -125,6 +147,14 @@ class Cylinder:
         turn = np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
         rim = np.column_stack([self.radius * np.cos(turn), self.radius * np.sin(turn), np.full(RIM, 0.5 * self.length)])
         return np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
+
+    @property
+    def skin(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] that touch other bodies: of its rims, and of circles between them about a radius apart."""
+        count = 1 + min(MOST_ALONG, math.ceil(self.length / self.radius))
+        rim = self.corners[:RIM] * [1.0, 1.0, 0.0]
+        lifts = np.linspace(-0.5, 0.5, count)[:, None, None] * [0.0, 0.0, self.length]
+        return (rim + lifts).reshape(-1, 3)
 
 
 @dataclass(frozen=True, eq=False)

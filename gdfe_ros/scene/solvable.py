@@ -16,7 +16,7 @@ from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
@@ -46,11 +46,15 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
 
 
 def remarks(scene: Scene, policy: Policy) -> list[str]:
-    """Say what is doubtful about a scene: unstable materials, contrasts beyond the policy's calibration."""
+    """Say what is doubtful about a scene: unstable materials, contrasts beyond the policy's calibration, rattling."""
     notes = [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     if policy is Policy.RELATIVE:
         used = [item for item in scene.materials.values() if item.omega is None]
         notes += calibration_remarks(np.array([item.young0 for item in used])) if used else []
+    rigid = [handle.name for handle in scene.handles if isinstance(handle, RigidBody)]
+    if len(rigid) > 1 and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
+        text = f"{', '.join(rigid)} may not come to rest on each other with {scene.dynamics.scheme.value}"
+        notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
     return notes
 
 

@@ -151,7 +151,7 @@ CONTACT_NAMES = TopicSpec(
     name="~/contact_names",
     type="std_msgs/msg/String",
     meaning="JSON: the names that `contact` of `~/contacts` counts from 0: obstacles and bodies in the scene's order, "
-    "which the elastic body touches, then `<body> on <obstacle>`, then `(self)`",
+    "which the elastic body touches, then `<body> on <obstacle>` and `<body> on <body>`, then `(self)`",
     delivery=Delivery.LATCHED,
 )
 SENSOR_WRENCH = TopicSpec(

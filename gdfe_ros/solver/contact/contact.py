@@ -94,13 +94,10 @@ class Contact(ContactTerm):
         tangents = np.zeros((len(self._penalty), 3 * count, 3 * count))
         if not self.updates:
             return tangents
-        chosen, points = self._chosen, self._points
+        chosen = self._chosen
         held = np.zeros((len(chosen), 3, 3))
         law.contact_tangents(positions, self.reals, self.integers, held)
-        ways = points.weights[chosen, : points.carriers.shape[1]]
-        if isinstance(self._touched, RigidBody):
-            places = self._in_frame(points.at(positions)[chosen])
-            ways = np.column_stack([ways, -0.25 - places @ self._touched.signs.T])
+        ways = self._ways(positions)
         spread = ways[:, :, None, None, None] * ways[:, None, None, :, None] * held[:, None, :, None, :]
         tangents[chosen] = spread.reshape(len(chosen), 3 * count, 3 * count)
         return tangents
@@ -194,6 +191,14 @@ class Contact(ContactTerm):
         if isinstance(self._touched, RigidBody):
             return self._touched.found(positions)
         return self._touched.frame(pose)
+
+    def _ways(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return by how much each chosen point moves away from what it touches by motions of `couplings` (k, c)."""
+        ways = self._points.weights[self._chosen, : self._points.carriers.shape[1]]
+        if not isinstance(self._touched, RigidBody):
+            return ways
+        places = self._in_frame(self._points.at(positions)[self._chosen])
+        return np.column_stack([ways, -0.25 - places @ self._touched.signs.T])
 
     def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return through which planes (p, 4) points come into the obstacle on their way to ``places`` (p, 3) [m]."""

@@ -70,7 +70,7 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Points that move with a rigid body: its corners.
+    """Points that move with a rigid body.
 
     Attributes:
         carriers: (k, 4) int32 vertices of the body.
@@ -82,8 +82,16 @@ class Corners:
 
     @classmethod
     def of(cls, rigid: RigidBody) -> Corners:
-        """Return the corners of a rigid body."""
-        points = rigid.form.corners
+        """Return the corners of a rigid body, which touch obstacles."""
+        return cls._at(rigid, rigid.form.corners)
+
+    @classmethod
+    def over(cls, rigid: RigidBody) -> Corners:
+        """Return points all over a rigid body, which touch other rigid bodies."""
+        return cls._at(rigid, rigid.form.skin)
+
+    @classmethod
+    def _at(cls, rigid: RigidBody, points: NDArray[np.float64]) -> Corners:
         return cls(np.tile(rigid.vertices, (len(points), 1)), 0.25 + points @ rigid.signs.T)
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:

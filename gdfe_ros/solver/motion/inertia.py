@@ -13,6 +13,7 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.rigid_part import rigid_part
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
 from gdfe_ros.solver.value import changed
@@ -130,6 +131,8 @@ class Inertia(Term):
             return saved
         now, rule = kinematics_of(saved), self._rule
         velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
+        if len(self._rigid):  # differences of turned positions stretch a little, and what does not damp keeps that
+            velocity[self._rigid] = rigid_part(positions[self._rigid], velocity[self._rigid])
         given, change = self._followed(positions, self._last, now.velocity)
         after = Kinematics(
             velocity=np.where(self._driven, given, velocity),

@@ -19,6 +19,7 @@ from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.flight import Flight
+from gdfe_ros.solver.motion.impact import Impacts
 from gdfe_ros.solver.motion.inertia import Inertia, kinematics_of, saved_of
 from gdfe_ros.solver.motion.ledger import Accounts
 from gdfe_ros.solver.motion.predictor import FlightPredictor
@@ -76,6 +77,7 @@ class MotionStepper:
         self._free_mass: SuperLU | None = None
         self.equilibrium = self._equilibrium(dynamics.step)
         self.actuation = self.equilibrium.actuation
+        self._impacts = Impacts(body, dynamics)
         self._accounts = Accounts(body, mass, dynamics)
         self._calm = max(CALM, RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min()))
 
@@ -219,6 +221,7 @@ class MotionStepper:
         accepted = self._equilibrium(h).accept(solution, state)
         balance = accepted.balance or state.balance
         accepted = accepted.with_(unfinished=None, balance=balance, sound=True)
+        accepted = self._impacts.stopped(state, accepted, h, self._equilibrium(h).actuation.contacts)
         if self._impulsive:
             accepted = accepted.with_(terms={**accepted.terms, inertia.NAME: self._struck(accepted, h)})
         return accepted.with_(ledger=self._accounts.after(state, accepted, h))

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact of a rigid body with an obstacle or another rigid body, as a term."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.contact import Contact
+from gdfe_ros.solver.contact.contact_term import PENALTY
+from gdfe_ros.solver.contact.gap import NORMAL
+from gdfe_ros.solver.contact.surface import Corners
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import State
+
+SUPPORTED = 0.1
+"""Of the way by which a contact alone would move bodies apart: what else holds them counts for no more."""
+
+
+class RigidContact(Contact):
+    """Contact of a rigid body's points with what they cannot enter; the larger of both coefficients counts.
+
+    Of two rigid bodies each has its points in the other's shape: there are two of these.
+
+    Args:
+        rigid: whose points touch.
+        touched: what cannot be entered.
+        body: the discretised body.
+    """
+
+    def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
+        points = Corners.over(rigid) if isinstance(touched, RigidBody) else Corners.of(rigid)
+        friction = max(rigid.friction, touched.friction)
+        super().__init__(f"{rigid.name} on {touched.name}", touched, body, points, friction)
+
+    def fit(self, matrix: ConstantMatrix) -> None:
+        """Take penalties from the constant matrix' diagonal; two rigid bodies give way in series."""
+        super().fit(matrix)
+        if isinstance(self._touched, RigidBody):
+            other = PENALTY * matrix.assembled.diagonal()[self._touched.vertices].sum()
+            self._penalty *= other / (self._penalty + other)
+
+    def add_impacts(
+        self,
+        positions: NDArray[np.float64],
+        before: State,
+        approach: NDArray[np.float64],
+        moved: tuple[NDArray[np.float64], NDArray[np.float64]],
+        forces: NDArray[np.float64],
+    ) -> None:
+        """Add what of the forces of a step stops the speed with which points came, to those on vertices (n, 3) [N].
+
+        Args:
+            positions: (n, 3) [m] where the step ended.
+            before: where it began.
+            approach: (n, 3) [m] by how much vertices would have moved in the step, going on as in the last one.
+            moved: (n, 3) [m] by how much all contacts moved them in the step, and this one alone would have.
+            forces: is added to.
+        """
+        if not self.updates:
+            return
+        pushes, presses, _, _ = self._forces(positions)
+        ends, ways = self.couplings()[self._chosen], self._ways(positions)
+        normals = self._rows()[:, NORMAL : NORMAL + 3]
+        came, stopped, alone = (np.einsum("ka,kai,ki->k", ways, each[ends], normals) for each in (approach, *moved))
+        if not isinstance(self._touched, RigidBody):
+            came -= np.einsum("ki,ki->k", self._carried(positions, before), normals)
+        way = np.maximum(stopped, SUPPORTED * alone)
+        spent = np.where((presses > 0.0) & (way > 0.0), np.clip(-came / np.where(way > 0.0, way, 1.0), 0.0, 1.0), 0.0)
+        np.add.at(forces, ends, ways[:, :, None] * (spent[:, None] * pushes)[:, None, :])
+
+    def _carried(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
+        """Return by how much an obstacle moved, since ``before``, where it touches the chosen points (k, 3) [m]."""
+        places = self._points.at(positions)[self._chosen]
+        origin, axes = self._frame(before.positions, before.poses[self._touched.name])
+        return places - origin - self._in_frame(places) @ axes.T

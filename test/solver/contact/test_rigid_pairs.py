@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid bodies that touch each other, and what stops them at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Simulation
+from gdfe_ros.constraints.obstacle import Box, Cylinder
+from gdfe_ros.contacts import contact_names
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.motion import inertia
+
+PAIR = """
+name: pair
+mesh: {bar: {size: [0.05, 0.05, 0.05], cells: [2, 2, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}}
+bodies:
+  one: {box: {size: [0.04, 0.04, 0.04]}, density: 800, at: [0.1, 0, 0], friction: 0.3}
+  two: {box: {size: [0.04, 0.03, 0.05]}, density: 1200, at: [0.17, 0, 0], friction: 0.3}
+dynamics: {scheme: bdf2, step: 0.002}
+solver: {tolerance: 1.0e-5}
+"""
+STACKED = {
+    "bodies.one.at": [0.1, 0, -0.0799],
+    "bodies.two": {"box": {"size": [0.04, 0.04, 0.04]}, "density": 800, "at": [0.1, 0, -0.0398], "friction": 0.5},
+    "dynamics.step": 0.005,
+    "dynamics.damping": {"viscosity": 500},
+    "solver.tolerance": 1e-6,
+}
+Vector = tuple[float, float, float]
+
+
+@pytest.fixture
+def pair() -> Callable[..., Simulation]:
+    """Give a function that makes two rigid boxes beside a soft one; it takes overrides."""
+
+    def make(**overrides: Any) -> Simulation:
+        given = overrides.pop("more", {})
+        return Simulation(scene_from_text(PAIR, overrides={**given, **overrides}))
+
+    return make
+
+
+def kick(simulation: Simulation, **speeds: tuple[Vector, Vector]) -> None:
+    """Give bodies a velocity [m/s] and a spin [rad/s] after a first step."""
+    simulation.step()
+    state, h = simulation._state, simulation.scene.dynamics.step
+    saved = {name: array.copy() for name, array in state.terms[inertia.NAME].items()}
+    for body in simulation._stepper.body.handles:
+        if body.name in speeds:
+            x, (velocity, spin) = state.positions[body.vertices], speeds[body.name]
+            moving = velocity + np.cross(spin, x - x.mean(axis=0))
+            saved["velocity"][body.vertices] = saved["velocity_before"][body.vertices] = moving
+            saved["before"][body.vertices] = x - h * moving
+    simulation._state = state.with_(terms={**state.terms, inertia.NAME: saved})
+
+
+def momenta(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
+    """Return momentum [kg m/s] and angular momentum about the middle between them [kg m^2/s] of the two bodies."""
+    own = simulation._state.positions[-8:] + simulation._origin - [0.135, 0.0, 0.0]
+    each = (simulation._stepper._mass @ simulation._stepper.velocities(simulation._state))[-8:]
+    return each.sum(axis=0), np.cross(own, each).sum(axis=0)
+
+
+def run(simulation: Simulation, steps: int) -> None:
+    """Make steps, each of which has to converge."""
+    for _ in range(steps):
+        result = simulation.step()
+        assert result.converged, result.message
+
+
+def test_momentum_is_kept_where_boxes_collide(pair: Callable[..., Simulation]) -> None:
+    """A spinning box hits another face to face: momenta stay to 1e-6, friction shares the spin, energy never grows."""
+    simulation = pair(more={"dynamics.step": 0.0005, "bodies.two.at": [0.15, 0, 0]})
+    kick(simulation, one=((0.5, 0.0, 0.0), (1.0, 0.0, 0.0)), two=((0.0, 0.0, 0.0), (-0.2, 0.0, 0.0)))
+    start, energies = momenta(simulation), [math.inf]
+    for _ in range(120):
+        result = simulation.step()
+        assert result.converged, result.message
+        assert result.energies["kinetic"] <= energies[-1] * (1.0 + 1e-6)
+        energies.append(result.energies["kinetic"])
+        for now, before in zip(momenta(simulation), start, strict=True):
+            np.testing.assert_allclose(now, before, atol=1e-6 * np.abs(before).max())
+    assert energies[-1] < 0.7 * energies[1]
+    assert simulation.handle_pose("two").translation[0] > 0.005
+    spins = [simulation.handle_pose(name).rotation[0] for name in ("one", "two")]
+    run(simulation, 1)
+    after = [simulation.handle_pose(name).rotation[0] for name in ("one", "two")]
+    assert after[0] - spins[0] < 0.9 * 1.0 * 0.0005
+    assert after[1] - spins[1] > -0.9 * 0.2 * 0.0005
+
+
+@pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha"])
+def test_an_oblique_collision_keeps_what_it_must(pair: Callable[..., Simulation], scheme: str) -> None:
+    """Corner on corner: momentum to 1e-6, angular momentum to the order of the step, energy never grows."""
+    errors = []
+    for h in (0.002, 0.0005):
+        simulation = pair(more={"bodies.two.at": [0.17, 0.015, 0.01], "dynamics.scheme": scheme, "dynamics.step": h})
+        kick(simulation, one=((0.5, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        start, last = momenta(simulation), math.inf
+        for _ in range(round(0.1 / h)):
+            result = simulation.step()
+            assert result.converged, result.message
+            assert result.energies["kinetic"] < last * (1.0 + 1e-4)
+            last = result.energies["kinetic"]
+        now = momenta(simulation)
+        np.testing.assert_allclose(now[0], start[0], atol=1e-6 * np.abs(start[0]).max())
+        errors.append(np.abs(now[1] - start[1]).max() / (0.02 * np.abs(start[0]).max()))
+        assert simulation.handle_pose("two").translation[0] > 0.005
+    assert errors[0] < 0.01
+    assert errors[1] < 0.6 * errors[0]
+
+
+@pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha", "newmark"])
+def test_a_turning_body_goes_on_turning(pair: Callable[..., Simulation], scheme: str) -> None:
+    """A box that flies and tumbles keeps its energy for hundreds of steps: nothing of it is stretched."""
+    simulation = pair(more={"dynamics.scheme": scheme, "bodies.two.at": [0.9, 0.0, 0.0]})
+    kick(simulation, one=((0.1, 0.0, 0.0), (3.0, 10.0, 2.0)))
+    run(simulation, 20)
+    first = simulation.result.energies["kinetic"]
+    run(simulation, 400)
+    assert simulation.result.energies["kinetic"] == pytest.approx(first, rel=0.02)
+
+
+@pytest.mark.parametrize("scheme", ["bdf2", "generalised_alpha"])
+def test_what_falls_does_not_spring_back(pair: Callable[..., Simulation], scheme: str) -> None:
+    """A box that falls onto the floor at whatever moment of a step rises by no more than a tenth of its fall."""
+    for height in (0.030, 0.0305, 0.031, 0.0315):
+        more = {
+            "bodies.one.at": [0.1, 0, -0.1 + 0.02 + height],
+            "bodies.two.at": [0.9, 0, 0],
+            "obstacles": {"floor": {"plane": [0, 0, 1], "at": [0, 0, -0.1], "fixed": True, "friction": 0.5}},
+            "loads": {"weight": {"gravity": [0, 0, -9.81]}},
+            "dynamics.scheme": scheme,
+        }
+        simulation, heights = pair(more=more), []
+        for _ in range(90):
+            simulation.step()
+            heights.append(height + simulation.handle_pose("one").translation[2])
+        landed = int(np.argmax(np.array(heights) < 1e-5))
+        assert landed > 0
+        assert max(heights[landed:]) < 0.1 * height
+
+
+@pytest.mark.parametrize(("size", "x"), [([0.04, 0.04, 0.04], 0.1), ([0.03, 0.03, 0.04], 0.105)])
+def test_a_stack_stands(pair: Callable[..., Simulation], size: list[float], x: float) -> None:
+    """A box on a box of the same size, or on one that it does not cover, weighs on it and stays for 10 s."""
+    more = {
+        **STACKED,
+        "bodies.two.box.size": size,
+        "bodies.two.at": [x, 0, -0.0398],
+        "obstacles": {"floor": {"plane": [0, 0, 1], "at": [0, 0, -0.1], "fixed": True, "friction": 0.5}},
+        "loads": {"weight": {"gravity": [0, 0, -9.81]}},
+        "dynamics.step": 0.02,
+    }
+    simulation = pair(more=more)
+    run(simulation, 100)
+    before = [simulation.handle_pose(name) for name in ("one", "two")]
+    run(simulation, 500)
+    for pose, name in zip(before, ("one", "two"), strict=True):
+        moved = np.subtract(simulation.handle_pose(name).translation, pose.translation)
+        assert np.linalg.norm(moved) < 1e-6
+    assert simulation.handle_pose("two").translation[2] == pytest.approx(-0.0002, abs=1e-6)
+    weights = [9.81 * handle.mass for handle in simulation.scene.handles if handle.section == "bodies"]
+    touches = simulation.result.contacts
+    assert touches["one on floor"].presses.sum() == pytest.approx(sum(weights), rel=1e-3)
+    between = touches["one on two"].presses.sum() + touches["two on one"].presses.sum()
+    assert between == pytest.approx(weights[1], rel=1e-3)
+    assert list(touches) == contact_names(simulation.scene.handles)
+
+
+@pytest.mark.parametrize("slope", [0.4, 0.6])
+def test_friction_holds_a_box_on_another(pair: Callable[..., Simulation], slope: float) -> None:
+    """On a slope that the lower one sticks to, the upper one stays below its coefficient and slides above."""
+    cosine = 1.0 / math.hypot(1.0, slope)
+    more = {
+        **STACKED,
+        "bodies.one.box.size": [0.12, 0.04, 0.04],
+        "bodies.one.at": [0.2, 0, -0.0799],
+        "bodies.two.at": [0.2, 0, -0.0398],
+        "obstacles": {"floor": {"plane": [0, 0, 1], "at": [0, 0, -0.1], "fixed": True, "friction": 5.0}},
+        "loads": {"weight": {"gravity": [9.81 * slope * cosine, 0, -9.81 * cosine]}},
+        "handles": {"base": {"where": {"face": "z+"}, "fixed": True}},
+        "solver.tolerance": 1e-5,
+    }
+    simulation, path = pair(more=more), []
+    for _ in range(70):
+        run(simulation, 1)
+        path.append(simulation.handle_pose("two").translation[0])
+    fit = np.polyfit(0.005 * np.arange(30, 70), path[30:], 2)
+    wanted = max(0.0, 9.81 * cosine * (slope - 0.5))
+    assert 2.0 * fit[0] == pytest.approx(wanted, rel=0.01, abs=1e-4)
+    assert abs(simulation.handle_pose("one").translation[0]) < 1e-4
+
+
+def test_bars_that_cross_lie_on_each_other(pair: Callable[..., Simulation]) -> None:
+    """No corner of either is in the other: points of their faces carry the upper one."""
+    more = {
+        **STACKED,
+        "bodies.one.box.size": [0.04, 0.12, 0.04],
+        "bodies.two.box.size": [0.12, 0.04, 0.04],
+        "bodies.one.at": [0.2, 0, -0.0799],
+        "bodies.two.at": [0.2, 0, -0.0398],
+        "obstacles": {"floor": {"plane": [0, 0, 1], "at": [0, 0, -0.1], "fixed": True, "friction": 0.5}},
+        "loads": {"weight": {"gravity": [0, 0, -9.81]}},
+    }
+    simulation = pair(more=more)
+    run(simulation, 200)
+    assert simulation.handle_pose("two").translation[2] == pytest.approx(-0.0002, abs=2e-5)
+
+
+def test_schemes_that_rattle_are_remarked(pair: Callable[..., Simulation]) -> None:
+    """Two bodies with a scheme that damps no contact: a remark with the remedy; none with the one that does."""
+    assert pair().remarks() == []
+    (text,) = pair(more={"dynamics.scheme": "generalised_alpha"}).remarks()
+    assert text.startswith("bodies: one, two may not come to rest on each other with generalised_alpha; remedy:")
+
+
+def test_points_lie_on_the_skin() -> None:
+    """Points that touch other bodies are on the surface, cover long sides, and have the corners among them."""
+    box, tube = Box((0.02, 0.08, 0.04)), Cylinder(0.01, 0.05)
+    away = np.abs(box.skin) / (0.5 * np.array(box.size))
+    np.testing.assert_allclose(away.max(axis=1), 1.0)
+    assert {tuple(point) for point in box.corners} <= {tuple(point) for point in box.skin}
+    assert np.diff(np.unique(box.skin[:, 1].round(9))).max() <= 0.0201
+    np.testing.assert_allclose(np.hypot(tube.skin[:, 0], tube.skin[:, 1]), tube.radius)
+    assert np.diff(np.unique(tube.skin[:, 2].round(9))).max() <= tube.radius + 1e-9
