@@ -78,7 +78,7 @@ class Publication:
         if record.stamp is None:  # an old bag, in which a shortening cable reports its length
             positions = np.array([_extent(state) for state in states.values()])
         velocities = np.zeros(len(positions))
-        if self._joints is not None and time > self._joints[0]:
+        if self._joints is not None and record.dt > 0.0 and time > self._joints[0]:
             velocities = (positions - self._joints[1]) / (time - self._joints[0])
         self._joints = (time, positions)
         efforts = np.array([state.effort for state in states.values()], dtype=np.float64)

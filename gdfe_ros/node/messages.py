@@ -144,11 +144,11 @@ class ActuatorStates:
         self._last: tuple[float, NDArray[np.float64]] | None = None
 
     def message(self, head: Header, step: Step) -> JointState:
-        """Pack the states of a step; velocities are over the time since the last call, 0 where none has passed."""
+        """Pack the states of a step; velocities are over the time since the last call, 0 where a step takes none."""
         states = step.actuators.values()
         positions = self._readings.positions(step.actuators)
         velocities = np.zeros(len(positions))
-        if self._last is not None and step.record.time > self._last[0]:
+        if self._last is not None and step.record.dt > 0.0 and step.record.time > self._last[0]:
             velocities = (positions - self._last[1]) / (step.record.time - self._last[0])
         self._last = (step.record.time, positions)
         return JointState(

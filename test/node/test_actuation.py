@@ -18,6 +18,9 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.node.messages import to_time
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import Simulator
@@ -139,3 +142,18 @@ def _tip_at(client: Any, tips: list[PoseStamped], tension: float) -> np.ndarray:
     moment = to_time(client.record().stamp)
     tip = client.wait(lambda: [tip.pose.position for tip in tips if tip.header.stamp == moment])[0]
     return np.array([tip.x, tip.z])
+
+
+def test_a_bag_begun_under_load_replays(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Pull while nobody listens to joint states, begin a bag by the service, pull on: every bit is made again."""
+    start(scene="tendon_finger", scene_overrides=["solver.tolerance=1e-3"], bag_path=str(tmp_path / "bag"))
+    client.wait(client.records)
+    client.publish("actuation", JointState(name=["flexor"], effort=[1.0]))
+    client.wait(lambda: any(record.actuators.get("flexor") == 1.0 for record in client.records()))
+    assert client.call(SetBool, "record", SetBool.Request(data=True)).success
+    client.publish("actuation", JointState(name=["flexor"], effort=[1.5]))
+    client.wait(lambda: any(record.actuators.get("flexor") == 1.5 for record in client.records()))
+    assert client.call(SetBool, "record", SetBool.Request(data=False)).success
+    report = Replay(BagRun(tmp_path / "bag")).run()
+    assert report.verdict() is Verdict.IDENTICAL
+    assert ("joint_states", "velocity") in report.differences.fields
