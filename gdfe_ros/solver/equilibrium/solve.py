@@ -35,6 +35,9 @@ WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
 """Least iterations of a step that continues a motion, and of one that does not: with a stream of small commands the
 work is even from step to step and the error stays far below the tolerance, which alone would let it build up. The third
 is for a driven body while the history is not full: it does not know the softest modes yet, which forces move most."""
+COLD_AIM = 0.2
+"""Share of the tolerance at which a solve aims that continues no motion: its history does not know the softest modes
+yet, and steps become short before it has arrived."""
 MOST_UPDATES = 60
 """Of pressures, multipliers and scales in one solve; what has not settled by then swings."""
 
@@ -88,6 +91,7 @@ class Solve:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
         self._level, self._softening = model.level, model.softening
         self.problem, self.start, self._warm = problem, start, warm
+        self._aim = COLD_AIM if model.softening and not prediction.ratio else 1.0
         self._base, self._frame, self._prediction = base, model.handles.frame(base), prediction
         self._operators = self._actuation.growths.at(problem.commands, start.operators)
         self.iterations = 0
@@ -153,8 +157,8 @@ class Solve:
         self._settled, self.iterations = not updates, 0
         for _ in range(MOST_UPDATES):
             fine, left = self._actuation.resolution, limit - self.iterations
-            asked = {"tolerance": min(inner, fine), "final": min(tolerance, fine), "limit": left}
-            went = self._minimiser.descend(task, **asked, least=max(0, least - self.iterations))
+            aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(tolerance, fine)}
+            went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
             runaway = status["ended"] == End.RUNAWAY or (status["ended"] != End.NONE and status["blocked"] > 0)
             failed = went.cut or runaway or self._minimiser.lost
@@ -177,19 +181,8 @@ class Solve:
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:
         """Write energies (m,) [J] and least volume ratios (m,) of the active elements."""
         work, body, pressures = active.workspace, self._body, self.pressures
-        shape, material = self._operators.shape, body.material
-        store_energies(
-            work.x,
-            active.elements,
-            shape,
-            material,
-            pressures.table,
-            pressures.values,
-            work.energies,
-            stored,
-            least,
-            True,
-        )
+        given = work.x, active.elements, self._operators.shape, body.material, pressures.table, pressures.values
+        store_energies(*given, work.energies, stored, least, True)
 
     def solution(
         self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64], *, run: int
@@ -265,7 +258,7 @@ class Solve:
 
     def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
         """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""
-        tolerance, residual = self.problem.tolerance, self._minimiser.residual(active)
+        tolerance, residual = self.problem.tolerance, self._minimiser.residual(active) / self._aim
         if residual <= tolerance and self._settled and (self._warm or not self._cut):
             flaw = self._actuation.flaw
             return not flaw, residual, flaw

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps far from the last equilibrium: where they say converged, they are within the tolerance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.result import StepResult
+
+TEXT = """\
+name: held
+mesh: {{bar: {{size: {size}, cells: {cells}}}}}
+materials: {{rubber: {{law: neo_hookean, young: 1.0e5, poisson: 0.45}}}}
+regions: [{{material: rubber}}]
+handles: {{base: {{where: {{face: x-}}, fixed: true}}, tip: {{where: {{face: x+}}}}}}
+solver: {{tolerance: {tolerance}, torsion: {torsion}}}
+"""
+
+
+def _led(poses: list[Any], **keys: Any) -> StepResult:
+    simulation = Simulation(scene_from_text(TEXT.format(**keys)))
+    return [simulation.step(Command(handles={"tip": Pose(*pose)})) for pose in poses][-1]
+
+
+def _turned(angle: float) -> list[Any]:
+    return [((0.0, 0.0, 0.0), (np.radians(angle), 0.0, 0.0))]
+
+
+def _bent(length: float) -> list[Any]:
+    """Shorten, lift and turn in two steps."""
+    ways = ((-0.05, 0.0, 0.2), (90.0, 20.0, 0.0)), ((-0.1, 0.1, 0.3), (180.0, 20.0, 0.0))
+    return [(tuple(length * np.array(shift)), tuple(np.radians(turn))) for shift, turn in ways]
+
+
+@pytest.mark.parametrize(
+    ("length", "cells", "poses", "tolerance", "torsion"),
+    [
+        (0.14, [56, 4, 4], _turned(60.0), 1e-5, "section"),
+        (0.10, [30, 3, 3], _turned(90.0), 1e-4, "section"),
+        (0.14, [42, 3, 3], _turned(90.0), 1e-4, "cell"),
+        (0.25, [50, 2, 2], _bent(0.25), 1e-3, "section"),
+        (0.12, [36, 3, 3], _bent(0.12), 1e-3, "cell"),
+    ],
+)
+def test_a_bar_held_at_both_ends_is_as_near_as_it_says(
+    length: float, cells: list[int], poses: list[Any], tolerance: float, torsion: str
+) -> None:
+    """Turn and bend by much in one or two steps: converged, and within a tolerance of what 1e-8 finds."""
+    keys = {"size": [length, 0.01, 0.01], "cells": cells, "torsion": torsion}
+    loose, exact = (_led(poses, **keys, tolerance=value) for value in (tolerance, 1e-8))
+    assert loose.converged
+    assert exact.converged
+    assert np.linalg.norm(loose.positions - exact.positions, axis=1).max() < tolerance * length
