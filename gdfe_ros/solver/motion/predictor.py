@@ -8,10 +8,15 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import Movable
+from gdfe_ros.solver.elements.measures import least_volume_ratio
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion.inertia import NAME, kinematics_of
 from gdfe_ros.solver.state import State
+
+SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
+"""Of the free flight, in turn, until no element is folded: a force at one light vertex would have that fly many cells
+far in a step, and what is folded at the start ends in another equilibrium."""
 
 
 class FlightPredictor(Predictor):
@@ -25,7 +30,7 @@ class FlightPredictor(Predictor):
 
     def __init__(self, body: Body, handles: HandleMotions, h: float) -> None:
         super().__init__(body, handles)
-        self._free, self._h = body.unknowns.free, h
+        self._free, self._h, self._shape = body.unknowns.free, h, body.shape
 
     def predict(
         self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
@@ -35,7 +40,11 @@ class FlightPredictor(Predictor):
         slides, turns = state.slides, state.turns
         if last is not None:
             slides, turns = slides + last.slides, turns + last.turns
-        start = state.positions.copy()
-        start[self._free] += (h * now.velocity + 0.5 * h * h * now.acceleration)[self._free]
-        start[held] += base[held] - state.base[held]
+        flight = (h * now.velocity + 0.5 * h * h * now.acceleration)[self._free]
+        for share in (*SHARES, 1.0):  # handles may fold elements whatever the rest does
+            start = state.positions.copy()
+            start[self._free] += share * flight
+            start[held] += base[held] - state.base[held]
+            if least_volume_ratio(start, self._shape) > 0.0:
+                break
         return Prediction(start, slides, turns, 1.0, sure=True)
