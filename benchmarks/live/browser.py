@@ -3,39 +3,25 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any
 
 import numpy as np
-from selenium import webdriver
 from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
+from benchmarks.chromium import PATIENCE, start
 from benchmarks.live.wire import Wire
 from gdfe_ros.constraints import Handle
-from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.stage import CONTROL, first_view, scale_of
 from gdfe_ros.live.surface import Surface
 from gdfe_ros.mesh import HexMesh
 
-PATIENCE = 300.0
-"""Longest wait for the browser [s]: without a graphics card it draws with the processor."""
 _FIELD = np.radians(75.0)
 """Of viser's camera, from the lower to the upper edge."""
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-_OPTIONS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-dev-shm-usage",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    # The page must open offline: no name resolves.
-    "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1",
-)
 _WATCH = """
 window.gdfe = {frames: [], draws: 0, keys: []};
 const now = () => (performance.timeOrigin + performance.now()) / 1e3;
@@ -71,17 +57,7 @@ class Browser:
     """
 
     def __init__(self, surface: Surface, *, size: tuple[int, int] = (1100, 700)) -> None:
-        program, driver = next(filter(None, map(shutil.which, _BROWSERS)), None), shutil.which("chromedriver")
-        if program is None or driver is None:
-            raise GdfeError("this needs Chromium and its driver: make browser, or apt-get install chromium-driver")
-        options = webdriver.ChromeOptions()
-        options.binary_location = program
-        for option in (*_OPTIONS, "--window-size={},{}".format(*size)):
-            options.add_argument(option)
-        options.page_load_strategy = "none"  # no request waits for the page: on a busy machine it would time out
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        self.chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-        self.chrome.set_script_timeout(100.0)  # below the 120 s after which a request counts as lost
+        self.chrome = start(size, reachable="127.0.0.1")
         self.wire = Wire(self.chrome.capabilities["goog:chromeOptions"]["debuggerAddress"])
         source = _WATCH % {"bytes": 12 * surface.count, "indices": surface.triangles.size}
         self.chrome.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": source})

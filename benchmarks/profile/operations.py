@@ -16,19 +16,15 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 
-from gdfe_ros.materials import Law, Linear, Material, NeoHookean, preset, stress, tensor
+from benchmarks.savings import HYPERELASTIC, LINEAR
+from gdfe_ros.materials import Material, stress, tensor
 from gdfe_ros.mesh import bar
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements import corners, hourglass, response, stress_rows
 from gdfe_ros.solver.elements.blocks import LANES
 from gdfe_ros.solver.elements.lanes import ROWS
 
-LAWS: dict[str, Material] = {
-    "linear": Linear(young=1e5, poisson=0.45),
-    "neo-Hookean": NeoHookean(young=1e5, poisson=0.45),
-    "curve": preset("ninjaflex", law=Law.CURVE, poisson=0.45),
-    "Ogden, three terms": preset("ninjaflex", law=Law.OGDEN, poisson=0.45),
-}
+LAWS: dict[str, Material] = {"linear": LINEAR, **HYPERELASTIC}
 
 
 class Counted(float):

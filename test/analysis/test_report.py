@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -20,6 +19,7 @@ from selenium.common.exceptions import TimeoutException
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
+from benchmarks.chromium import PATIENCE, start
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.analysis.report.writer import write_report
@@ -44,35 +44,12 @@ materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45}}
 regions: [{material: soft}]
 handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
 """
-_PATIENCE = 300.0
-"""Longest wait for the browser [s]: without a graphics card it draws with the processor."""
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-_OPTIONS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-dev-shm-usage",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--window-size=1400,1500",
-    # The page must open offline: no name resolves.
-    "--host-resolver-rules=MAP * ~NOTFOUND",
-)
 
 
 @pytest.fixture
 def browser() -> Iterator[webdriver.Chrome]:
     """Give a headless Chromium without a network that keeps what its console says."""
-    program, driver = next(filter(None, map(shutil.which, _BROWSERS)), None), shutil.which("chromedriver")
-    if program is None or driver is None:
-        pytest.fail("this test needs Chromium and its driver: apt-get install chromium chromium-driver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = program
-    for option in _OPTIONS:
-        options.add_argument(option)
-    options.page_load_strategy = "none"  # no request waits for the page: on a busy machine it would time out
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    chrome = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    chrome.set_script_timeout(100.0)  # below the 120 s after which a request counts as lost
+    chrome = start((1400, 1500))
     yield chrome
     chrome.quit()
 
@@ -80,7 +57,7 @@ def browser() -> Iterator[webdriver.Chrome]:
 def _open(browser: webdriver.Chrome, page: Path) -> None:
     browser.get(page.as_uri())
     ready = "return document.body && document.body.dataset.ready"
-    wait = WebDriverWait(browser, _PATIENCE, ignored_exceptions=[TimeoutException])
+    wait = WebDriverWait(browser, PATIENCE, ignored_exceptions=[TimeoutException])
     wait.until(lambda chrome: chrome.execute_script(ready))
 
 
@@ -107,7 +84,7 @@ def _picture(browser: webdriver.Chrome, name: str) -> np.ndarray:
 def _slide(browser: webdriver.Chrome, frame: int) -> None:
     script = "const s = document.getElementById('time'); s.value = arguments[0]; s.dispatchEvent(new Event('input'))"
     browser.execute_script(script, frame)
-    WebDriverWait(browser, _PATIENCE).until(
+    WebDriverWait(browser, PATIENCE).until(
         lambda c: c.find_element(By.TAG_NAME, "body").get_attribute("data-frame") == str(frame)
     )
 
@@ -126,7 +103,7 @@ def test_the_report_works_in_a_browser(
     _slide(browser, 0)
     np.testing.assert_allclose(_drawn(browser, "z"), BagRun(bag).mesh.vertices[surface, 2], atol=0.3 / 65535)
     # The numbers are there at once, the picture when the browser has painted it.
-    WebDriverWait(browser, _PATIENCE).until(
+    WebDriverWait(browser, PATIENCE).until(
         lambda chrome: np.abs(last - _picture(chrome, "report_first.png")).mean() > 1.0
     )
     _slide(browser, 5)
@@ -164,7 +141,7 @@ def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, tmp_pa
     assert not browser.find_element(By.ID, "edges").is_selected()
     browser.find_element(By.ID, "edges").click()
     lines = "return document.getElementById('mesh').data[1].x.length"
-    WebDriverWait(browser, _PATIENCE).until(lambda chrome: chrome.execute_script(lines) == 5 * len(outside.faces))
+    WebDriverWait(browser, PATIENCE).until(lambda chrome: chrome.execute_script(lines) == 5 * len(outside.faces))
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
 
 

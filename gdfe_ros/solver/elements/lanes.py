@@ -28,6 +28,13 @@ def load3(b, row, lane):
 
 
 @inlined
+def load6(b, row, lane):
+    """Return six rows of a lane."""
+    i = row * LANES + lane
+    return b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES], b[i + 4 * LANES], b[i + 5 * LANES]
+
+
+@inlined
 def load9(b, row, lane):
     """Return nine rows of a lane."""
     i = row * LANES + lane

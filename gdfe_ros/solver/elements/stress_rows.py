@@ -47,6 +47,7 @@ from gdfe_ros.solver.elements.lanes import (
     SHEAR_ROW,
     STRESS,
     load3,
+    load6,
     load9,
     store3,
     store9,
@@ -232,10 +233,3 @@ def ordered(p, a, q, b):
     first = (b[0] if swap else a[0], b[1] if swap else a[1], b[2] if swap else a[2])
     second = (a[0] if swap else b[0], a[1] if swap else b[1], a[2] if swap else b[2])
     return larger, first, smaller, second
-
-
-@inlined
-def load6(b, row, lane):
-    """Return six rows of a lane."""
-    i = row * LANES + lane
-    return b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES], b[i + 4 * LANES], b[i + 5 * LANES]

@@ -41,10 +41,11 @@ class FlightPredictor(Predictor):
         if last is not None:
             slides, turns = slides + last.slides, turns + last.turns
         flight = (h * now.velocity + 0.5 * h * h * now.acceleration)[self._free]
+        led = state.positions.copy()
+        led[held] += base[held] - state.base[held]
         for share in (*SHARES, 1.0):  # handles may fold elements whatever the rest does
-            start = state.positions.copy()
+            start = led.copy()
             start[self._free] += share * flight
-            start[held] += base[held] - state.base[held]
             if least_volume_ratio(start, self._shape) > 0.0:
                 break
         return Prediction(start, slides, turns, 1.0, sure=True)
