@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,6 +13,7 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.client import Client as ServiceClient
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
@@ -72,6 +73,11 @@ class Client:
         for service in (self._change, *services):
             self.wait(service.service_is_ready, f"the service {service.srv_name}")
         await_discovery(self.node, self._name, partial(self.wait, what="diagnostics"))
+
+    def await_listeners(self, publishers: Iterable[Publisher]) -> None:
+        """Wait until the simulation listens to what is published: before that, messages reach nobody."""
+        for publisher in publishers:
+            self.wait(publisher.get_subscription_count, f"a subscription of {publisher.topic_name}")
 
     def call(self, service: ServiceClient, request: Any) -> Any:
         """Call a service and return its answer."""

@@ -50,8 +50,7 @@ class Link:
 
     def wait_for_listener(self) -> None:
         """Wait until the node listens to every topic."""
-        for key, publisher in self._publishers.items():
-            self.wait(publisher.get_subscription_count, f"a subscription of {key}")
+        self._client.await_listeners(self._publishers.values())
 
     def wait_for_step(self, number: int) -> None:
         """Wait until a step is published."""

@@ -184,6 +184,8 @@ class Simulator:
         self._meet()
         for label in ("configure", "activate"):
             self._client.transition(label)
+        own = [*self._targets.values(), *self._puts.values(), self._actuation]
+        self._client.await_listeners(publisher for publisher in own if publisher is not None)
         self._wait(lambda: self.state is not None, "the first state")
         self._poses = dict.fromkeys(self._movable, Pose())
         self._values = {

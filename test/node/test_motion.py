@@ -128,15 +128,6 @@ def test_the_frame_of_a_unit_is_on_tf(client: Any, start: Callable, listen: Call
     assert _vector(frame.translation) == _vector(probe.pose.position)
 
 
-def test_a_scene_without_dynamics_has_no_topic_of_motion(client: Any, start: Callable, coarse: dict) -> None:
-    """Look at the topics of a node whose body has no mass."""
-    start(**coarse)
-    client.wait(client.records)
-    names = {name for name, _ in client.node.get_publisher_names_and_types_by_node("gdfe_sim", "/")}
-    assert "/gdfe_sim/mesh" in names
-    assert not [name for name in names if name.endswith(("/velocity", "/imu"))]
-
-
 def to_nanoseconds(stamp: Any) -> int:
     """Give a stamp as a whole number."""
     return stamp.sec * 10**9 + stamp.nanosec
