@@ -161,58 +161,56 @@ def merge(parent, height, slack, narrow):
 
 @kernel
 def structure(indptr, indices, order, rank, first, row_start, parent):
-    """Return rows (r,), the parent (s,) of each supernode and where its rows stand in that one's (r,)."""
+    """Return the rows (r,) of each supernode, in no order, and its parent (s,)."""
     count = len(first) - 1
     owner, rows = np.empty(len(order), np.int64), np.full(row_start[count], -1)
-    above, inside, place = np.full(count, -1), np.full(row_start[count], -1), np.full(len(order), -1)
+    above, seen = np.full(count, -1), np.full(len(order), -1)
     child, sibling = np.full(count, -1), np.full(count, -1)
     for node in range(count):
         owner[first[node] : first[node + 1]] = node
     for node in range(count):
-        begin, found = row_start[node], row_start[node]
+        found = row_start[node]
         for column in range(first[node], first[node + 1]):
             rows[found] = column
-            place[column] = node
+            seen[column] = node
             found += 1
         for column in range(first[node], first[node + 1]):
             for k in range(indptr[order[column]], indptr[order[column] + 1]):
                 row = rank[indices[k]]
-                if row > column and place[row] != node:
-                    place[row] = node
+                if row > column and seen[row] != node:
+                    seen[row] = node
                     rows[found] = row
                     found += 1
         lower = child[node]
         while lower >= 0:
             for k in range(row_start[lower], row_start[lower + 1]):
-                if rows[k] >= first[node] and place[rows[k]] != node:
-                    place[rows[k]] = node
+                if rows[k] >= first[node] and seen[rows[k]] != node:
+                    seen[rows[k]] = node
                     rows[found] = rows[k]
                     found += 1
             lower = sibling[lower]
-        rows[begin:found].sort()
-        if parent[first[node + 1] - 1] >= 0:
-            above[node] = owner[parent[first[node + 1] - 1]]
-            sibling[node] = child[above[node]]
-            child[above[node]] = node
-    for node in range(count):
-        if above[node] < 0:
-            continue
-        k = row_start[above[node]]
-        for low in range(row_start[node] + first[node + 1] - first[node], row_start[node + 1]):
-            while rows[k] != rows[low]:
-                k += 1
-            inside[low] = k - row_start[above[node]]
-    return rows, above, inside
+        top = parent[first[node + 1] - 1]
+        if top >= 0:
+            above[node] = owner[top]
+            sibling[node] = child[owner[top]]
+            child[owner[top]] = node
+    return rows, above
 
 
 def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> Elimination:
     """Return what eliminating the vertices of a symmetric graph (f, f) in an order (f,) fills."""
     indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
-    parent = elimination_tree(indptr, indices, np.argsort(order))
-    order = order[postorder(parent)]
-    rank = np.argsort(order)
+    order = order[postorder(elimination_tree(indptr, indices, np.argsort(order)))]
+    rank, size = np.argsort(order), len(order)
     parent = elimination_tree(indptr, indices, rank)
     first, heights = merge(parent, column_heights(indptr, indices, rank, parent), SLACK, NARROW)
     row_start = np.concatenate([[0], np.cumsum(heights)])
-    rows, above, inside = structure(indptr, indices, order, rank, first, row_start, parent)
+    rows, above = structure(indptr, indices, order, rank, first, row_start, parent)
+    owner = np.repeat(np.arange(len(heights)), heights)
+    names = np.sort(owner * size + rows)
+    rows = names % size if size else rows
+    beyond = (rows >= first[owner + 1]) & (above[owner] >= 0)
+    inside = np.full(len(rows), -1)
+    upper = above[owner[beyond]]
+    inside[beyond] = np.searchsorted(names, upper * size + rows[beyond]) - row_start[upper]
     return Elimination(order, first, rows, row_start, above, inside)
