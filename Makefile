@@ -65,6 +65,7 @@ $(STAMP): $(SOURCES)
 	@echo "installing into $(VENV) ($(FLAVOUR)) ..."
 	@$(PYTHON) -m venv $(VENVFLAGS) $(VENV)
 	@$(PIP) --editable '.[$(EXTRAS)]'
+	@$(BIN)/gdfe compile
 	@touch $@
 
 # Tools for tests, benchmarks and docs: $(VENV)/.extra-test, .extra-bench, .extra-docs

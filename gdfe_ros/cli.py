@@ -24,6 +24,7 @@ COMMANDS = {
     "report": "write a recorded run as one HTML page that opens offline",
     "inspect": "say what is in a mesh or surface file and what to fix, and draw it",
     "sweep": "run a scene with many overrides in parallel",
+    "compile": "compile what the shipped scenes need, once, so that nobody waits for it later",
 }
 BAD_INPUT = 2
 _REMEDY = "install the package's extras: pip install 'gdfe_ros[mcap,fast,mesh,plot,sweep]' (and ros, where no ROS is)"

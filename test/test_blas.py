@@ -9,7 +9,7 @@ import pytest
 from threadpoolctl import ThreadpoolController
 
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.solver.tangent.factor import Factor
+from gdfe_ros.solver.tangent.band import Band
 
 
 def counts() -> set[int]:
@@ -21,11 +21,11 @@ def test_a_slender_body_is_solved_with_one_thread(monkeypatch: pytest.MonkeyPatc
     """Allow two threads and take a step: each factor is made with one, and two are left after it."""
     simulation, seen = Simulation(load_scene("drop")), []
 
-    def watched(factor: Factor, matrix: object, *, original: Callable = Factor.factor) -> bool:
+    def watched(factor: Band, blocks: object, *, original: Callable = Band.factor) -> bool:
         seen.append(counts())
-        return original(factor, matrix)
+        return original(factor, blocks)
 
-    monkeypatch.setattr(Factor, "factor", watched)
+    monkeypatch.setattr(Band, "factor", watched)
     with ThreadpoolController().limit(limits=2, user_api="blas"):
         simulation.step(dt=0.05)
         assert counts() == {2}

@@ -128,7 +128,8 @@ def test_a_body_far_from_the_origin_is_as_accurate() -> None:
 def test_a_body_of_soft_hinges_comes_home(tolerance: float, off: float, cut_after: int | None) -> None:
     """Pull a finger of soft webs towards both range ends and let go: one short step is not taken for the equilibrium.
 
-    The ends themselves are past what the solver finds in a thousand iterations; cut off, it is far away, too.
+    The ends themselves are past what the solver finds in a thousand iterations; cut off, it is far away, too: by more
+    than twice of what may be left.
     """
     scene = load_scene("tendon_finger")
     scene = replace(scene, solver=replace(scene.solver, tolerance=tolerance, max_iterations=20000))
@@ -137,7 +138,7 @@ def test_a_body_of_soft_hinges_comes_home(tolerance: float, off: float, cut_afte
     rest = simulation.step(Command(actuators=loose)).positions
     for pulled in ({item.name: item.high for item in scene.actuators}, {**loose, "flexor": 20.0}):
         bent = simulation.step(Command(actuators=pulled), cut_after=cut_after)
-        assert distance(bent.positions, rest, scene.mesh.size) > 0.1
+        assert distance(bent.positions, rest, scene.mesh.size) > 0.04
         found = simulation.step(Command(actuators=loose))
         assert distance(found.positions, rest, scene.mesh.size) < off
 

@@ -20,8 +20,7 @@ from gdfe_ros.solver.matrix.coupling import SINGULAR
 from gdfe_ros.solver.matrix.unknowns import Frame, place
 from gdfe_ros.solver.tangent.assembly import Assembly
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness, without_negative
-from gdfe_ros.solver.tangent.factor import Factor
-from gdfe_ros.solver.tangent.ordering import narrow_order
+from gdfe_ros.solver.tangent.factor import factor_for
 from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
@@ -67,10 +66,9 @@ class TangentLevel:
         even = [term.stiffness() for term in terms if term.even]
         self._even = self._assembly.spread(sum(even).tocsc(), body.unknowns) if even else 0.0
         self._free = 3 * self._assembly.free
-        free, pattern = self._assembly.free, self._assembly.matrix(np.ones((len(self._assembly.indices), 3, 3)))
-        graph = self._assembly.graph()[:free, :free].tocsr()
-        order = 3 * narrow_order(graph, body.rest[body.unknowns.free])[:, None] + np.arange(3)
-        self._factor = Factor(pattern[: self._free, : self._free].tocsr(), order.ravel())
+        free, graph = self._assembly.free, self._assembly.graph()
+        self._among_free = np.flatnonzero((graph.tocoo().row < free) & (graph.indices < free))
+        self._factor = factor_for(graph[:free, :free].tocsr(), body.rest[body.unknowns.free])
         self.price = self._factor.price
         self._loaded: Tangent | None = None
 
@@ -121,13 +119,13 @@ class TangentLevel:
         return (follow.T @ matrix @ follow).tocsr()
 
     def _load(self, tangent: Tangent) -> bool:
-        matrix, count = self._assembly.matrix(tangent.blocks), self._free
-        self._loaded = None
-        if not self._factor.factor(matrix[:count, :count].tocsr()):
+        self._loaded, motion, count = None, tangent.motion, self._free
+        blocks = tangent.blocks[self._among_free] if motion.size else tangent.blocks
+        if not self._factor.factor(blocks):
             return False
-        motion = tangent.motion
         self._harmonic = self._inverse_schur = np.zeros((0, 0))
         if motion.size:
+            matrix = self._assembly.matrix(tangent.blocks)
             columns = np.asarray(matrix[:count, count:] @ motion)
             self._harmonic = self._factor.solve(columns)
             schur = motion.T @ (matrix[count:, count:] @ motion) - columns.T @ self._harmonic

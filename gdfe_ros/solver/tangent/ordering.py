@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The order of a body's vertices in which its matrices have the narrowest band."""
+"""Orders of a body's vertices in which its matrices have a narrow band, or fill little when they are factored."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.sparse.linalg import splu
 
 DIGITS = 6
 """Of coordinates over the body's size: vertices of one cross-section count as level with each other."""
@@ -30,6 +31,16 @@ def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArr
     orders = [np.lexsort((along[:, (k + 2) % 3], along[:, (k + 1) % 3], along[:, k])) for k in range(3)]
     orders.append(reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64))
     return min(orders, key=lambda order: _width(graph, order))
+
+
+def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
+    """Return an order (f,) by minimum degree, SuperLU's: good for bodies that branch."""
+    if not graph.shape[0]:
+        return np.zeros(0, np.int64)
+    links = sparse.csr_matrix((np.ones(len(graph.indices)), graph.indices, graph.indptr), shape=graph.shape)
+    definite = (sparse.diags_array(np.diff(graph.indptr) + 1.0) - links).tocsc()
+    options = {"SymmetricMode": True}
+    return np.argsort(splu(definite, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).perm_c)
 
 
 def _width(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors in a band and sparse, and the order that makes the band narrow."""
+"""Factors in a band and by supernodes, the orders that keep them small, and which of both a body gets."""
 
 from __future__ import annotations
 
@@ -8,56 +8,137 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import scipy.sparse as sparse
+from numpy.typing import NDArray
 
 from gdfe_ros.mesh import bar
-from gdfe_ros.solver.tangent import factor as module
-from gdfe_ros.solver.tangent.factor import Factor
-from gdfe_ros.solver.tangent.ordering import narrow_order
+from gdfe_ros.solver.tangent import elimination
+from gdfe_ros.solver.tangent.band import Band
+from gdfe_ros.solver.tangent.elimination import eliminated
+from gdfe_ros.solver.tangent.factor import Factor, factor_for
+from gdfe_ros.solver.tangent.fronts import Fronts
+from gdfe_ros.solver.tangent.ordering import least_degree, narrow_order
 
-Make = Callable[..., tuple[sparse.csr_matrix, Factor]]
+Make = Callable[[sparse.csr_matrix, NDArray[np.float64]], Factor]
 
 
-def _graph(cells: tuple[int, int, int]) -> tuple[sparse.csr_matrix, np.ndarray]:
+def _graph(cells: NDArray[np.int32], count: int) -> sparse.csr_matrix:
+    rows, columns = np.repeat(cells, 8, axis=1).ravel(), np.tile(cells, (1, 8)).ravel()
+    graph = sparse.coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
+    graph.sort_indices()
+    return graph
+
+
+def _bar(*cells: int) -> tuple[sparse.csr_matrix, NDArray[np.float64]]:
     mesh = bar([float(n) for n in cells], list(cells))
-    rows, columns = np.repeat(mesh.cells, 8, axis=1).ravel(), np.tile(mesh.cells, (1, 8)).ravel()
-    count = len(mesh.vertices)
-    return sparse.csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count)), mesh.vertices
+    return _graph(mesh.cells, len(mesh.vertices)), mesh.vertices
 
 
-@pytest.fixture(params=[10**9, 0], ids=["band", "sparse"])
-def make(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Make:
-    """Make a matrix of a bar and what factors it, in a band and sparse."""
-    monkeypatch.setattr(module, "BROADEST", request.param)
+def _hand(fingers: int, length: int) -> tuple[sparse.csr_matrix, NDArray[np.float64]]:
+    """Give a palm with fingers on it, two cells across."""
+    palm = bar([4.0 * fingers, 2.0, 2.0], [4 * fingers, 2, 2])
+    parts, points, count = [palm.cells], [palm.vertices], len(palm.vertices)
+    for number in range(fingers):
+        finger = bar([2.0, 2.0, float(length)], [2, 2, length])
+        parts.append(finger.cells + count)
+        points.append(finger.vertices + np.array([4.0 * number, 0.0, 2.0]))
+        count += len(finger.vertices)
+    places, same = np.unique(np.concatenate(points), axis=0, return_inverse=True)
+    return _graph(same[np.concatenate(parts)], len(places)), places
 
-    def of(*cells: int) -> tuple[sparse.csr_matrix, Factor]:
-        graph, points = _graph(cells)
-        matrix = (graph + 100.0 * sparse.identity(graph.shape[0])).tocsr()
-        matrix.sort_indices()
-        return matrix, Factor(matrix, narrow_order(graph, points))
 
-    return of
+def _blocks(graph: sparse.csr_matrix, *, least: float = 30.0) -> NDArray[np.float64]:
+    """Give blocks (k, 3, 3) of a symmetric matrix of a graph, positive definite unless ``least`` is small."""
+    generator = np.random.default_rng(0)
+    half = sparse.bsr_matrix(
+        (generator.standard_normal((len(graph.indices), 3, 3)), graph.indices, graph.indptr),
+        shape=(3 * graph.shape[0], 3 * graph.shape[0]),
+    )
+    whole = (0.05 * (half + half.T) + least * sparse.identity(half.shape[0])).tobsr((3, 3))
+    whole.sort_indices()
+    assert np.array_equal(whole.indices, graph.indices)
+    return whole.data
 
 
-def test_it_solves(make: Make) -> None:
-    """Solve for one and for three right-hand sides."""
-    matrix, found = make(12, 2, 2)
-    assert found.factor(matrix)
-    right = np.random.default_rng(0).standard_normal((matrix.shape[0], 3))
-    np.testing.assert_allclose(matrix @ found.solve(right), right, atol=1e-10)
-    np.testing.assert_allclose(matrix @ found.solve(right[:, 0]), right[:, 0], atol=1e-10)
-    np.testing.assert_array_equal(found.solve(right[:, 0]), found.solve(right[:, 0].copy()))
+def _matrix(graph: sparse.csr_matrix, blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+    size = 3 * graph.shape[0]
+    return sparse.bsr_matrix((blocks, graph.indices, graph.indptr), shape=(size, size)).toarray()
+
+
+@pytest.fixture(params=["band", "fronts", "fronts by degree"])
+def make(request: pytest.FixtureRequest) -> Make:
+    """Make a factor of each kind."""
+    return {
+        "band": lambda graph, points: Band(graph, narrow_order(graph, points)),
+        "fronts": lambda graph, points: Fronts(graph, eliminated(graph, narrow_order(graph, points))),
+        "fronts by degree": lambda graph, points: Fronts(graph, eliminated(graph, least_degree(graph))),
+    }[request.param]
+
+
+@pytest.mark.parametrize(
+    "body", [_bar(1, 1, 1), _bar(12, 2, 2), _bar(6, 5, 5), _hand(3, 6)], ids=["cell", "bar", "block", "hand"]
+)
+def test_it_solves(make: Make, body: tuple[sparse.csr_matrix, NDArray[np.float64]]) -> None:
+    """Solve for one and for three right-hand sides, as a dense solver does."""
+    graph, points = body
+    found, blocks = make(graph, points), _blocks(graph)
+    assert found.factor(blocks)
+    right = np.random.default_rng(1).standard_normal((3 * len(points), 3))
+    expected = np.linalg.solve(_matrix(graph, blocks), right)
+    np.testing.assert_allclose(found.solve(right), expected, atol=1e-12)
+    np.testing.assert_allclose(found.solve(right[:, 0]), expected[:, 0], atol=1e-12)
+    np.testing.assert_array_equal(found.solve(right[:, 0]), found.solve(right)[:, 0])
 
 
 def test_what_is_not_definite_has_no_factor(make: Make) -> None:
-    """Refuse an indefinite matrix, and take the next one."""
-    matrix, found = make(4, 1, 1)
-    assert not found.factor((matrix - 200.0 * sparse.identity(matrix.shape[0])).tocsr())
-    assert found.factor(matrix)
+    """Refuse an indefinite matrix and one of what is no number, and take the next one."""
+    graph, points = _hand(2, 3)
+    found, blocks = make(graph, points), _blocks(graph)
+    assert not found.factor(_blocks(graph, least=-30.0))
+    assert not found.factor(np.full_like(blocks, np.nan))
+    assert found.factor(blocks)
+
+
+def test_a_factor_is_the_same_to_the_last_bit(make: Make) -> None:
+    """Factor another matrix in between, and the first one by another object."""
+    graph, points = _hand(2, 4)
+    blocks, right = _blocks(graph), np.linspace(-1.0, 1.0, 3 * len(points))
+    first, second = make(graph, points), make(graph, points)
+    assert first.factor(blocks)
+    answer = first.solve(right)
+    assert second.factor(_blocks(graph, least=40.0))
+    assert second.factor(blocks)
+    np.testing.assert_array_equal(second.solve(right), answer)
+
+
+@pytest.mark.parametrize("slack", [0.0, 0.3])
+def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compare supernodes with the entries of a dense factor: none is missing, without slack none is too many."""
+    monkeypatch.setattr(elimination, "SLACK", slack)
+    monkeypatch.setattr(elimination, "NARROW", 0)
+    graph, _ = _hand(2, 3)
+    found = eliminated(graph, least_degree(graph))
+    dense = graph.toarray()[np.ix_(found.order, found.order)] + 100.0 * np.eye(graph.shape[0])
+    filled = np.zeros_like(dense, bool)
+    for node in range(len(found.first) - 1):
+        rows = found.rows[found.row_start[node] : found.row_start[node + 1]]
+        for column in range(found.first[node], found.first[node + 1]):
+            filled[rows[rows >= column], column] = True
+    needed = np.abs(np.linalg.cholesky(dense)) > 1e-14
+    assert not (needed & ~filled).any()
+    assert slack or filled.sum() == needed.sum()
+
+
+def test_a_bar_gets_a_band_and_a_hand_gets_fronts() -> None:
+    """Choose by the work."""
+    assert isinstance(factor_for(*_bar(30, 2, 2)), Band)
+    hand = factor_for(*_hand(4, 20))
+    assert isinstance(hand, Fronts)
+    assert hand.price < Band(_hand(4, 20)[0], narrow_order(*_hand(4, 20))).price
 
 
 def test_a_bar_is_as_narrow_as_its_cross_section() -> None:
     """In the order that is found, neighbours are at most a cross-section and a row and a vertex apart."""
-    graph, points = _graph((30, 2, 3))
+    graph, points = _bar(30, 2, 3)
     order = narrow_order(graph, points)
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))

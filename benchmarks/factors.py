@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Factors of the robots' tangents, in a band and by supernodes, in turn: ``python -m benchmarks.factors``.
+
+Medians of the processor time of one thread; the kind that the solver takes is marked.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from benchmarks.markdown import markdown_table
+from benchmarks.robots import ROBOTS
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.tangent.band import Band
+from gdfe_ros.solver.tangent.elimination import eliminated
+from gdfe_ros.solver.tangent.factor import Factor, factor_for
+from gdfe_ros.solver.tangent.fronts import Fronts
+from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.tangent.ordering import least_degree, narrow_order
+
+REPEATS = 21
+HEADINGS = (
+    "robot",
+    "unknowns",
+    "numbers in the band [10^6]",
+    "in fronts",
+    "factor, band [ms]",
+    "fronts",
+    "solve, band [ms]",
+    "fronts",
+)
+
+
+def rows() -> Iterator[dict[str, Any]]:
+    """Measure every robot that has a kept tangent."""
+    for robot in ROBOTS:
+        simulation = Simulation(load_scene(robot.scene))
+        list(simulation.play(5))
+        level = simulation._stepper.equilibrium._model.level
+        if level is not None:
+            yield {"robot": robot.scene, **compared(level, simulation.mesh, simulation._stepper.body.unknowns.free)}
+
+
+def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray) -> dict[str, Any]:
+    """Return sizes and times [s] of both kinds for the tangent that a simulation has taken."""
+    count, graph = level._assembly.free, level._assembly.graph()[: level._assembly.free, : level._assembly.free].tocsr()
+    blocks = level._loaded.blocks[level._among_free]
+    narrow, points = narrow_order(graph, mesh.vertices[free]), mesh.vertices[free]
+    found = min((eliminated(graph, order) for order in (narrow, least_degree(graph))), key=lambda each: each.work)
+    kinds: tuple[Factor, Factor] = Band(graph, narrow), Fronts(graph, found)
+    right = np.random.default_rng(0).standard_normal(3 * count)
+    factors = [[_seconds(lambda kind=kind: kind.factor(blocks)) for kind in kinds] for _ in range(REPEATS)]
+    solves = [[_seconds(lambda kind=kind: kind.solve(right)) for kind in kinds] for _ in range(REPEATS)]
+    return {
+        "unknowns": 3 * count,
+        "taken": type(factor_for(graph, points)).__name__,
+        "entries": [kinds[0].work / kinds[0].width, 9.0 * found.entries],
+        "factor": [median(each) for each in zip(*factors, strict=True)],
+        "solve": [median(each) for each in zip(*solves, strict=True)],
+    }
+
+
+def _seconds(run: Callable[[], Any]) -> float:
+    started = time.process_time()
+    run()
+    return time.process_time() - started
+
+
+def table(report: Sequence[Mapping[str, Any]]) -> str:
+    """Return the table of a report; times of the kind that is taken are bold."""
+    cells = []
+    for row in report:
+        taken = int(row["taken"] == "Fronts")
+        times = [
+            [
+                f"**{1e3 * value:.2g}**" if kind == taken else f"{1e3 * value:.2g}"
+                for kind, value in enumerate(row[name])
+            ]
+            for name in ("factor", "solve")
+        ]
+        entries = [f"{1e-6 * value:.2g}" for value in row["entries"]]
+        cells.append([f"`{row['robot']}`", str(row["unknowns"]), *entries, *times[0], *times[1]])
+    return markdown_table(HEADINGS, cells)
+
+
+def main() -> None:
+    """Measure, keep in runs/bench/factors.json, print."""
+    report = list(rows())
+    out = Path("runs/bench/factors.json")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(report, indent=1))
+    print(table(report))
+
+
+if __name__ == "__main__":
+    main()

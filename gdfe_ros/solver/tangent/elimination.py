@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the elimination of a sparse symmetric matrix fills, by its graph alone: the tree and its supernodes.
+
+Columns of the factor whose rows are the same, but for those above, are one supernode: a dense rectangle (Liu, Ng and
+Peyton 1993). The tree says which supernode needs what of which (Liu 1990). Numbers here are those of vertices.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import kernel
+
+SLACK = 0.05
+"""Share of a supernode that may be zeros: fewer and broader ones are faster."""
+NARROW = 2
+"""Vertices up to which a supernode is merged with its parent at any rate."""
+
+
+class Elimination(NamedTuple):
+    """Supernodes of a matrix (f, f), children before their parents.
+
+    Attributes:
+        order: (f,) vertices in the order of their elimination.
+        first: (s + 1,) place in the order where each supernode begins.
+        rows: (r,) places of the rows of all supernodes, each one's ascending, those of its own vertices first.
+        row_start: (s + 1,) where each one's rows begin.
+        parent: (s,) supernode that each one changes; -1 for none.
+        inside: (r,) where each row beyond its own stands among the parent's rows; -1 elsewhere.
+    """
+
+    order: NDArray[np.int64]
+    first: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    row_start: NDArray[np.int64]
+    parent: NDArray[np.int64]
+    inside: NDArray[np.int64]
+
+    @property
+    def entries(self) -> int:
+        """Number of entries of the factor, vertex by vertex."""
+        return int(self._widths @ self._heights)
+
+    @property
+    def work(self) -> int:
+        """Multiplications of a factor, vertex by vertex."""
+        return int(self._widths @ self._heights**2)
+
+    @property
+    def _widths(self) -> NDArray[np.int64]:
+        return np.diff(self.first)
+
+    @property
+    def _heights(self) -> NDArray[np.int64]:
+        return np.diff(self.row_start)
+
+
+@kernel
+def elimination_tree(indptr, indices, rank):
+    """Return the parent (f,) of each column in the elimination tree; -1 for a root."""
+    count = len(rank)
+    parent, ancestor, column_of = np.full(count, -1), np.full(count, -1), np.empty(count, np.int64)
+    for vertex in range(count):
+        column_of[rank[vertex]] = vertex
+    for column in range(count):
+        vertex = column_of[column]
+        for k in range(indptr[vertex], indptr[vertex + 1]):
+            row = rank[indices[k]]
+            while row != -1 and row < column:
+                above = ancestor[row]
+                ancestor[row] = column
+                if above == -1:
+                    parent[row] = column
+                row = above
+    return parent
+
+
+@kernel
+def postorder(parent):
+    """Return the columns (f,) in an order in which each tree's columns follow each other, children first."""
+    count = len(parent)
+    child, sibling = np.full(count, -1), np.full(count, -1)
+    for column in range(count - 1, -1, -1):
+        if parent[column] >= 0:
+            sibling[column] = child[parent[column]]
+            child[parent[column]] = column
+    order, stack, found = np.empty(count, np.int64), np.empty(count, np.int64), 0
+    for root in range(count):
+        if parent[root] >= 0:
+            continue
+        depth = 1
+        stack[0] = root
+        while depth > 0:
+            column = stack[depth - 1]
+            if child[column] >= 0:
+                stack[depth] = child[column]
+                child[column] = sibling[child[column]]
+                depth += 1
+            else:
+                depth -= 1
+                order[found] = column
+                found += 1
+    return order
+
+
+@kernel
+def column_heights(indptr, indices, rank, parent):
+    """Return the number (f,) of entries of each column of the factor, its diagonal included."""
+    count = len(rank)
+    height, mark, column_of = np.ones(count, np.int64), np.full(count, -1), np.empty(count, np.int64)
+    for vertex in range(count):
+        column_of[rank[vertex]] = vertex
+    for row in range(count):
+        mark[row] = row
+        for k in range(indptr[column_of[row]], indptr[column_of[row] + 1]):
+            column = rank[indices[k]]
+            while column < row and mark[column] != row:
+                height[column] += 1
+                mark[column] = row
+                column = parent[column]
+    return height
+
+
+@kernel
+def merge(parent, height, slack, narrow):
+    """Return where supernodes begin (s + 1,), and the number of rows (s,) of each.
+
+    A supernode is merged with its parent where it stands right before it and few zeros are stored by that.
+    """
+    count = len(parent)
+    first, last = np.empty(count, np.int64), np.empty(count, np.int64)
+    rows, full = np.empty(count, np.int64), np.empty(count, np.int64)
+    found, column = 0, 0
+    while column < count:
+        first[found], rows[found], full[found] = column, height[column], height[column]
+        while column + 1 < count and parent[column] == column + 1 and height[column + 1] == height[column] - 1:
+            column += 1
+            full[found] += height[column]
+        last[found] = column
+        found += 1
+        column += 1
+        while found > 1:
+            low, high = found - 2, found - 1
+            if parent[last[low]] < first[high] or parent[last[low]] > last[high]:
+                break
+            width = last[high] - first[low] + 1
+            tall = last[low] - first[low] + 1 + rows[high]
+            stored = width * tall - width * (width - 1) // 2
+            if width > narrow and stored - full[low] - full[high] > slack * stored:
+                break
+            last[low], rows[low], full[low] = last[high], tall, full[low] + full[high]
+            found -= 1
+    starts = np.empty(found + 1, np.int64)
+    starts[:found], starts[found] = first[:found], count
+    return starts, rows[:found].copy()
+
+
+@kernel
+def structure(indptr, indices, order, rank, first, row_start, parent):
+    """Return the rows (r,) of each supernode, in no order, and its parent (s,)."""
+    count = len(first) - 1
+    owner, rows = np.empty(len(order), np.int64), np.full(row_start[count], -1)
+    above, seen = np.full(count, -1), np.full(len(order), -1)
+    child, sibling = np.full(count, -1), np.full(count, -1)
+    for node in range(count):
+        owner[first[node] : first[node + 1]] = node
+    for node in range(count):
+        found = row_start[node]
+        for column in range(first[node], first[node + 1]):
+            rows[found] = column
+            seen[column] = node
+            found += 1
+        for column in range(first[node], first[node + 1]):
+            for k in range(indptr[order[column]], indptr[order[column] + 1]):
+                row = rank[indices[k]]
+                if row > column and seen[row] != node:
+                    seen[row] = node
+                    rows[found] = row
+                    found += 1
+        lower = child[node]
+        while lower >= 0:
+            for k in range(row_start[lower], row_start[lower + 1]):
+                if rows[k] >= first[node] and seen[rows[k]] != node:
+                    seen[rows[k]] = node
+                    rows[found] = rows[k]
+                    found += 1
+            lower = sibling[lower]
+        top = parent[first[node + 1] - 1]
+        if top >= 0:
+            above[node] = owner[top]
+            sibling[node] = child[owner[top]]
+            child[owner[top]] = node
+    return rows, above
+
+
+def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> Elimination:
+    """Return what eliminating the vertices of a symmetric graph (f, f) in an order (f,) fills."""
+    indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
+    order = order[postorder(elimination_tree(indptr, indices, np.argsort(order)))]
+    rank, size = np.argsort(order), len(order)
+    parent = elimination_tree(indptr, indices, rank)
+    first, heights = merge(parent, column_heights(indptr, indices, rank, parent), SLACK, NARROW)
+    row_start = np.concatenate([[0], np.cumsum(heights)])
+    rows, above = structure(indptr, indices, order, rank, first, row_start, parent)
+    owner = np.repeat(np.arange(len(heights)), heights)
+    names = np.sort(owner * size + rows)
+    rows = names % size if size else rows
+    beyond = (rows >= first[owner + 1]) & (above[owner] >= 0)
+    inside = np.full(len(rows), -1)
+    upper = above[owner[beyond]]
+    inside[beyond] = np.searchsorted(names, upper * size + rows[beyond]) - row_start[upper]
+    return Elimination(order, first, rows, row_start, above, inside)

@@ -1,0 +1,291 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sparse Cholesky factors A = U^T U of symmetric matrices whose pattern stays, compiled: multifrontal (Liu 1992).
+
+Each supernode gathers its part of the matrix and what its children leave in a dense front, eliminates its own vertices
+there, and leaves the rest to its parent. Columns are eliminated six at a time, two vertices, and always in the same
+order, so that the same matrix has the same factor to the last bit on every number of threads.
+
+Inner loops count in unsigned numbers: an index that might be negative is looked at each time, and nothing is SIMD.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy import uint64
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import internal, kernel, vector_kernel
+from gdfe_ros.solver.tangent.elimination import Elimination
+
+PANEL = 6
+"""Columns that are eliminated together: two vertices. What is left is passed through once for them."""
+TILE = 256
+"""Columns of the rows that are subtracted at a time: six of them stay in the fastest cache."""
+
+
+@internal
+def gather(blocks, parts, begin, end, front, width):
+    """Write blocks (k, 3, 3) ``begin`` to ``end`` of what the supernodes take into a front (width, width)."""
+    for k in range(begin, end):
+        block, at = blocks[parts[k, 0]], parts[k, 1] * width + parts[k, 2]
+        for i in range(3):
+            for j in range(3):
+                front[at + i * width + j] = block[i, j]
+
+
+@internal
+def extend(child, places, front, width):
+    """Add what a child leaves, (3 p, 3 p), upper triangle, at the ``places`` (p,) of its vertices in the front."""
+    count = 3 * len(places)
+    for a in range(len(places)):
+        for i in range(3):
+            row, line = (3 * a + i) * count, (3 * places[a] + i) * width
+            for j in range(i, 3):
+                front[line + 3 * places[a] + j] += child[row + 3 * a + j]
+            for b in range(a + 1, len(places)):
+                for j in range(3):
+                    front[line + 3 * places[b] + j] += child[row + 3 * b + j]
+
+
+@vector_kernel
+def eliminate(front, width, own, panel):
+    """Eliminate the first ``own`` columns of a front, upper triangle; tell whether they are positive definite.
+
+    Where its diagonal would be, rows of the factor hold one over it.
+    """
+    for first in range(0, own, PANEL):
+        last = min(first + PANEL, own)
+        for k in range(first, last):
+            row = front[k * width : (k + 1) * width]
+            for above in range(first, k):
+                other = front[above * width : (above + 1) * width]
+                weight = other[k]
+                for j in range(uint64(k), uint64(width)):
+                    row[j] -= weight * other[j]
+            if not row[k] > 0.0:
+                return False
+            scale = 1.0 / np.sqrt(row[k])
+            for j in range(uint64(k + 1), uint64(width)):
+                row[j] *= scale
+            row[k] = scale
+        subtract(front, width, first, last, panel)
+    return True
+
+
+@vector_kernel
+def subtract(front, width, first, last, panel):
+    """Subtract what the rows ``first`` to ``last`` of the factor take from those below, some columns at a time."""
+    next_row = uint64(TILE)
+    for begin in range(last, width, TILE):
+        end = min(begin + TILE, width)
+        for k in range(PANEL):
+            if first + k < last:
+                panel[k * TILE : k * TILE + end - begin] = front[
+                    (first + k) * width + begin : (first + k) * width + end
+                ]
+            else:
+                panel[k * TILE : k * TILE + end - begin] = 0.0
+        for i in range(last, end):
+            at = first * width + i
+            a, b, c = front[at], front[at + width], front[at + 2 * width]
+            d, e, f = 0.0, 0.0, 0.0
+            if last - first == PANEL:
+                d, e, f = front[at + 3 * width], front[at + 4 * width], front[at + 5 * width]
+            row = front[i * width + begin : i * width + end]
+            for j in range(uint64(max(i, begin) - begin), uint64(end - begin)):
+                k = j + next_row
+                taken = a * panel[j] + b * panel[k]
+                k += next_row
+                taken += c * panel[k]
+                k += next_row
+                taken += d * panel[k]
+                k += next_row
+                taken += e * panel[k]
+                k += next_row
+                row[j] -= taken + f * panel[k]
+
+
+@kernel
+def factor_fronts(blocks, parts, plan, front, panel, stack, values):
+    """Write the factor's rows to ``values``; tell whether the matrix is positive definite.
+
+    What a supernode leaves lies on the ``stack`` until its parent takes it: children come right before it.
+    """
+    top = 0
+    for node in range(len(plan.first) - 1):
+        width, own = (
+            3 * (plan.row_start[node + 1] - plan.row_start[node]),
+            3 * (plan.first[node + 1] - plan.first[node]),
+        )
+        front[: width * width] = 0.0
+        gather(blocks, parts, plan.part_start[node], plan.part_start[node + 1], front, width)
+        for k in range(plan.child_start[node + 1] - 1, plan.child_start[node] - 1, -1):
+            child = plan.children[k]
+            beyond = plan.row_start[child] + plan.first[child + 1] - plan.first[child]
+            places = plan.inside[beyond : plan.row_start[child + 1]]
+            top -= 9 * len(places) ** 2
+            extend(stack[top : top + 9 * len(places) ** 2], places, front, width)
+        if not eliminate(front, width, own, panel):
+            return False
+        at, left = plan.value_start[node], width - own
+        values[at : at + own * width] = front[: own * width]
+        for i in range(left):
+            begin = (own + i) * width + own
+            stack[top + i * left + i : top + (i + 1) * left] = front[begin + i : begin + left]
+        top += left * left
+    return True
+
+
+@vector_kernel
+def solve_fronts(values, plan, x, local):
+    """Solve U^T U x = x in the order of elimination; ``local`` has room for the rows of any supernode."""
+    for node in range(len(plan.first) - 1):
+        begin, end = plan.row_start[node], plan.row_start[node + 1]
+        width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
+        start = 3 * plan.first[node]
+        local[:own] = x[start : start + own]
+        local[own:width] = 0.0
+        reduce_rows(values, plan.value_start[node], local, width, own)
+        x[start : start + own] = local[:own]
+        for k in range(own // 3, end - begin):
+            row = 3 * plan.rows[begin + k]
+            for i in range(3):
+                x[row + i] += local[3 * k + i]
+    for node in range(len(plan.first) - 2, -1, -1):
+        begin, end = plan.row_start[node], plan.row_start[node + 1]
+        width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
+        start = 3 * plan.first[node]
+        local[:own] = x[start : start + own]
+        for k in range(own // 3, end - begin):
+            row = 3 * plan.rows[begin + k]
+            for i in range(3):
+                local[3 * k + i] = x[row + i]
+        expand_rows(values, plan.value_start[node], local, width, own)
+        x[start : start + own] = local[:own]
+
+
+@vector_kernel
+def reduce_rows(values, at, local, width, own):
+    """Solve with the first ``own`` rows of U^T, and take what they make of the others from these."""
+    for first in range(0, own, 3):
+        a = values[at + first * width : at + (first + 1) * width]
+        b = values[at + (first + 1) * width : at + (first + 2) * width]
+        c = values[at + (first + 2) * width : at + (first + 3) * width]
+        p = local[first] * a[first]
+        q = (local[first + 1] - a[first + 1] * p) * b[first + 1]
+        r = (local[first + 2] - a[first + 2] * p - b[first + 2] * q) * c[first + 2]
+        local[first], local[first + 1], local[first + 2] = p, q, r
+        for j in range(uint64(first + 3), uint64(width)):
+            local[j] -= p * a[j] + q * b[j] + r * c[j]
+
+
+@vector_kernel
+def expand_rows(values, at, local, width, own):
+    """Solve with the first ``own`` rows of U, of which the others are known."""
+    for first in range(own - 3, -1, -3):
+        a = values[at + first * width : at + (first + 1) * width]
+        b = values[at + (first + 1) * width : at + (first + 2) * width]
+        c = values[at + (first + 2) * width : at + (first + 3) * width]
+        p, q, r = 0.0, 0.0, 0.0
+        for j in range(uint64(first + 3), uint64(width)):
+            p += a[j] * local[j]
+            q += b[j] * local[j]
+            r += c[j] * local[j]
+        r = (local[first + 2] - r) * c[first + 2]
+        q = (local[first + 1] - q - b[first + 2] * r) * b[first + 1]
+        p = (local[first] - p - a[first + 1] * q - a[first + 2] * r) * a[first]
+        local[first], local[first + 1], local[first + 2] = p, q, r
+
+
+class Plan(NamedTuple):
+    """Where everything stands, as kernels take it: see `Elimination`.
+
+    Attributes:
+        first, row_start, rows, inside: of the elimination.
+        children, child_start: (c,) and (s + 1,), of each supernode.
+        part_start: (s + 1,) of each one's blocks of the matrix.
+        value_start: (s + 1,) of each one's rows of the factor.
+    """
+
+    first: NDArray[np.int64]
+    row_start: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    inside: NDArray[np.int64]
+    children: NDArray[np.int64]
+    child_start: NDArray[np.int64]
+    part_start: NDArray[np.int64]
+    value_start: NDArray[np.int64]
+
+
+class Fronts:
+    """Factors matrices of one pattern, one after the other, and solves with the last factor.
+
+    Args:
+        graph: (f, f) an entry for each block (3, 3) of the matrices, symmetric, in their order.
+        found: what is filled.
+
+    Attributes:
+        price: of a factor, in solutions.
+    """
+
+    def __init__(self, graph: sparse.csr_matrix, found: Elimination) -> None:
+        widths, heights = np.diff(found.first), np.diff(found.row_start)
+        self.price = round(3 * found.work / max(1, 8 * found.entries))
+        self._order, self._room = found.order, 3 * int(heights.max(initial=0))
+        inner = found.parent >= 0
+        children = np.argsort(found.parent, kind="stable")[np.sum(~inner) :]
+        self._parts, part_start = _parts(graph, found)
+        self._plan = Plan(
+            found.first,
+            found.row_start,
+            found.rows,
+            found.inside,
+            children,
+            _starts(np.bincount(found.parent[inner], minlength=len(widths))),
+            part_start,
+            _starts(9 * widths * heights),
+        )
+        left = 9 * (heights - widths) ** 2
+        taken = np.bincount(found.parent[inner], weights=left[inner], minlength=len(widths)).astype(np.int64)
+        self._front, self._panel = np.empty(self._room**2), np.empty(PANEL * TILE)
+        self._stack, self._values = (
+            np.empty(np.cumsum(left - taken).max(initial=0)),
+            np.empty(self._plan.value_start[-1]),
+        )
+
+    def factor(self, blocks: NDArray[np.float64]) -> bool:
+        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite, otherwise there is no factor."""
+        return factor_fronts(blocks, self._parts, self._plan, self._front, self._panel, self._stack, self._values)
+
+    def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the solution for right-hand sides (3 f,) or (3 f, k)."""
+        solution, local = np.empty(right.shape), np.empty(self._room)
+        columns = solution.reshape(len(right), -1).T, right.reshape(len(right), -1).T
+        for found, given in zip(*columns, strict=True):
+            x = given.reshape(-1, 3)[self._order].ravel()
+            solve_fronts(self._values, self._plan, x, local)
+            found.reshape(-1, 3)[self._order] = x.reshape(-1, 3)
+        return solution
+
+
+def _parts(graph: sparse.csr_matrix, found: Elimination) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return blocks of the upper triangle, and row and column (k, 3) where they go in a front; where each begins."""
+    rank = np.argsort(found.order)
+    row = rank[np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))]
+    column = rank[graph.indices]
+    taken = np.flatnonzero(row <= column)
+    owner = np.searchsorted(found.first, row[taken], side="right") - 1
+    taken = taken[np.argsort(owner, kind="stable")]
+    owner = np.sort(owner)
+    size = graph.shape[0]
+    names = np.repeat(np.arange(len(found.first) - 1), np.diff(found.row_start)) * size + found.rows
+    place = np.searchsorted(names, owner * size + column[taken]) - found.row_start[owner]
+    parts = np.stack([taken, 3 * (row[taken] - found.first[owner]), 3 * place], axis=1)
+    return parts, _starts(np.bincount(owner, minlength=len(found.first) - 1))
+
+
+def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe compile``: what it has compiled, nobody compiles again."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from gdfe_ros.commands import compile as command
+
+_WATCH = """
+from numba.core import event
+found = event.RecordingListener()
+event.register("numba:compile", found)
+from gdfe_ros import Simulation, load_scene
+simulation = Simulation(load_scene({name!r}))
+for _, result in zip(range(3), simulation.play()):
+    simulation.fields()
+print("compiled", len(found.buffer))
+"""
+
+
+def _compiled_to_play(name: str) -> int:
+    done = subprocess.run([sys.executable, "-c", _WATCH.format(name=name)], capture_output=True, text=True, check=True)
+    return int(done.stdout.split("compiled")[1])
+
+
+def test_nothing_is_left_to_compile() -> None:
+    """Compile a scene with contact, motion and a tangent; another process plays it as it comes from the cache."""
+    command._compile("finger_press", {})
+    assert _compiled_to_play("finger_press") == 0
+
+
+def test_the_first_scene_comes_before_all_others() -> None:
+    """Every shipped scene is compiled once, after what all of them share."""
+    names = [name for name, _ in command.work()]
+    assert names[0] == command.FIRST
+    assert set(names) == set(command.scene_names())
