@@ -26,6 +26,7 @@ _TIMED: tuple[tuple[object, str, str], ...] = (
     (quasi_newton, "remember", HISTORY),
     (quasi_newton, "take_products", HISTORY),
     (quasi_newton, "descend", WHOLE),
+    (quasi_newton, "descend_kept", WHOLE),
     (ConstantMatrix, "solve", SOLVES),
     (minimiser, "close_coupling", SOLVES),
     (TangentLevel, "solve", SOLVES),

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,17 +167,39 @@ class Minimiser:
         return bool(far or active.status["ended"] == End.RUNAWAY)
 
     def _run_dense(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
-        """Iterate with the explicit inverse, many iterations in one compiled call."""
+        """Iterate with the explicit inverse."""
+        iterate = partial(quasi_newton.descend, task.problem, task.active.workspace, task.coupling)
+        return self._run_compiled(task, iterate, target, floor, least, limit, CHUNK)
+
+    def _run_kept(self, task: Task, target: float, limit: int, *, prepared: bool) -> Descended:
+        """Iterate with a kept tangent; where it is ``prepared``, the first step is preconditioned."""
+        work = task.active.workspace
+        if not prepared:
+            task.precondition(work.gradient, work.step)
+        iterate = partial(quasi_newton.descend_kept, task.problem, work, task.level.kept)
+        with nullcontext() if task.problem.threads is None else _TEAM:
+            return self._run_compiled(task, iterate, target, target, 0, limit, 1)
+
+    def _run_compiled(
+        self,
+        task: Task,
+        iterate: Callable[[float, int], int],
+        target: float,
+        floor: float,
+        least: int,
+        limit: int,
+        chunk: int,
+    ) -> Descended:
+        """Iterate many times in one compiled call, at most ``chunk`` times where there is a deadline."""
         work, done = task.active.workspace, 0
         self._show(work, begins=True)
         while done < limit:
-            chunk = min(least - done if done < least else CHUNK if task.deadline else limit, limit - done)
-            chunk = 1 if self.observer else chunk
-            goal = floor if done < least else target
-            used = quasi_newton.descend(task.problem, work, task.coupling, goal, chunk)
+            most = least - done if done < least else chunk if task.deadline else limit
+            most = 1 if self.observer else min(most, limit - done)
+            used = iterate(floor if done < least else target, most)
             self._show(work, begins=False)
             done += used
-            if used < chunk:
+            if used < most:
                 return Descended(done, cut=False)
             if past(task.deadline):
                 break

@@ -18,6 +18,7 @@ from gdfe_ros.solver.descent.workspace import End
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows, gather_rows, place
+from gdfe_ros.solver.tangent.substitution import solve_kept
 from gdfe_ros.solver.terms.term import terms_energy
 
 ARMIJO = 1e-4
@@ -281,5 +282,17 @@ def descend(problem, work, coupling, target, limit):
         if advance(problem, work, target, first):
             return iteration
         apply_inverse(work.gradient, coupling, work.step)
+        remember(work)
+    return limit
+
+
+@kernel
+def descend_kept(problem, work, kept, target, limit):
+    """The same with a kept tangent; ``work.step`` holds the first preconditioned gradient."""
+    first = limit < 0
+    for iteration in range(limit):
+        if advance(problem, work, target, first):
+            return iteration
+        solve_kept(kept, work.gradient, work.step)
         remember(work)
     return limit

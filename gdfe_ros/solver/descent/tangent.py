@@ -141,7 +141,7 @@ class TangentMinimiser(Minimiser):
         used, damping, before, status = 0, 0.0, np.inf, task.active.status
         while True:
             chunk = min(self._patient, limit - used)
-            went = self._run_stepwise(task, goal, goal, 0, chunk, prepared=self._prepared)
+            went = self._run_chunk(task, goal, chunk)
             self._prepared = True
             used, self._work = used + went.iterations, self._work + went.iterations
             # An almost singular tangent asks for a step beyond all reach; the energy need not be unbounded for that.
@@ -156,6 +156,11 @@ class TangentMinimiser(Minimiser):
                 damping = max(self._softness, DAMPING * damping)
             before = float(status["distance"])
             self._take(task, damping=damping)
+
+    def _run_chunk(self, task: Task, goal: float, limit: int) -> Descended:
+        if self._level.kept is None:
+            return self._run_stepwise(task, goal, goal, 0, limit, prepared=self._prepared)
+        return self._run_kept(task, goal, limit, prepared=self._prepared)
 
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
         work = task.active.workspace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Cholesky factor that suits a body: in a band, or by supernodes where that is less work."""
+"""The Cholesky factor that suits a body: by supernodes, or in a band where that is much and hardly less work."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ from gdfe_ros.solver.tangent.ordering import least_degree, narrow_order
 
 PACE = 1.7
 """Multiplications of LAPACK's band in the time of one in a front, on a processor with AVX-512."""
+FEW = 50_000_000
+"""Multiplications of a band's factor up to which fronts are taken anyway: a descent on them is compiled as a whole,
+which saves more than LAPACK's pace."""
 
 
 class Factor(Protocol):
@@ -44,4 +47,4 @@ def factor_for(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> Factor:
     narrow = narrow_order(graph, points)
     found = min((eliminated(graph, order) for order in (narrow, least_degree(graph))), key=lambda each: each.work)
     band = Band(graph, narrow)
-    return band if band.work <= PACE * 27 * found.work else Fronts(graph, found)
+    return band if FEW < band.work <= PACE * 27 * found.work else Fronts(graph, found)

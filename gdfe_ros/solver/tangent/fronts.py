@@ -10,8 +10,6 @@ Inner loops count in unsigned numbers: an index that might be negative is looked
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.sparse as sparse
 from numpy import uint64
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel, vector_kernel
 from gdfe_ros.solver.tangent.elimination import Elimination
+from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_kept
 
 PANEL = 6
 """Columns that are eliminated together: two vertices. What is left is passed through once for them."""
@@ -139,87 +138,6 @@ def factor_fronts(blocks, parts, plan, front, panel, stack, values):
     return True
 
 
-@vector_kernel
-def solve_fronts(values, plan, x, local):
-    """Solve U^T U x = x in the order of elimination; ``local`` has room for the rows of any supernode."""
-    for node in range(len(plan.first) - 1):
-        begin, end = plan.row_start[node], plan.row_start[node + 1]
-        width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
-        start = 3 * plan.first[node]
-        local[:own] = x[start : start + own]
-        local[own:width] = 0.0
-        reduce_rows(values, plan.value_start[node], local, width, own)
-        x[start : start + own] = local[:own]
-        for k in range(own // 3, end - begin):
-            row = 3 * plan.rows[begin + k]
-            for i in range(3):
-                x[row + i] += local[3 * k + i]
-    for node in range(len(plan.first) - 2, -1, -1):
-        begin, end = plan.row_start[node], plan.row_start[node + 1]
-        width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
-        start = 3 * plan.first[node]
-        local[:own] = x[start : start + own]
-        for k in range(own // 3, end - begin):
-            row = 3 * plan.rows[begin + k]
-            for i in range(3):
-                local[3 * k + i] = x[row + i]
-        expand_rows(values, plan.value_start[node], local, width, own)
-        x[start : start + own] = local[:own]
-
-
-@vector_kernel
-def reduce_rows(values, at, local, width, own):
-    """Solve with the first ``own`` rows of U^T, and take what they make of the others from these."""
-    for first in range(0, own, 3):
-        a = values[at + first * width : at + (first + 1) * width]
-        b = values[at + (first + 1) * width : at + (first + 2) * width]
-        c = values[at + (first + 2) * width : at + (first + 3) * width]
-        p = local[first] * a[first]
-        q = (local[first + 1] - a[first + 1] * p) * b[first + 1]
-        r = (local[first + 2] - a[first + 2] * p - b[first + 2] * q) * c[first + 2]
-        local[first], local[first + 1], local[first + 2] = p, q, r
-        for j in range(uint64(first + 3), uint64(width)):
-            local[j] -= p * a[j] + q * b[j] + r * c[j]
-
-
-@vector_kernel
-def expand_rows(values, at, local, width, own):
-    """Solve with the first ``own`` rows of U, of which the others are known."""
-    for first in range(own - 3, -1, -3):
-        a = values[at + first * width : at + (first + 1) * width]
-        b = values[at + (first + 1) * width : at + (first + 2) * width]
-        c = values[at + (first + 2) * width : at + (first + 3) * width]
-        p, q, r = 0.0, 0.0, 0.0
-        for j in range(uint64(first + 3), uint64(width)):
-            p += a[j] * local[j]
-            q += b[j] * local[j]
-            r += c[j] * local[j]
-        r = (local[first + 2] - r) * c[first + 2]
-        q = (local[first + 1] - q - b[first + 2] * r) * b[first + 1]
-        p = (local[first] - p - a[first + 1] * q - a[first + 2] * r) * a[first]
-        local[first], local[first + 1], local[first + 2] = p, q, r
-
-
-class Plan(NamedTuple):
-    """Where everything stands, as kernels take it: see `Elimination`.
-
-    Attributes:
-        first, row_start, rows, inside: of the elimination.
-        children, child_start: (c,) and (s + 1,), of each supernode.
-        part_start: (s + 1,) of each one's blocks of the matrix.
-        value_start: (s + 1,) of each one's rows of the factor.
-    """
-
-    first: NDArray[np.int64]
-    row_start: NDArray[np.int64]
-    rows: NDArray[np.int64]
-    inside: NDArray[np.int64]
-    children: NDArray[np.int64]
-    child_start: NDArray[np.int64]
-    part_start: NDArray[np.int64]
-    value_start: NDArray[np.int64]
-
-
 class Fronts:
     """Factors matrices of one pattern, one after the other, and solves with the last factor.
 
@@ -229,12 +147,13 @@ class Fronts:
 
     Attributes:
         price: of a factor, in solutions.
+        kept: the last factor.
     """
 
     def __init__(self, graph: sparse.csr_matrix, found: Elimination) -> None:
         widths, heights = np.diff(found.first), np.diff(found.row_start)
         self.price = round(3 * found.work / max(1, 8 * found.entries))
-        self._order, self._room = found.order, 3 * int(heights.max(initial=0))
+        room = 3 * int(heights.max(initial=0))
         inner = found.parent >= 0
         children = np.argsort(found.parent, kind="stable")[np.sum(~inner) :]
         self._parts, part_start = _parts(graph, found)
@@ -250,24 +169,21 @@ class Fronts:
         )
         left = 9 * (heights - widths) ** 2
         taken = np.bincount(found.parent[inner], weights=left[inner], minlength=len(widths)).astype(np.int64)
-        self._front, self._panel = np.empty(self._room**2), np.empty(PANEL * TILE)
-        self._stack, self._values = (
-            np.empty(np.cumsum(left - taken).max(initial=0)),
-            np.empty(self._plan.value_start[-1]),
-        )
+        self._front, self._panel = np.empty(room**2), np.empty(PANEL * TILE)
+        self._stack = np.empty(np.cumsum(left - taken).max(initial=0))
+        values, x = np.empty(self._plan.value_start[-1]), np.empty(3 * len(found.order))
+        self.kept = Kept(self._plan, values, found.order, x, np.empty(room))
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite, otherwise there is no factor."""
-        return factor_fronts(blocks, self._parts, self._plan, self._front, self._panel, self._stack, self._values)
+        return factor_fronts(blocks, self._parts, self._plan, self._front, self._panel, self._stack, self.kept.values)
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the solution for right-hand sides (3 f,) or (3 f, k)."""
-        solution, local = np.empty(right.shape), np.empty(self._room)
-        columns = solution.reshape(len(right), -1).T, right.reshape(len(right), -1).T
-        for found, given in zip(*columns, strict=True):
-            x = given.reshape(-1, 3)[self._order].ravel()
-            solve_fronts(self._values, self._plan, x, local)
-            found.reshape(-1, 3)[self._order] = x.reshape(-1, 3)
+        if right.ndim > 1:
+            return np.stack([self.solve(np.ascontiguousarray(column)) for column in right.T], axis=1)
+        solution = np.empty_like(right)
+        solve_kept(self.kept, right, solution)
         return solution
 
 

@@ -21,6 +21,8 @@ from gdfe_ros.solver.matrix.unknowns import Frame, place
 from gdfe_ros.solver.tangent.assembly import Assembly
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness, without_negative
 from gdfe_ros.solver.tangent.factor import factor_for
+from gdfe_ros.solver.tangent.fronts import Fronts
+from gdfe_ros.solver.tangent.substitution import Kept
 from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
@@ -101,6 +103,11 @@ class TangentLevel:
         """Be ready to apply a tangent that `take` returned, here or in another run."""
         if self._loaded is None or self._loaded.blocks is not tangent.blocks:
             self._load(tangent)
+
+    @property
+    def kept(self) -> Kept | None:
+        """The factor as kernels take it; None where handles turn freely or LAPACK has it."""
+        return None if len(self._inverse_schur) or not isinstance(self._factor, Fronts) else self._factor.kept
 
     def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write K^-1 gradient (3 r,) to ``out`` (3 r,)."""
