@@ -53,6 +53,23 @@ def read_reactions(text: str) -> Nodal:
     return found
 
 
+def read_total_forces(text: str) -> list[tuple[float, float, float]]:
+    """Return the total force of every step that a ``.dat`` file has (``TOTALS=ONLY``).
+
+    Raises:
+        ValueError: if there is none.
+    """
+    lines = [line.split() for line in text.splitlines()]
+    found = [
+        next(fields for fields in lines[i + 1 :] if fields)
+        for i, line in enumerate(lines)
+        if line[:3] == ["total", "force", "(fx,fy,fz)"]
+    ]
+    if not found:
+        raise ValueError("the .dat file holds no total forces: did the analysis end early?")
+    return [(float(x), float(y), float(z)) for x, y, z in found]
+
+
 def read_paths(text: str) -> tuple[npt.NDArray[np.float64], list[Nodal]]:
     """Return the times (k,) [s] and nodal displacements of every ``displacements`` block of a ``.dat`` file.
 

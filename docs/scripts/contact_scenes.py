@@ -52,6 +52,7 @@ SHOTS = {
     "grasp": Shot(moments=(0.0, 1.2, 5.0, 14.5), size=(2.4, 3.2), zoom=1.5),
     "ball_drop": Shot(moments=(0.0, 0.1, 0.4, 1.2), view=(8.0, -86.0), size=(6.5, 1.25), zoom=3.6, below=True),
     "crawler": Shot(moments=(0.2, 0.4, 0.6, 0.8), size=(6.5, 1.15), zoom=4.2, below=True),
+    "soft_pinch": Shot(moments=(0.005, 1.2, 2.5, 4.9), view=(6.0, -84.0), size=(2.4, 3.0), zoom=1.4),
     "peg_in_soft_hole": Shot(moments=(1.0, 2.5), view=(12.0, -80.0), cut=True),
 }
 

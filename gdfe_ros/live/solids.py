@@ -37,7 +37,7 @@ class Solids:
     """
 
     def __init__(self, space: viser.SceneApi, group: str, scene: Scene, *, scale: float) -> None:
-        self._space, self._scale, self._size = space, scale, scene.mesh.size
+        self._space, self._scale, self._size = space, scale, scene.mesh.extent
         self._things = [handle for handle in scene.handles if isinstance(handle, Obstacle)]
         self._nodes = {thing.name: self._add(f"{group}/{thing.name}", thing) for thing in self._things}
 

@@ -212,7 +212,7 @@ def scale_of(mesh: HexMesh) -> float:
 def first_view(mesh: HexMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Give what the eye looks at when a page is opened, and where it is, (3,) in the units of the picture."""
     middle = scale_of(mesh) * mesh.bounds.mean(axis=0)
-    return middle, middle + scale_of(mesh) * mesh.size * _EYE
+    return middle, middle + scale_of(mesh) * mesh.extent * _EYE
 
 
 def _path(group: str) -> str:

@@ -8,6 +8,7 @@ trilinear weights, stands for the cell (docs/theory/cut_cells.md).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -38,6 +39,16 @@ class Filling:
         centre = moments[:, 1:4] / share[:, None]
         variance = moments[:, 4:] / share[:, None] - centre**2
         return cls(share, centre, np.sqrt(3.0 * np.maximum(variance, 0.0)))
+
+    @classmethod
+    def whole(cls, count: int) -> Filling:
+        """Return that of cells without a cut."""
+        return cls(np.ones(count), np.zeros((count, 3)), np.ones((count, 3)))
+
+    @classmethod
+    def joined(cls, fillings: Sequence[Filling]) -> Filling:
+        """Return that of all cells in a row."""
+        return cls(*(np.concatenate([getattr(each, item.name) for each in fillings]) for item in fields(cls)))
 
     @cached_property
     def cut(self) -> NDArray[np.intp]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces, boundary_faces
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.outside import Outside
+
+if TYPE_CHECKING:
+    from gdfe_ros.mesh.assembly import Part
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +32,7 @@ class HexMesh:
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
         filling: how far the cells are filled with material; None: wholly.
         skin: what is shown instead of the cells' outer faces; None: these.
+        parts: the meshes that this one was put together from, by name; empty where it is one.
 
     Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` looks at
     the content.
@@ -42,6 +47,7 @@ class HexMesh:
     vertex_sets: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
     filling: Filling | None = None
     skin: Outside | None = None
+    parts: Mapping[str, Part] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)
@@ -83,7 +89,14 @@ class HexMesh:
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box [m]."""
+        """Diagonal of the bounding box [m]; of several meshes that of the largest, however far they are apart."""
+        if self.parts:
+            return max(part.mesh.size for part in self.parts.values())
+        return self.extent
+
+    @property
+    def extent(self) -> float:
+        """Diagonal of the box around everything [m]: with several meshes more than `size`."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
     @cached_property

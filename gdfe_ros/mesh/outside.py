@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +43,26 @@ class Outside:
         ids, local = np.unique(faces.quads, return_inverse=True)
         weights = np.ones((len(ids), 1))
         return cls(local.reshape(-1, 4).astype(np.int32), faces.cells, ids[:, None].astype(np.int32), weights)
+
+    @classmethod
+    def joined(cls, outsides: Sequence[Outside], vertices: Sequence[int], cells: Sequence[int]) -> Outside:
+        """Return several as one, of triangles between points that cells carry.
+
+        Args:
+            outsides: of meshes that become one.
+            vertices: number of each mesh' first vertex among all.
+            cells: number of each mesh' first cell among all.
+        """
+        found, points = [], 0
+        for each, first_vertex, first_cell in zip(outsides, vertices, cells, strict=False):
+            corners, weights, owners = each.corners, each.weights, each.cells
+            if not each.skin:
+                corners, weights = np.repeat(corners, 8, axis=1), np.eye(1, 8).repeat(len(corners), axis=0)
+                owners = np.repeat(owners, 2)
+            found.append((each.triangles + points, owners + first_cell, corners + first_vertex, weights))
+            points += len(corners)
+        faces, owners, corners, weights = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        return cls(faces.astype(np.int32), owners.astype(np.int32), corners.astype(np.int32), weights)
 
     @property
     def skin(self) -> bool:

@@ -5,12 +5,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.hexmesh import HexMesh
+
+if TYPE_CHECKING:
+    from gdfe_ros.mesh.assembly import Part
 
 #: Points this close to a box or sphere still count as inside, as a share of the mesh size: coordinates such
 #: as 0.1 * 3 are not exact.
@@ -75,7 +79,15 @@ class NamedSet:
     name: str
 
 
-Where = Face | Box | Sphere | Vertices | Cells | NamedSet
+@dataclass(frozen=True)
+class Within:
+    """What a selection means in one of several meshes, in the frame and numbers of that mesh; all of it without one."""
+
+    part: str
+    where: Where | None = None
+
+
+Where = Face | Box | Sphere | Vertices | Cells | NamedSet | Within
 
 
 def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
@@ -89,7 +101,7 @@ def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
         Vertex ids, int32, sorted, unique.
 
     Raises:
-        MeshError: an id is out of range or a set is unknown.
+        MeshError: an id is out of range, or a set or a mesh is unknown.
     """
     match where:
         case Face(side):
@@ -100,6 +112,10 @@ def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             return _checked(ids, mesh.n_vertices, "vertex")
         case Cells(ids):
             return _vertices_of(mesh, _checked(ids, mesh.n_cells, "cell"))
+        case Within(name, inner):
+            part = part_of(mesh, name)
+            own = np.arange(part.mesh.n_vertices) if inner is None else select_vertices(part.mesh, inner)
+            return (own + part.first_vertex).astype(np.int32)
         case NamedSet(name) if name in mesh.vertex_sets:
             return mesh.vertex_sets[name]
         case NamedSet(name) if name in mesh.cell_sets:
@@ -121,7 +137,7 @@ def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
         Cell ids, int32, sorted, unique.
 
     Raises:
-        MeshError: an id is out of range or a set is unknown.
+        MeshError: an id is out of range, or a set or a mesh is unknown.
     """
     match where:
         case Face(side):
@@ -132,6 +148,10 @@ def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             return _cells_within(mesh, _checked(ids, mesh.n_vertices, "vertex"))
         case Cells(ids):
             return _checked(ids, mesh.n_cells, "cell")
+        case Within(name, inner):
+            part = part_of(mesh, name)
+            own = np.arange(part.mesh.n_cells) if inner is None else select_cells(part.mesh, inner)
+            return (own + part.first_cell).astype(np.int32)
         case NamedSet(name) if name in mesh.cell_sets:
             return mesh.cell_sets[name]
         case NamedSet(name) if name in mesh.vertex_sets:
@@ -151,12 +171,24 @@ def select_faces(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
         Vertex ids, shape (q, 4), int32, normals out of the material.
 
     Raises:
-        MeshError: an id is out of range or a set is unknown.
+        MeshError: an id is out of range, or a set or a mesh is unknown.
     """
     chosen = np.zeros(mesh.n_vertices, dtype=bool)
     chosen[select_vertices(mesh, where)] = True
     quads = mesh.surface()
     return quads[chosen[quads].all(axis=1)]
+
+
+def part_of(mesh: HexMesh, name: str) -> Part:
+    """Return one of the meshes that a mesh was put together from.
+
+    Raises:
+        MeshError: there is none of that name.
+    """
+    if name in mesh.parts:
+        return mesh.parts[name]
+    known = f"there are: {', '.join(mesh.parts)}" if mesh.parts else "there is one mesh, which has no name"
+    raise MeshError("the selection does not fit the mesh", [f"mesh {name!r} does not exist; {known}"])
 
 
 def _on_side(mesh: HexMesh, side: Side) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.quality import COINCIDENT, coincident_pairs
 
@@ -62,6 +63,7 @@ def merge_vertices(mesh: HexMesh, tolerance: float | None = None) -> HexMesh:
 
 def join(*meshes: HexMesh) -> HexMesh:
     """Put meshes into one, in order; sets of one name are united, vertices stay apart (`merge_vertices`)."""
+    filled = any(mesh.filling is not None for mesh in meshes)
     vertex_start = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
     cell_start = np.cumsum([0, *(mesh.n_cells for mesh in meshes)])
     return HexMesh(
@@ -69,6 +71,7 @@ def join(*meshes: HexMesh) -> HexMesh:
         cells=np.concatenate([mesh.cells + start for mesh, start in zip(meshes, vertex_start, strict=False)]),
         cell_sets=_united([mesh.cell_sets for mesh in meshes], cell_start),
         vertex_sets=_united([mesh.vertex_sets for mesh in meshes], vertex_start),
+        filling=Filling.joined([mesh.filling or Filling.whole(mesh.n_cells) for mesh in meshes]) if filled else None,
     )
 
 

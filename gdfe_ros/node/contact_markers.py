@@ -43,7 +43,8 @@ class ContactMarkers:
 
     def __init__(self, scene: Scene) -> None:
         self._things = [handle for handle in scene.handles if isinstance(handle, Obstacle)]
-        self._size, self._middle = scene.mesh.size, scene.mesh.bounds.mean(axis=0)
+        self._size, self._extent = scene.mesh.size, scene.mesh.extent
+        self._middle = scene.mesh.bounds.mean(axis=0)
         self._largest = 0.0
         meshes = [thing for thing in self._things if isinstance(thing.form, TriangleMesh)]
         self._triangles = {thing.name: _corners(thing.form.solid) for thing in meshes}
@@ -85,7 +86,7 @@ class ContactMarkers:
                 yield Marker.TRIANGLE_LIST, (1.0, 1.0, 1.0), np.zeros(3)
             case _:
                 origin, axes = thing.frame(pose)
-                edge, thickness = (share * self._size for share in SHEET)
+                edge, thickness = (share * self._extent for share in SHEET)
                 foot = axes.T @ (self._middle - origin)
                 yield Marker.CUBE, (edge, edge, thickness), np.array([foot[0], foot[1], -0.5 * thickness])
 

@@ -32,9 +32,10 @@ from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cavities import find_cavities, open_edges
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.scene.actuator_schema import CableModel, ChamberModel, DriveModel, GrowthModel, LoadModel
+from gdfe_ros.scene.actuator_schema import CableModel, ChamberModel, DriveModel, GrowthModel, LoadModel, PlaceModel
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.report import NO_VALUE, Report, suggest
 from gdfe_ros.scene.schema import Draft
 
@@ -110,7 +111,10 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str
     """Return the probes that lie in the body."""
     if mesh is None:
         return {}
-    found = {name: _embedded(mesh, [point], ("probes", name), report) for name, point in draft.probes.items()}
+    found = {}
+    for name, place in draft.probes.items():
+        part, point = (place.mesh, place.at) if isinstance(place, PlaceModel) else (None, place)
+        found[name] = _embedded(mesh, part, [point], ("probes", name), report)
     return {name: point for name, point in found.items() if point is not None}
 
 
@@ -147,7 +151,7 @@ def _limits(value: DriveModel, mode: Mode, path: KeyPath, report: Report) -> tup
 
 
 def _cable(value: CableModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Cable | None:
-    points = _embedded(mesh, value.points, (*path, "points"), report)
+    points = _embedded(mesh, value.mesh, value.points, path, report, key="points")
     return None if points is None else Cable(points=points, stiffness=value.stiffness or math.inf, **common)
 
 
@@ -158,20 +162,24 @@ def _chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, re
             return None
         quads = np.ascontiguousarray(faces[:, ::-1])
         return Chamber(quads=quads, **common) if _tight(mesh, quads, (*path, "where"), report) else None
-    cavities = find_cavities(mesh)
+    if not known_part(mesh, value.mesh, path, report):
+        return None
+    within = mesh if value.mesh is None else mesh.parts[value.mesh].mesh
+    first, body = (0, "the body") if within is mesh else (mesh.parts[value.mesh].first_vertex, f"mesh {value.mesh!r}")
+    cavities = find_cavities(within)
     known = ", ".join(f"{i}: {c.volume:.3g} m^3 near {np.round(c.center, 6).tolist()}" for i, c in enumerate(cavities))
     if not cavities:
-        report.add(path, "the body has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks")
+        report.add(path, f"{body} has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks")
     elif value.near is not None:
         centers = np.array([cavity.center for cavity in cavities])
         nearest = int(np.linalg.norm(centers - value.near, axis=1).argmin())
-        return Chamber(quads=cavities[nearest].quads, **common)
+        return Chamber(quads=cavities[nearest].quads + np.int32(first), **common)
     elif value.cavity is None and len(cavities) > 1:
-        report.add(path, f"the body has {len(cavities)} cavities ({known}); remedy: name one by cavity or near")
+        report.add(path, f"{body} has {len(cavities)} cavities ({known}); remedy: name one by cavity or near")
     elif (value.cavity or 0) >= len(cavities):
         report.add((*path, "cavity"), f"there are: {known}")
     else:
-        return Chamber(quads=cavities[value.cavity or 0].quads, **common)
+        return Chamber(quads=cavities[value.cavity or 0].quads + np.int32(first), **common)
     return None
 
 
@@ -193,7 +201,13 @@ def _tight(mesh: HexMesh, quads: NDArray[np.int32], path: KeyPath, report: Repor
 
 def _growth(value: GrowthModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Growth | None:
     cells = select(select_cells, mesh, value.where, (*path, "where"), "cell", report)
-    return None if cells is None else Growth(cells=cells, stretch=np.diag(value.stretch), **common)
+    if cells is None:
+        return None
+    stretch = np.diag(value.stretch)
+    if value.where is not None and value.where.mesh is not None:
+        axes = mesh.parts[value.where.mesh].rotation
+        stretch = axes @ stretch @ axes.T
+    return Growth(cells=cells, stretch=0.5 * (stretch + stretch.T), **common)
 
 
 def _load(
@@ -209,7 +223,7 @@ def _load(
         gravity = _gravity(name, model.gravity, materials, cell_material, path, report)
         return None if gravity is None else replace(gravity, filling=mesh.filling)
     if model.point is not None:
-        point = _embedded(mesh, [model.point.at], (*path, "at"), report)
+        point = _embedded(mesh, model.point.mesh, [model.point.at], path, report, key="at")
         return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))
     quads = select(select_faces, mesh, model.surface.where, (*path, "where"), "boundary face", report)
     if quads is None:
@@ -240,10 +254,22 @@ def _gravity(
     return Gravity(name=name, acceleration=np.array(acceleration), density=cell_densities(materials, cell_material))
 
 
-def _embedded(mesh: HexMesh, points: object, path: KeyPath, report: Report) -> Embedding | None:
+def _embedded(
+    mesh: HexMesh, part: str | None, points: object, path: KeyPath, report: Report, *, key: str | None = None
+) -> Embedding | None:
+    """Return the points as they lie in the body, or in the frame of one of its meshes.
+
+    ``path`` is that of the entry with the key `mesh`, ``key`` where the points stand in it.
+    """
+    if not known_part(mesh, part, path, report):
+        return None
+    within, first = (mesh, 0) if part is None else (mesh.parts[part].mesh, mesh.parts[part].first_vertex)
+    path = path if key is None else (*path, key)
     try:
-        return embed(mesh, points, what=".".join(map(str, path)))
+        found = embed(within, points, what=".".join(map(str, path)))
     except MeshError as error:
         for defect in error.defects:
-            report.add(path, defect, value=NO_VALUE)
+            frame = "" if part is None else f", in the frame of mesh {part!r}"
+            report.add(path, f"{defect}{frame}", value=NO_VALUE)
         return None
+    return Embedding(found.corners + np.int32(first), found.weights)

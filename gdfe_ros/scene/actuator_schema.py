@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from gdfe_ros.actuators import Mode
-from gdfe_ros.scene.entry import Choice, Entry
+from gdfe_ros.scene.entry import TAG, Choice, Entry
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
 
@@ -24,6 +24,23 @@ _FORCE = Quantity("force [x, y, z]", "N", least=-1e9, most=1e9, count=3)
 _TRACTION = Quantity("traction [x, y, z] over the area at rest", "Pa", least=-1e12, most=1e12, count=3)
 
 Point3 = Annotated[tuple[float, float, float], _POINT]
+_MESH = "name of one of the `meshes`, in whose own frame the place is told"
+
+
+class PlaceModel(Entry):
+    """A point of one of several meshes."""
+
+    mesh: str = Field(description=_MESH)
+    at: Point3
+
+
+def _kind_of_place(value: Any) -> str:
+    return TAG + ("place" if isinstance(value, dict | PlaceModel) else "point")
+
+
+Place = Annotated[
+    Annotated[Point3, Tag(TAG + "point")] | Annotated[PlaceModel, Tag(TAG + "place")], Discriminator(_kind_of_place)
+]
 
 
 class DriveModel(Entry):
@@ -39,6 +56,7 @@ class CableModel(DriveModel):
     points: tuple[Point3, ...] = Field(
         description="points of the body, e.g. [[0, 0, 0.01], [0.1, 0, 0.01]]", min_length=2
     )
+    mesh: str | None = Field(None, description=_MESH)
     command: Literal["tension", "length", "shortening"] = Field("tension", description="what is commanded: N, or m")
     stiffness: Annotated[float, _STIFFNESS] | None = None
 
@@ -58,12 +76,15 @@ class ChamberModel(DriveModel):
     cavity: Annotated[int, _CAVITY] | None = None
     near: Point3 | None = Field(None, description="the cavity whose centre is nearest to this point [x, y, z]")
     where: WhereModel | None = Field(None, description="its faces: those of which all four vertices lie there")
+    mesh: str | None = Field(None, description="name of one of the `meshes`, of which `cavity` or `near` speak")
     command: Literal["pressure", "volume"] = Field("pressure", description="what is commanded: Pa, or m^3")
 
     @model_validator(mode="after")
     def _one_place(self) -> ChamberModel:
         if sum(place is not None for place in (self.cavity, self.near, self.where)) > 1:
             raise ValueError("give one of cavity, near, where, or none of them if the body has one cavity")
+        if self.where is not None and self.mesh is not None:
+            raise ValueError(f"write the mesh into the place: where: {{mesh: {self.mesh}, ...}}")
         return self
 
 
@@ -71,7 +92,9 @@ class GrowthModel(DriveModel):
     """Cells that want another size."""
 
     stretch: Annotated[tuple[float, float, float], _STRETCH]
-    where: WhereModel | None = Field(None, description="the cells; all of them if left out")
+    where: WhereModel | None = Field(
+        None, description="the cells; all of them if left out; with a mesh x, y, z are the axes of its own frame"
+    )
 
 
 class ActuatorModel(Choice):
@@ -92,6 +115,7 @@ class PointLoadModel(Entry):
     """A force at a point of the body."""
 
     at: Point3 = Field(description="point of the body [x, y, z]")
+    mesh: str | None = Field(None, description=_MESH)
     force: Annotated[tuple[float, float, float], _FORCE]
 
 

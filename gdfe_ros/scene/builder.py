@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to meshes, materials and handles, checking what depends on each other."""
+"""From a scene file's sound parts to materials, handles and a program, checking what depends on each other."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,45 +13,16 @@ from gdfe_ros.actuators import Actuator, Load
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material
-from gdfe_ros.mesh import HexMesh, check_mesh, select_cells, select_vertices
-from gdfe_ros.mesh.quality import list_ids
+from gdfe_ros.mesh import HexMesh, select_cells, select_vertices
+from gdfe_ros.mesh.quality import list_ids, vertex_pieces
 from gdfe_ros.mesh.selection import Where
 from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.obstacle_schema import ObstacleModel
 from gdfe_ros.scene.program import Point, Program
 from gdfe_ros.scene.report import NO_VALUE, Report, suggest
 from gdfe_ros.scene.schema import Draft, HandleModel, KeyframeModel, PointModel, ProgramModel
 from gdfe_ros.scene.where_schema import WhereModel
-
-
-def build_mesh(draft: Draft, report: Report) -> tuple[HexMesh | None, NDArray[np.int32]]:
-    """Return the mesh and the part of each of its vertices, or None and [] if it has defects."""
-    none = np.zeros(0, dtype=np.int32)
-    if draft.mesh is None:
-        return None, none
-    try:
-        mesh = draft.mesh.build()
-    except MeshError as error:
-        for defect in error.defects:
-            report.add(draft.mesh.place, defect)
-        return None, none
-    quality = check_mesh(mesh)
-    for defect in quality.defects:
-        report.add(draft.mesh.place, defect)
-    return (None, none) if quality.defects else (mesh, quality.vertex_part)
-
-
-def build_skin(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[HexMesh | None, dict[str, Any] | None]:
-    """Return the mesh with the skin that the scene gives it, and the entry that carries that without a file."""
-    if mesh is None or draft.skin is None:
-        return mesh, None
-    try:
-        skin, entry = draft.skin.build(mesh)
-    except MeshError as error:
-        for defect in error.defects:
-            report.add(draft.skin.place, defect)
-        return mesh, None
-    return replace(mesh, skin=skin), entry
 
 
 def build_materials(draft: Draft, report: Report) -> dict[str, Material]:
@@ -111,8 +80,9 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[H
     return tuple(handles)
 
 
-def require_held(mesh: HexMesh, part: NDArray[np.int32], handles: tuple[Handle, ...], report: Report) -> None:
+def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Report) -> None:
     """Note each piece of the body that nothing holds along an axis: its place would be undetermined."""
+    part = vertex_pieces(mesh)
     for axis, letter in enumerate("xyz"):
         pieces_of = {handle.name: set(part[handle.vertices].tolist()) for handle in handles}
         held = set().union(*(pieces_of[handle.name] for handle in handles if axis not in handle.free))
@@ -120,11 +90,22 @@ def require_held(mesh: HexMesh, part: NDArray[np.int32], handles: tuple[Handle, 
         for _ in sliding:
             held.update(*(pieces for pieces in sliding if pieces & held))
         for piece in sorted(set(range(int(part.max()) + 1)) - held):
-            vertices = np.flatnonzero(part == piece)
-            whole = "the body" if part.max() == 0 else f"the piece with the vertices {list_ids(vertices)}"
-            remedy = f"add a handle there that is fixed or not free in {letter}"
+            whole = _piece(mesh, np.flatnonzero(part == piece))
+            remedy = f"add a handle there that is fixed or not free in {letter}, or `dynamics: {{}}` to let it move"
             text = f"no handle holds {whole} along {letter}; remedy: {remedy}"
             report.add(("handles",), text, value=NO_VALUE)
+
+
+def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:
+    """Return what to call a piece of the body that has these vertices and no others."""
+    if len(vertices) == mesh.n_vertices:
+        return "the body"
+    for name, part in mesh.parts.items():
+        own = vertices - part.first_vertex
+        if 0 <= own[0] < part.mesh.n_vertices:
+            whole = len(own) == part.mesh.n_vertices
+            return f"mesh {name!r}" if whole else f"the piece of mesh {name!r} with its vertices {list_ids(own)}"
+    return f"the piece with the vertices {list_ids(vertices)}"
 
 
 def build_program(
@@ -237,6 +218,8 @@ def select(
     """
     if where is None:
         return np.arange(mesh.n_cells, dtype=np.int32)
+    if not known_part(mesh, where.mesh, path, report):
+        return None
     try:
         ids = selector(mesh, where.build())
     except MeshError as error:
@@ -245,9 +228,10 @@ def select(
         return None
     if len(ids):
         return ids
-    low, high = mesh.bounds
-    extent = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip("xyz", low, high, strict=True))
+    own = mesh.parts[where.mesh].mesh if where.mesh is not None else mesh
+    name = f"mesh {where.mesh!r} in its own frame" if where.mesh is not None else "the mesh"
+    extent = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip("xyz", *own.bounds, strict=True))
     points = "cell centroids" if noun == "cell" else "vertices"
     given = where.model_dump(exclude_none=True)
-    report.add(path, f"no {noun} is there; the mesh spans {extent} [m] and {points} are tested", value=given)
+    report.add(path, f"no {noun} is there; {name} spans {extent} [m] and {points} are tested", value=given)
     return None

@@ -7,6 +7,9 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
+#: Start of the tags that pydantic puts into the location of an error; they are not keys of the file.
+TAG = "kind="
+
 
 class Entry(BaseModel):
     """A mapping of the scene file: no other keys than the declared ones, immutable."""
@@ -19,15 +22,18 @@ class Choice(Entry):
 
     Attributes:
         options: keys that may stand beside the chosen one.
+        alone: those of them that say enough without it.
     """
 
     options: ClassVar[tuple[str, ...]] = ()
+    alone: ClassVar[tuple[str, ...]] = ()
 
     @model_validator(mode="after")
     def _exactly_one(self) -> Choice:
         names = [name for name in type(self).model_fields if name not in self.options]
         given = [name for name in names if getattr(self, name) is not None]
-        if len(given) != 1:
+        enough = any(getattr(self, name) is not None for name in self.alone)
+        if len(given) > 1 or not (given or enough):
             raise ValueError(f"give exactly one of {', '.join(names)}; given: {', '.join(given) or 'none'}")
         return self
 

@@ -64,6 +64,36 @@ regions: [{material: soft}]
 handles: {wrist: {where: {face: x-}, fixed: true}}
 """
 
+SEVERAL = """\
+name: pads
+meshes:
+  left: {bar: {size: [0.02, 0.02, 0.02], cells: [2, 2, 2]}, at: [-0.04, 0, 0]}
+  right: {bar: {size: [0.02, 0.02, 0.02], cells: [2, 2, 2]}, at: [0.04, 0, 0], rotation_deg: [0, 0, 180]}
+  ball: {sphere: {inner: 0.004, outer: 0.015, cells: [4, 2]}}
+materials:
+  silicone: {law: neo_hookean, young: 3.0e5, poisson: 0.45, density: 1100}
+  rubber: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}
+regions: [{material: silicone}, {material: rubber, where: {mesh: ball}}]
+handles:
+  left: {where: {mesh: left, face: x-}}
+  right: {where: {mesh: right, face: x-}}
+probes: {top: {mesh: ball, at: [0, 0, 0.015]}}
+self_contact: {friction: 0.8}
+dynamics: {}
+"""
+
+KINDS = (
+    "bar: {size: [0.20, 0.05, 0.05], cells: [20, 5, 5]}",
+    "grid: {x: [0.0, 0.01, 0.03], y: [0.0, 0.01], z: [0.0, 0.01]}",
+    "tube: {inner: 0.008, outer: 0.010, length: 0.10, cells: [2, 16, 30]}",
+    "ring: {radius: 0.05, section: [0.01, 0.01], cells: [2, 48, 2]}",
+    "sphere: {inner: 0.04, outer: 0.05, cells: [6, 2]}",
+    "finger: {size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003}",
+    "{file: body.msh, scale: 0.001, merge: true, first_order: true}",
+    "voxels: {surface: hand.stl, cell: 0.002, scale: 0.001}",
+    "embedded: QUJD   # as bags carry a mesh that came from a file",
+)
+
 EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     motion_schema.DynamicsModel: (
         "{scheme: generalised_alpha, rho_inf: 0.8, step: 0.005, damping: {viscosity: 50.0}, velocity: [0, 0, 0.1], "
@@ -73,17 +103,11 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     motion_schema.DampingModel: ("{mass: 0.5, viscosity: 100.0}",),
     motion_schema.BranchModel: ("{share: 0.2, time: 0.05}",),
     motion_schema.MassModel: ("{mass: 0.052, where: {face: x+}}", "{mass: 0.1, probe: tip}"),
-    schema.SceneModel: (SCENE, SKINNED),
-    mesh_schema.MeshModel: (
-        "bar: {size: [0.20, 0.05, 0.05], cells: [20, 5, 5]}",
-        "grid: {x: [0.0, 0.01, 0.03], y: [0.0, 0.01], z: [0.0, 0.01]}",
-        "tube: {inner: 0.008, outer: 0.010, length: 0.10, cells: [2, 16, 30]}",
-        "ring: {radius: 0.05, section: [0.01, 0.01], cells: [2, 48, 2]}",
-        "sphere: {inner: 0.04, outer: 0.05, cells: [6, 2]}",
-        "finger: {size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003}",
-        "{file: body.msh, scale: 0.001, merge: true, first_order: true}",
-        "voxels: {surface: hand.stl, cell: 0.002, scale: 0.001}",
-        "embedded: QUJD   # as bags carry a mesh that came from a file",
+    schema.SceneModel: (SCENE, SKINNED, SEVERAL),
+    mesh_schema.MeshModel: KINDS,
+    mesh_schema.PlacedMeshModel: (
+        "{file: finger.msh, skin: {file: finger.stl}, at: [0, 0.05, 0], rotation_deg: [0, 0, 90]}",
+        *KINDS,
     ),
     generator_schema.BarModel: ("{size: [0.20, 0.05, 0.05], cells: [20, 5, 5], cut: [{box: {x: [0.05, 0.10]}}]}",),
     generator_schema.GridModel: (
@@ -107,6 +131,8 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "vertices: [0, 1, 2]",
         "cells: [0, 1]",
         "set: fixed_nodes                           # a set of the mesh file",
+        "{mesh: left, face: x-}                     # the smallest x of one of the `meshes`, as it was made",
+        "mesh: left                                 # all of it",
     ),
     where_schema.BoxModel: ("{x: [0.0, 0.1], y: [-0.01, 0.01], z: [0.0, .inf]}",),
     where_schema.SphereModel: ("{center: [0.0, 0.0, 0.0], radius: 0.01}",),
@@ -158,11 +184,13 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     actuator_schema.CableModel: (
         "{points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: shortening, stiffness: 2.0e3, range: [0.0, 0.05], "
         "rate: 0.1}",
+        "{mesh: left, points: [[0.0, 0.0, 0.01], [0.08, 0.0, 0.01]]}",
     ),
     actuator_schema.ChamberModel: (
         "{near: [0.1, 0.0, 0.0], command: pressure, range: [-10.0e3, 40.0e3], rate: 20.0e3}",
         "{cavity: 0, command: volume}",
         "{where: {set: inner_wall}}",
+        "{mesh: left, cavity: 0}",
     ),
     actuator_schema.GrowthModel: (
         "{stretch: [0.92, 1.0, 1.0], where: {box: {z: [0.0, 0.01]}}, range: [0.0, 1.0], rate: 0.5}",
@@ -172,7 +200,11 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "point: {at: [0.2, 0.0, 0.0], force: [0, 0, -1]}",
         "surface: {where: {face: z+}, force: [0, 0, -1]}",
     ),
-    actuator_schema.PointLoadModel: ("{at: [0.2, 0.0, 0.0], force: [0, 0, -1]}",),
+    actuator_schema.PointLoadModel: (
+        "{at: [0.2, 0.0, 0.0], force: [0, 0, -1]}",
+        "{mesh: left, at: [0.08, 0.0, 0.0], force: [0, 0, -1]}",
+    ),
+    actuator_schema.PlaceModel: ("{mesh: left, at: [0.08, 0.0, 0.0]}",),
     actuator_schema.SurfaceLoadModel: (
         "{where: {face: z+}, traction: [0, 0, -1.0e3]}",
         "{where: {face: z+}, force: [0, 0, -1]}",

@@ -13,14 +13,14 @@ from pydantic import ValidationError
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
-from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import actuation, builder, touchable
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
+from gdfe_ros.scene.meshes import Carried, build_mesh, require_body
 from gdfe_ros.scene.override import apply_override
 from gdfe_ros.scene.report import NO_VALUE, Report
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft, SceneModel
-from gdfe_ros.scene.solvable import unsolvable
+from gdfe_ros.scene.solvable import cut_key, unsolvable
 from gdfe_ros.share import share_dir
 
 _SUFFIXES = (".yaml", ".yml")
@@ -73,7 +73,7 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
 
 
 _SECTIONS = (
-    "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses", "probes",
+    "meshes", "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses", "probes",
     "sensors",
 )  # fmt: skip
 
@@ -86,14 +86,14 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
             report.add((key,), f"it is empty; write {{}} for the defaults, or leave it out for {without}")
     for key, value in (overrides or {}).items():
         apply_override(document, key, value, report)
+    require_body(document.data, report)
     draft = _validate(document, report, path.parent if path else None)
-    mesh, part = builder.build_mesh(draft, report)
-    mesh, skin = builder.build_skin(draft, mesh, report)
+    mesh, carried = build_mesh(draft, _names(document, "meshes"), report)
     materials = builder.build_materials(draft, report)
     cell_material = builder.assign_materials(draft, mesh, _names(document, "materials"), report)
     handles = builder.build_handles(draft, mesh, report)
     if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
-        builder.require_held(mesh, part, handles, report)
+        builder.require_held(mesh, handles, report)
     rigid = touchable.build_bodies(draft, mesh, report)
     handles = (*handles, *touchable.build_obstacles(draft, mesh, report), *rigid)
     actuators = actuation.build_actuators(draft, mesh, report)
@@ -112,7 +112,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
     sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
     parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
-    parts |= {"cut": mesh is not None and mesh.filling is not None, "self_contact": self_contact}
+    parts |= {"cut": cut_key(mesh) if mesh is not None else (), "self_contact": self_contact}
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
         report.add(key, text, value=NO_VALUE)
     report.raise_if_any()
@@ -125,7 +125,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         handles=handles,
         program=program,
         solver=solver,
-        source=_source(text, document.data, draft, mesh, skin, handles, changed=bool(overrides)),
+        source=_source(text, document.data, draft, carried, handles, changed=bool(overrides)),
         path=path,
         actuators=actuators,
         loads=loads,
@@ -183,19 +183,17 @@ def _source(
     text: str,
     data: dict[str, Any],
     draft: Draft,
-    mesh: HexMesh,
-    skin: dict[str, Any] | None,
+    carried: Carried,
     handles: Sequence[Handle],
     *,
     changed: bool,
 ) -> str:
     """Return text that needs no other file: the text itself, or the data with the files' content put in."""
-    if skin is not None:
-        data["skin"] = skin
-        changed = True
-    embedded = draft.mesh.embed(mesh)
-    if embedded is not None:
-        data["mesh"] = embedded
+    for path, entry in carried.items():
+        within = data
+        for key in path[:-1]:
+            within = within[key]
+        within[path[-1]] = entry
         changed = True
     for handle in handles:
         model = draft.obstacles.get(handle.name)

@@ -9,13 +9,11 @@ from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, Val
 from pydantic_core import PydanticCustomError
 
 from gdfe_ros.materials import PRESETS, Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden, preset
-from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.entry import TAG, Entry
 from gdfe_ros.scene.paths import resolve_path
 from gdfe_ros.scene.quantity import ANY, Quantity
 from gdfe_ros.scene.table import StressTable, read_stress_table
 
-#: Start of the tags that pydantic puts into the location of an error; they are not keys of the file.
-TAG = "law="
 LAWS = tuple(law.name.lower() for law in Law)
 
 _POISSON = Quantity(

@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
 
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.assembly import Part
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.voxels import Cells, read_voxels
@@ -15,9 +18,12 @@ from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel
 from gdfe_ros.scene.paths import FilePath
 from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.skin_schema import SCALE, SkinModel
 
-SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
 _CELL = Quantity("edge of the cubes", "m", above=0.0, most=1.0)
+_AT = Quantity("where the origin of its own frame is [x, y, z]", "m", least=-1e3, most=1e3, count=3)
+_ROTATION = Quantity("rotation vector of its own frame [x, y, z]", "degrees", least=-36000, most=36000, count=3)
+_OF_A_FILE = ("scale", "merge", "first_order")
 
 
 class VoxelsModel(Entry):
@@ -40,7 +46,7 @@ class VoxelsModel(Entry):
 class MeshModel(Choice):
     """Exactly one kind of body."""
 
-    options: ClassVar[tuple[str, ...]] = ("scale", "merge", "first_order")
+    options: ClassVar[tuple[str, ...]] = _OF_A_FILE
 
     bar: BarModel | None = None
     grid: GridModel | None = None
@@ -57,16 +63,16 @@ class MeshModel(Choice):
 
     @model_validator(mode="after")
     def _options_of_a_file(self) -> MeshModel:
-        given = [name for name in self.options if getattr(self, name)]
+        given = [name for name in _OF_A_FILE if getattr(self, name)]
         if given and self.file is None:
             raise ValueError(f"{', '.join(given)} belongs to `file`; remove it here")
         return self
 
     @property
     def place(self) -> tuple[str, ...]:
-        """Key path of what describes the body, for errors."""
+        """Key path of what describes the body, from this entry on, for errors."""
         kind = self.chosen[0]
-        return ("mesh", kind, "surface") if kind == "voxels" else ("mesh", kind)
+        return (kind, "surface") if kind == "voxels" else (kind,)
 
     def build(self) -> HexMesh:
         """Return the mesh.
@@ -79,6 +85,26 @@ class MeshModel(Choice):
             return read_mesh(value, scale=self.scale, merge=self.merge, first_order=self.first_order)
         return unpack_mesh(value) if kind == "embedded" else value.build()
 
-    def embed(self, mesh: HexMesh) -> dict[str, str] | None:
+    def embed(self, mesh: HexMesh) -> dict[str, Any] | None:
         """Return the entry that carries the mesh itself, or None if the entry needs no file."""
         return {"embedded": pack_mesh(mesh)} if self.chosen[0] in ("file", "voxels") else None
+
+
+class PlacedMeshModel(MeshModel):
+    """One of several meshes: exactly one kind of body, and where it is."""
+
+    options: ClassVar[tuple[str, ...]] = (*_OF_A_FILE, "at", "rotation_deg", "skin")
+
+    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
+    skin: SkinModel | None = None
+
+    def place_part(self, mesh: HexMesh) -> Part:
+        """Return the mesh, which `build` made, where it is."""
+        turn = Rotation.from_rotvec(np.radians(self.rotation_deg)).as_matrix()
+        return Part(mesh, at=np.array(self.at), rotation=turn)
+
+    def embed(self, mesh: HexMesh) -> dict[str, Any] | None:
+        """Return the entry that carries the mesh itself where it is, without its skin; None as for one mesh."""
+        entry = super().embed(mesh)
+        return entry and {**entry, "at": list(self.at), "rotation_deg": list(self.rotation_deg)}

@@ -83,7 +83,7 @@ def _form(annotation: Any, quantity: Quantity | None) -> str:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return f"[{_title(annotation)}](#{_anchor(annotation)})"
     if origin in (Union, UnionType):
-        return " or ".join(_form(choice, None) for choice in arguments)
+        return " or ".join(_form(choice, find_quantity(choice)) for choice in arguments)
     if origin is dict:
         return f"name: {_form(arguments[1], find_quantity(arguments[1]))}"
     if origin is tuple:

@@ -11,8 +11,9 @@ from pydantic import ValidationError
 
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene.document import Document, KeyPath
+from gdfe_ros.scene.entry import TAG
 from gdfe_ros.scene.keys import describe_key, known_keys
-from gdfe_ros.scene.material_schema import LAWS, TAG
+from gdfe_ros.scene.material_schema import LAWS
 
 #: Says that a defect has no value worth showing.
 NO_VALUE = object()

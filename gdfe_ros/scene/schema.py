@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import BaseModel, Field, StringConstraints, model_validator
 
 from gdfe_ros.constraints import Axis, Pose
-from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Point3
+from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Place
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.material_schema import MaterialModel
-from gdfe_ros.scene.mesh_schema import MeshModel
+from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel
 from gdfe_ros.scene.motion_schema import DynamicsModel, MassModel
 from gdfe_ros.scene.obstacle_schema import BodyModel, ObstacleModel, SensorModel
 from gdfe_ros.scene.program import Keyframe
@@ -141,7 +141,12 @@ class SceneModel(Entry):
 
     name: Annotated[str, StringConstraints(min_length=1)] = Field(description="a short name")
     description: str = Field("", description="a sentence for people")
-    mesh: MeshModel = Field(description="the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}")
+    mesh: MeshModel | None = Field(
+        None, description="the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}; or `meshes`"
+    )
+    meshes: dict[Name, PlacedMeshModel] = Field(
+        {}, description="several bodies by name in place of `mesh`, as left: {file: finger.msh, at: [0, 0.05, 0]}"
+    )
     skin: SkinModel | None = None
     materials: dict[Name, MaterialModel] = Field(
         description="materials by name, e.g. soft: {law: linear, young: 1.0e5, poisson: 0.45}", min_length=1
@@ -163,7 +168,7 @@ class SceneModel(Entry):
     masses: dict[Name, MassModel] = Field(
         {}, description="attached masses by name, as payload: {mass: 0.05, where: ...}"
     )
-    probes: dict[Name, Point3] = Field({}, description="material points by name, as tip: [0.1, 0, 0]")
+    probes: dict[Name, Place] = Field({}, description="material points by name, as tip: [0.1, 0, 0]")
     sensors: dict[Name, SensorModel] = Field(
         {},
         description="contact sensors by name, as pad: {where: {face: x+}}: what touches these faces",
@@ -178,6 +183,7 @@ class Draft(BaseModel):
     """What is sound in a scene file with defects: a subset of `SceneModel`, so that the rest is checked."""
 
     mesh: MeshModel | None = None
+    meshes: dict[str, PlacedMeshModel] = {}
     skin: SkinModel | None = None
     materials: dict[str, MaterialModel] = {}
     regions: tuple[RegionModel | None, ...] = ()
@@ -189,7 +195,7 @@ class Draft(BaseModel):
     masses: dict[str, MassModel] = {}
     self_contact: SelfContactModel | None = None
     dynamics: DynamicsModel | None = None
-    probes: dict[str, Point3] = {}
+    probes: dict[str, Place] = {}
     sensors: dict[str, SensorModel] = {}
     program: ProgramModel | None = None
     solver: SolverModel = SolverModel()

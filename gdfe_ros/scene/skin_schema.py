@@ -13,8 +13,10 @@ from gdfe_ros.mesh.outside import Outside, carry_skin
 from gdfe_ros.mesh.packing import pack_surface, unpack_surface
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice
-from gdfe_ros.scene.mesh_schema import SCALE
 from gdfe_ros.scene.paths import FilePath
+from gdfe_ros.scene.quantity import Quantity
+
+SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
 
 
 class SkinModel(Choice):
@@ -28,8 +30,8 @@ class SkinModel(Choice):
 
     @property
     def place(self) -> tuple[str, ...]:
-        """Key path of what describes the surface, for errors."""
-        return ("skin", self.chosen[0])
+        """Key path of what describes the surface, from this entry on, for errors."""
+        return (self.chosen[0],)
 
     def build(self, mesh: HexMesh) -> tuple[Outside, dict[str, Any]]:
         """Return the surface on the cells, and the entry that carries it without a file.

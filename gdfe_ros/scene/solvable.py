@@ -15,6 +15,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
+from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.relative.shape_factor import calibration_remarks
@@ -39,14 +40,14 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
         dynamics=scene.dynamics,
         self_contact=scene.self_contact,
         policy=settings.policy,
-        cut=scene.mesh.filling is not None,
+        cut=cut_key(scene.mesh),
     )
     if defects:
         raise SceneError(f"scene {scene.name}", [text for _, text in defects])
 
 
 def remarks(scene: Scene, policy: Policy) -> list[str]:
-    """Say what is doubtful about a scene: unstable materials, contrasts beyond the policy's calibration, rattling."""
+    """Say what is doubtful about a scene: unstable materials, contrasts beyond calibration, rattling, no contact."""
     notes = [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     if policy is Policy.RELATIVE:
         used = [item for item in scene.materials.values() if item.omega is None]
@@ -55,6 +56,8 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     if len(rigid) > 1 and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
         text = f"{', '.join(rigid)} may not come to rest on each other with {scene.dynamics.scheme.value}"
         notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
+    if len(scene.mesh.parts) > 1 and scene.self_contact is None:
+        notes.append("meshes: they pass through each other; remedy: self_contact: {friction: 0.5}")
     return notes
 
 
@@ -68,12 +71,12 @@ def unsolvable(
     dynamics: Dynamics | None,
     policy: Policy,
     self_contact: SelfContact | None = None,
-    cut: bool = False,
+    cut: tuple[str, ...] = (),
 ) -> list[tuple[tuple[str, ...], str]]:
     """Return why the parts of a scene do not go together: the key in a scene file, and a sentence.
 
     ``cell_material`` (m,) are places among the materials; without any, as where one is defective, no two are compared.
-    ``cut`` tells whether cells are filled in part.
+    ``cut`` is the key of what fills cells in part, as of `cut_key`.
     """
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
@@ -82,9 +85,17 @@ def unsolvable(
         *((("actuators", name), text) for name, text in held.items()),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
         (("bodies",), _still(handles) if dynamics is None else ""),
-        (("mesh", "voxels", "cells"), _beside(handles, actuators, self_contact, policy) if cut else ""),
+        (cut, _beside(handles, actuators, self_contact, policy) if cut else ""),
     ]
     return [(key, text) for key, text in found if text]
+
+
+def cut_key(mesh: HexMesh) -> tuple[str, ...]:
+    """Return the key of a scene file at which cells are cut by a surface; empty where none are."""
+    if mesh.filling is None:
+        return ()
+    name = next((name for name, part in mesh.parts.items() if part.mesh.filling is not None), None)
+    return (*(("mesh",) if name is None else ("meshes", name)), "voxels", "cells")
 
 
 def _contrast(materials: Mapping[str, Material], cell_material: NDArray[np.int32]) -> str:

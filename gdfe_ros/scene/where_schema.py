@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from gdfe_ros.mesh.selection import Box, Cells, Face, NamedSet, Side, Sphere, Vertices, Where
+from gdfe_ros.mesh.selection import Box, Cells, Face, NamedSet, Side, Sphere, Vertices, Where, Within
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.quantity import ANY, Quantity
 
@@ -41,7 +41,10 @@ class SphereModel(Entry):
 
 
 class WhereModel(Choice):
-    """Exactly one way to select."""
+    """Exactly one way to select, in the whole body or in one of several meshes."""
+
+    options: ClassVar[tuple[str, ...]] = ("mesh",)
+    alone: ClassVar[tuple[str, ...]] = ("mesh",)
 
     face: Literal["x-", "x+", "y-", "y+", "z-", "z+"] | None = Field(
         None, description="vertices at the least (-) or largest (+) coordinate of the body"
@@ -51,9 +54,18 @@ class WhereModel(Choice):
     vertices: Annotated[tuple[int, ...], _IDS] | None = None
     cells: Annotated[tuple[int, ...], _IDS] | None = None
     set: str | None = Field(None, description="name of a set in the mesh file")
+    mesh: str | None = Field(
+        None, description="name of one of the `meshes`: the place is told in its own frame and its own ids; alone: all"
+    )
 
     def build(self) -> Where:
         """Return the selection."""
+        inner = self._place()
+        if self.mesh is not None:
+            return Within(self.mesh, inner)
+        return inner
+
+    def _place(self) -> Where | None:
         if self.face is not None:
             return Face(Side(self.face))
         if self.box is not None:
@@ -62,4 +74,6 @@ class WhereModel(Choice):
             return Sphere(self.sphere.center, self.sphere.radius)
         if self.vertices is not None:
             return Vertices(self.vertices)
-        return NamedSet(self.set) if self.set is not None else Cells(self.cells)
+        if self.set is not None:
+            return NamedSet(self.set)
+        return Cells(self.cells) if self.cells is not None else None

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import grasp, grip
+from benchmarks import grasp, grip, pressing
+from benchmarks.cases import LogNeoHooke
 from benchmarks.contact import all_tables
-from benchmarks.peers import grip_case, mujoco_grip
+from benchmarks.peers import ccx_contact, grip_case, mujoco_grip
 from gdfe_ros.scene.loader import scene_from_text
 
 KEPT = Path(__file__).resolve().parents[1] / "data" / "contact.json"
@@ -36,6 +37,12 @@ def test_the_kept_report_is_what_was_asked_for(report: dict[str, Any]) -> None:
         assert (row["drift"] is None) == (row["wanted"] > 0.0)
         assert row["drift"] is None or row["drift"] < 1e-9
     assert sum(row["seconds"] for row in report["grasp"]) < sum(row["lasts"] for row in report["grasp"])
+    for row, small, large in zip(report["ball"], report["calculix"]["small"], report["calculix"]["large"], strict=True):
+        assert row["rubber"] == pytest.approx(large, rel=0.025)
+        assert small == pytest.approx(row["tatara"], rel=0.01)
+        assert small > 1.08 * row["hertz"]
+    faces = [row["force"] for row in report["cube"]["16 faces"] if row["move"] > 0.005]
+    assert faces == pytest.approx(report["calculix"]["cube"][2:], rel=0.015)
     assert set(all_tables(report)) == {"grip", "grasp", "pressing", "blocks", "notches", "plates", "slope"}
 
 
@@ -63,6 +70,26 @@ def test_mujoco_holds_with_ample_friction() -> None:
     assert 5.0 < found["press"] < 10.0
     assert abs(found["sunk"]) < 1e-3
     assert abs(found["drift"]) < 1e-3
+
+
+@pytest.mark.skipif(ccx_contact.available() is not None, reason="CalculiX is not installed")
+def test_calculix_presses_as_we_do() -> None:
+    """Few quadratic elements of it, many of ours: the cube's force within 3 %, the ball's within 4 %."""
+    ours = {row["move"]: row["force"] for row in pressing.press_cube(8, "faces")}
+    law = LogNeoHooke(young=2.0e5, poisson=0.45)
+    assert ccx_contact.press_cube(law, 4, [0.01]) == pytest.approx([ours[0.01]], rel=0.03)
+    ball = pressing.ball_between_plates(cells=12, approaches=[0.003], law="neo_hookean")
+    law = LogNeoHooke(young=pressing.YOUNG, poisson=pressing.POISSON)
+    assert ccx_contact.press_ball(law, 0.05, 6, [0.003], large=True) == pytest.approx([ball[0.003]], rel=0.04)
+
+
+def test_without_calculix_its_columns_are_empty(report: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take CalculiX away: the other columns stay, and the remedy is below the tables."""
+    monkeypatch.setattr(ccx_contact, "available", lambda: "no program ccx; install it")
+    tables = all_tables({**report, **pressing.press_by_calculix()})
+    for name in ("pressing", "plates"):
+        assert tables[name].endswith("CalculiX: no program ccx; install it")
+        assert all(" - |" in line for line in tables[name].splitlines()[2:-2])
 
 
 def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation, load_scene
+from gdfe_ros.mesh import check_mesh
 from gdfe_ros.solver.result import StepResult
 
-SCENES = ["finger_press", "grasp", "ball_drop", "crawler", "peg_in_soft_hole"]
+SCENES = ["finger_press", "grasp", "ball_drop", "crawler", "peg_in_soft_hole", "soft_pinch"]
 Played = tuple[Simulation, list[StepResult], list[np.ndarray]]
 
 
@@ -113,6 +114,23 @@ def test_the_crawler_advances(played: Callable[[str], Played]) -> None:
     assert first > rest + 0.001
     assert second > first + 0.001
     assert np.ptp(results[-1].positions[:, 0]) == pytest.approx(0.104, abs=1e-3)
+
+
+def test_soft_fingers_carry_a_soft_ball(played: Callable[[str], Played]) -> None:
+    """Lift a mesh by two others: each bears half of its weight while it hangs, nothing creeps, and it is let go."""
+    simulation, results, _ = played("soft_pinch")
+    scene, times = simulation.scene, np.array([result.time for result in results])
+    ball, rest = scene.mesh.parts["ball"].first_vertex, scene.mesh.vertices
+    hangs = [result for result, time in zip(results, times, strict=True) if 2.5 < time < 3.0]
+    places = np.array([result.positions[ball:].mean(axis=0) for result in hangs])
+    assert places[:, 2].min() > rest[ball:, 2].mean() + 0.03
+    assert np.ptp(places, axis=0).max() < 1e-7
+    felt = np.array([scene.sensors[name].wrench(hangs[-1])[:3] for name in ("left", "right")])
+    volume = check_mesh(scene.mesh).volumes[scene.mesh.parts["ball"].first_cell :].sum()
+    np.testing.assert_allclose(felt[:, 2], -0.5 * 200 * 9.81 * volume, rtol=0.01)
+    assert felt[1, 0] == pytest.approx(-felt[0, 0], rel=1e-3)
+    assert felt[1, 0] > 0.2
+    assert not results[-1].contacts["(self)"].vertices.size
 
 
 def test_the_peg_widens_the_hole(played: Callable[[str], Played]) -> None:

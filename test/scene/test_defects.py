@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.errors import SceneError
-from gdfe_ros.mesh import HexMesh, bar, check_mesh
+from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.builder import require_held
 from gdfe_ros.scene.document import Document, parse_document, write_document
@@ -184,9 +184,9 @@ def test_a_piece_that_nothing_holds_is_named() -> None:
     base = Handle("base", np.array([0, 2], dtype=np.int32), fixed=True)
     joint = Handle("joint", np.array([1, 9], dtype=np.int32), free=(Axis.Y,))
     report = Report("scene", Document({}))
-    require_held(mesh, check_mesh(mesh).vertex_part, (base, joint), report)
+    require_held(mesh, (base, joint), report)
     assert not report
-    require_held(mesh, check_mesh(mesh).vertex_part, (base,), report)
+    require_held(mesh, (base,), report)
     with pytest.raises(SceneError) as caught:
         report.raise_if_any()
     assert len(caught.value.defects) == 3

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmarks.contact import ball_between_plates, hertz, tatara
+from benchmarks.pressing import ball_between_plates, hertz, tatara
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.scene.loader import scene_from_text

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Do two meshes lie in each other? Cells as convex bodies, by the axes that could separate them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gdfe_ros.mesh.faces import HEX_FACES
+from gdfe_ros.mesh.hexmesh import HexMesh
+
+TOUCHING = 0.1
+"""Depth, over the shortest edge of two cells, up to which they touch: hulls of the cells of a ball that fits its socket
+are that deep in each other. What is less is pushed out by contact in the first step."""
+_EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]])
+_BLOCK = 512
+"""Pairs of cells that are looked at together."""
+
+
+class Overlap(NamedTuple):
+    """Where two meshes are in each other: how deep at least [m], and near which point (3,) [m]."""
+
+    depth: float
+    point: NDArray[np.float64]
+
+
+def find_overlap(first: HexMesh, second: HexMesh) -> Overlap | None:
+    """Return where cells of two meshes are in each other; None where they are apart, or touch.
+
+    Args:
+        first: a sound mesh.
+        second: another one, in the same frame.
+    """
+    ours, theirs = first.vertices[first.cells], second.vertices[second.cells]
+    low, high = np.maximum(first.bounds[0], second.bounds[0]), np.minimum(first.bounds[1], second.bounds[1])
+    if (low > high).any():
+        return None
+    ours, theirs = _within(ours, low, high), _within(theirs, low, high)
+    for i, j in _blocks(ours, theirs):
+        a, b = ours[i], theirs[j]
+        depths = _depths(a, b)
+        shortest = np.minimum(_edges(a).min(axis=1), _edges(b).min(axis=1))
+        deepest = int(np.argmax(depths / shortest))
+        if depths[deepest] > TOUCHING * shortest[deepest]:
+            inner = np.maximum(a[deepest].min(axis=0), b[deepest].min(axis=0))
+            outer = np.minimum(a[deepest].max(axis=0), b[deepest].max(axis=0))
+            return Overlap(float(depths[deepest]), 0.5 * (inner + outer))
+    return None
+
+
+def _within(corners: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the cells (m, 8, 3) whose bounds meet a box."""
+    meet = (corners.min(axis=1) <= high).all(axis=1) & (corners.max(axis=1) >= low).all(axis=1)
+    return corners[meet]
+
+
+def _blocks(
+    ours: NDArray[np.float64], theirs: NDArray[np.float64]
+) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Yield pairs of cells, by number, whose bounds meet."""
+    if not len(ours) or not len(theirs):
+        return
+    centre, radius = ours.mean(axis=1), np.linalg.norm(ours - ours.mean(axis=1, keepdims=True), axis=2).max()
+    low, high = ours.min(axis=1), ours.max(axis=1)
+    tree = cKDTree(centre)
+    for start in range(0, len(theirs), _BLOCK):
+        block = theirs[start : start + _BLOCK]
+        middle = block.mean(axis=1)
+        reach = radius + np.linalg.norm(block - middle[:, None], axis=2).max(axis=1)
+        near = tree.query_ball_point(middle, reach, return_sorted=True)
+        i = np.concatenate([np.asarray(found, dtype=np.intp) for found in near])
+        j = np.repeat(np.arange(len(block)), [len(found) for found in near])
+        meet = (low[i] <= block[j].max(axis=1)).all(axis=1) & (high[i] >= block[j].min(axis=1)).all(axis=1)
+        i, j = i[meet], j[meet] + start
+        for part in range(0, len(i), _BLOCK):
+            yield i[part : part + _BLOCK], j[part : part + _BLOCK]
+
+
+def _depths(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far cells (k, 8, 3) must move to be apart [m], negative where they are (Gottschalk 1996)."""
+    edges = [corners[:, _EDGES[:, 1]] - corners[:, _EDGES[:, 0]] for corners in (a, b)]
+    across = np.cross(edges[0][:, :, None], edges[1][:, None]).reshape(len(a), -1, 3)
+    axes = np.concatenate([_normals(a), _normals(b), across], axis=1)
+    length = np.linalg.norm(axes, axis=2)
+    parallel = length <= 1e-6 * length.max(axis=1, keepdims=True)
+    axes = axes / np.where(parallel, 1.0, length)[..., None]
+    ours, theirs = np.einsum("kai,kci->kac", axes, a), np.einsum("kai,kci->kac", axes, b)
+    depth = np.minimum(ours.max(axis=2) - theirs.min(axis=2), theirs.max(axis=2) - ours.min(axis=2))
+    return np.where(parallel, np.inf, depth).min(axis=1)
+
+
+def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what stands on the faces of cells (k, 8, 3): their areas as vectors, twice (k, 6, 3)."""
+    p, q, r, s = np.moveaxis(corners[:, HEX_FACES], 2, 0)
+    return np.cross(r - p, s - q)
+
+
+def _edges(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the lengths of the edges of cells (k, 8, 3) [m], shape (k, 12)."""
+    return np.linalg.norm(corners[:, _EDGES[:, 1]] - corners[:, _EDGES[:, 0]], axis=2)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a scene file's sound parts to the mesh that is simulated: of `mesh`, or of all `meshes` where they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh import HexMesh, check_mesh
+from gdfe_ros.mesh.assembly import Part, assemble
+from gdfe_ros.mesh.overlap import find_overlap
+from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.mesh_schema import MeshModel
+from gdfe_ros.scene.report import NO_VALUE, Report, suggest
+from gdfe_ros.scene.schema import Draft
+from gdfe_ros.scene.skin_schema import SkinModel
+
+Carried = dict[KeyPath, dict[str, Any]]
+"""Entries that need no file, by where they stand; those of skins after those of their meshes."""
+
+
+def require_body(data: Mapping[str, Any], report: Report) -> None:
+    """Note a scene without a body, or with two kinds of them."""
+    if "meshes" in data and "mesh" in data:
+        text = "`mesh` is there, too; remedy: one of the two, a single body among `meshes` with a name"
+        report.add(("meshes",), text, value=NO_VALUE)
+    elif data.get("meshes") == {}:
+        report.add(("meshes",), "there is no mesh; give e.g. {left: {bar: {...}, at: [0, 0.05, 0]}, right: ...}")
+    elif "meshes" not in data and data.get("mesh") is None:
+        text = "needed: the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}; or `meshes`"
+        report.add(("mesh",), f"{'is empty' if 'mesh' in data else 'is missing'}; {text}", value=NO_VALUE)
+    if "meshes" in data and "skin" in data:
+        report.add(
+            ("skin",), "remedy: put it into its mesh, as meshes: {left: {..., skin: {file: ...}}}", value=NO_VALUE
+        )
+
+
+def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[HexMesh | None, Carried]:
+    """Return the mesh with its skin, None if it, or one of several, has defects; and what carries it without files.
+
+    Args:
+        draft: the file's sound parts.
+        names: of all `meshes` of the file.
+        report: takes the defects.
+    """
+    carried: Carried = {}
+    if not names:
+        return _body(draft.mesh, draft.skin, (("mesh",), ("skin",)), carried, report), carried
+    parts = {}
+    for name, model in draft.meshes.items():
+        path = ("meshes", name)
+        mesh = _body(model, model.skin, (path, (*path, "skin")), carried, report)
+        if mesh is not None:
+            parts[name] = model.place_part(mesh)
+    _require_apart(parts, report)
+    return assemble(parts) if len(parts) == len(names) else None, carried
+
+
+def _body(
+    model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
+) -> HexMesh | None:
+    """Return a mesh in its own frame; ``paths`` are where it and its skin stand in the file."""
+    if model is None:
+        return None
+    try:
+        mesh = model.build()
+        defects = check_mesh(mesh).defects
+    except MeshError as error:
+        defects = error.defects
+    for defect in defects:
+        report.add((*paths[0], *model.place), defect)
+    if defects:
+        return None
+    if entry := model.embed(mesh):
+        carried[paths[0]] = entry
+    if skin is None:
+        return mesh
+    try:
+        outside, carried[paths[1]] = skin.build(mesh)
+        return replace(mesh, skin=outside)
+    except MeshError as error:
+        for defect in error.defects:
+            report.add((*paths[1], *skin.place), defect)
+    return mesh
+
+
+def _require_apart(parts: Mapping[str, Part], report: Report) -> None:
+    """Note meshes that are in each other at rest."""
+    placed = {name: part.placed() for name, part in parts.items()}
+    for first, second in combinations(placed, 2):
+        found = find_overlap(placed[first], placed[second])
+        if found is not None:
+            x, y, z = found.point
+            text = (
+                f"mesh {second!r} lies in mesh {first!r} at rest, {found.depth:.3g} m deep or more near "
+                f"({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: move or turn one of them, by at and rotation_deg"
+            )
+            report.add(("meshes", second, "at"), text)
+
+
+def known_part(mesh: HexMesh, name: str | None, path: KeyPath, report: Report) -> bool:
+    """Tell whether a mesh that a place speaks of is there, if it speaks of one; note it where it is not.
+
+    Args:
+        mesh: the body.
+        name: of one of its meshes, or None.
+        path: key path of the entry that has the key `mesh`.
+        report: takes the defect.
+    """
+    if name is None or name in mesh.parts:
+        return True
+    if mesh.parts:
+        report.add((*path, "mesh"), f"there is no such mesh{suggest(name, mesh.parts)}")
+    else:
+        text = "the one `mesh` of this scene has no name; remedy: leave this key out, or give `meshes` by name"
+        report.add((*path, "mesh"), text)
+    return False

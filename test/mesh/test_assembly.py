@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several meshes become one; places are told in the frame of one of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh import HexMesh, bar, check_mesh, select_cells, select_faces, select_vertices
+from gdfe_ros.mesh.assembly import Part, assemble
+from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.outside import carry_skin
+from gdfe_ros.mesh.selection import Box, Cells, Face, NamedSet, Side, Vertices, Within
+
+BAR = replace(bar([4, 1, 1], [4, 1, 1]), cell_sets={"ends": np.array([0, 3])}, vertex_sets={"left": np.array([0, 5])})
+BLOCK, RIGHT = bar([2, 2, 2], [2, 2, 2]), np.array([1.0, 0.0, 0.0])
+TURN = Rotation.from_rotvec([0.3, -0.2, 0.9]).as_matrix()
+
+
+def pair(**changes: HexMesh) -> HexMesh:
+    """Return a bar that is turned and moved, and a block that is moved."""
+    meshes = {"bar": BAR, "block": BLOCK} | changes
+    return assemble(
+        {
+            "bar": Part(meshes["bar"], np.array([0.0, 5.0, 0.0]), TURN),
+            "block": Part(meshes["block"], RIGHT, np.eye(3)),
+        }
+    )
+
+
+def test_each_is_where_it_was_put() -> None:
+    """Turn one, move both: coordinates, cells, sets and pieces of one mesh, in the order of the parts."""
+    mesh, report = pair(), check_mesh(pair())
+    assert (report.parts, report.defects, report.volume) == (2, [], pytest.approx(12.0))
+    np.testing.assert_allclose(mesh.vertices[: BAR.n_vertices], BAR.vertices @ TURN.T + [0.0, 5.0, 0.0])
+    np.testing.assert_array_equal(mesh.vertices[BAR.n_vertices :], BLOCK.vertices + RIGHT)
+    np.testing.assert_array_equal(mesh.cells[BAR.n_cells :], BLOCK.cells + BAR.n_vertices)
+    assert (mesh.cell_sets["ends"].tolist(), mesh.parts["block"].first_cell) == ([0, 3], BAR.n_cells)
+    assert mesh.size == BAR.size < mesh.extent
+
+
+def test_vertices_at_one_place_stay_apart() -> None:
+    """Put two blocks face to face: no vertex is shared, and each keeps its own surface."""
+    mesh = assemble({name: Part(BLOCK, np.array([x, 0.0, 0.0]), np.eye(3)) for name, x in (("a", 0.0), ("b", 2.0))})
+    assert (mesh.n_vertices, len(mesh.surface())) == (2 * BLOCK.n_vertices, 2 * len(BLOCK.surface()))
+
+
+def test_places_are_those_of_the_mesh_that_is_named() -> None:
+    """Select in the frame, by the ids and the sets of one mesh; by the world's without one."""
+    mesh, first = pair(), BAR.n_vertices
+    for where in (Face(Side.X_LOW), Box(x=(0.0, 1.0)), Vertices((3, 1)), Cells((2,)), NamedSet("left")):
+        np.testing.assert_array_equal(select_vertices(mesh, Within("bar", where)), select_vertices(BAR, where))
+        np.testing.assert_array_equal(select_cells(mesh, Within("bar", where)), select_cells(BAR, where))
+    inner = Face(Side.Z_HIGH)
+    np.testing.assert_array_equal(select_vertices(mesh, Within("block", inner)), select_vertices(BLOCK, inner) + first)
+    np.testing.assert_array_equal(select_faces(mesh, Within("block", inner)), select_faces(BLOCK, inner) + first)
+    np.testing.assert_array_equal(select_cells(mesh, Within("block")), np.arange(BLOCK.n_cells) + BAR.n_cells)
+    np.testing.assert_array_equal(select_vertices(mesh, NamedSet("left")), BAR.vertex_sets["left"])
+    assert set(select_vertices(mesh, Face(Side.Y_LOW))) <= set(range(first, mesh.n_vertices))
+
+
+def test_an_unknown_mesh_or_set_is_named() -> None:
+    """Ask for a mesh that is not there, for any in a single mesh, and for a set of another mesh."""
+    with pytest.raises(MeshError, match="mesh 'bra' does not exist; there are: bar, block"):
+        select_vertices(pair(), Within("bra"))
+    with pytest.raises(MeshError, match="mesh 'bar' does not exist; there is one mesh, which has no name"):
+        select_cells(BAR, Within("bar", Cells((0,))))
+    with pytest.raises(MeshError, match="set 'left' does not exist"):
+        select_vertices(pair(), Within("block", NamedSet("left")))
+
+
+def test_a_filling_stays_with_its_cells() -> None:
+    """Join a mesh whose cells are cut and one whose cells are whole."""
+    share = np.array([0.5, 1.0, 1.0, 0.25])
+    cut = replace(BAR, filling=Filling(share, np.full((4, 3), 0.1), np.full((4, 3), 0.5)))
+    filling = pair(bar=cut).filling
+    np.testing.assert_array_equal(filling.share, [*share, *np.ones(BLOCK.n_cells)])
+    assert filling.cut.tolist() == [0, 1, 2, 3]
+    assert pair().filling is None
+
+
+def test_a_skin_is_shown_beside_faces() -> None:
+    """Give one of two meshes a skin: it, and the faces of the other, are where the vertices carry them."""
+    points = np.array([[0.0, 0.0, 0.6], [4.0, 0.0, 0.6], [4.0, 0.4, 0.6]])
+    skinned = replace(BAR, skin=carry_skin(BAR.vertices, BAR.cells, points, np.array([[0, 1, 2]])))
+    mesh = pair(bar=skinned)
+    outside, count = mesh.outside, len(skinned.skin.corners)
+    shown = outside.at(mesh.vertices)
+    np.testing.assert_allclose(shown[:count], skinned.skin.at(BAR.vertices) @ TURN.T + [0, 5, 0], atol=1e-12)
+    np.testing.assert_array_equal(shown[count:], BLOCK.outside.at(BLOCK.vertices) + RIGHT)
+    corners = shown[outside.triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    assert area == pytest.approx(24.0 + 0.8)
+    assert (outside.cells >= BAR.n_cells).sum() == 2 * len(BLOCK.surface())
