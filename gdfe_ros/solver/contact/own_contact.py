@@ -15,7 +15,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
 from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
-from gdfe_ros.solver.contact.pair_touch import touching_vertices
+from gdfe_ros.solver.contact.pair_touch import across, touching_vertices
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
@@ -72,6 +72,22 @@ class OwnContact(ContactTerm):
         for handle in self._body.handles:
             if not (handle.free or handle.turning):
                 self._yielding[handle.vertices] = 0.0
+
+    def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """Return the penalties of pairs that press, and of those that stick, as springs between their vertices."""
+        rows, chosen = self._rows(), self._chosen
+        _, presses, _, slips, _ = self._forces(positions)
+        roots, normals = np.sqrt(rows[:, law.PENALTY]), rows[:, law.NORMAL : law.WEIGHTS]
+        press, stick = presses > 0.0, (self.reals[law.FRICTION] * rows[:, law.PRESS] > 0.0) & ~slips
+        corners, held = self._quads[self._face], self._quads[self._hold[chosen]]
+        parts = [(press, corners, self._weights, normals)]
+        parts += [(stick, held, self._hold_weights[chosen], way) for way in across(normals)]
+        ends = [np.column_stack([self._vertices[chosen], quads])[on] for on, quads, _, _ in parts]
+        ways = [
+            (roots[:, None, None] * np.insert(-weights, 0, 1.0, axis=1)[:, :, None] * way[:, None, :])[on]
+            for on, _, weights, way in parts
+        ]
+        return np.concatenate(ends).astype(np.int32), np.concatenate(ways)
 
     def neutral(self) -> Saved:
         """Return that nothing touches."""

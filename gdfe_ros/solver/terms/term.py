@@ -112,6 +112,14 @@ class Term:
         """
         return np.zeros((0, 3, 3))
 
+    def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """Return springs that act at ``positions`` (n, 3) [m] between vertices that nothing else couples.
+
+        They are as `tangents`, but few, and other ones from solve to solve: vertices (m, c), and of each spring the
+        root of its stiffness times d(length)/d(position of each end) (m, c, 3) [(N/m)^(1/2)].
+        """
+        return np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3))
+
     def fit(self, matrix: ConstantMatrix) -> None:
         """Choose penalties once the constant ``matrix`` is known."""
 
