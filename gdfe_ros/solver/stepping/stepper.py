@@ -97,7 +97,7 @@ class Stepper:
             again = self._march(state.anchor, goal)
             march = _after(again if again.sound else march, march, again)
         if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
-            march = self._let_go(march, goal)
+            march = self._let_go(march, goal, state)
         if (suspect or (march.inverted and doubtful)) and not past(deadline):
             march, suspect, tried = self._better_from_rest(march, goal), False, True
         if march.inverted:
@@ -204,14 +204,15 @@ class Stepper:
             skipped=self.equilibrium.skipped(solution),
         )
 
-    def _let_go(self, march: March, goal: Goal) -> March:
+    def _let_go(self, march: March, goal: Goal, start: State) -> March:
         """Return where a body comes to rest that obstacles let go of at once: it may not be able to follow them.
 
-        Those that touch it are where they are commanded from the start, and the body is where it was, or at rest. It
-        counts only if they do not touch the body then: nothing passes through it to where it pushes.
+        Those that touch it and move are where they are commanded from the start, and the body is where it was, or at
+        rest. It counts only if they do not touch the body then: nothing passes through it to where it pushes.
         """
-        things, flaw = [contact.name for contact in self.actuation.contacts if contact.on_body], march.message
-        names = [name for name in things if march.state.terms[name]["press"].any()]
+        flaw, touched = march.message, [contact.name for contact in self.actuation.contacts if contact.on_body]
+        touched = [name for name in touched if march.state.terms[name]["press"].any()]
+        names = [name for name in touched if start.poses[name] != goal.poses[name]]
         for begin in (march.state, self.at_rest()) if names else ():
             found = self._march(self._untouched(begin, march.state, names, goal), goal)
             free = found.sound and not any(found.state.terms[name]["press"].any() for name in names)
