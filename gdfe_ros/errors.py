@@ -37,6 +37,10 @@ class CommandError(GdfeError):
     """A command that cannot be carried out; the state is unchanged."""
 
 
+class OverlapError(CommandError):
+    """A rigid body is to be put where something else is; the state is unchanged."""
+
+
 class DependencyError(ImportError):
     """A package that this one needs is too old."""
 

@@ -143,7 +143,7 @@ class Simulation:
             interrupted: asked now and then; once it tells so, the solve ends as at a deadline, and says which it was.
 
         Raises:
-            CommandError: a name, a value or a time that is not allowed; the state is unchanged.
+            CommandError: a name, a value, a time or a place that is not allowed; the state is unchanged.
         """
         started, moves = time.perf_counter(), self.scene.dynamics
         if dt is None:
@@ -151,8 +151,8 @@ class Simulation:
         require_times(dt=dt, deadline=deadline, cut_after=cut_after)
         targets, places = self._orders.targets(command, self.targets), self._orders.places(command)
         commands = self._orders.values(command, self.commands)
-        self.targets, self.commands = targets, commands
         self._state = self._stepper.put(self._state, places) if places else self._state
+        self.targets, self.commands = targets, commands
         limited = self._orders.within_rates(commands, self._state.commands, dt)
         limit = Deadline.of(started, deadline, cut_after, interrupted)
         march = None

@@ -26,8 +26,8 @@ sensors:
 """
 BODIES = """
 bodies:
-  one: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.05, 0.0, 0.1]}
-  two: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.05, 0.0, 0.2]}
+  one: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.05, 0.0, -0.1]}
+  two: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.05, 0.0, -0.2]}
 dynamics: {scheme: bdf2, step: 0.005}
 """
 

@@ -18,7 +18,7 @@ from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.settings import Policy
 
-POKES = 300
+POKES, KNOCKS = 1000, 30
 BOUND = 1e-4
 """Largest distance from rest, over the body's size, once nothing touches any more."""
 BODY = """
@@ -145,7 +145,8 @@ def _knocked(friction: float, knocks: int) -> Finding:
 
 
 def cases(pokes: int = POKES) -> list[Case]:
-    """Return the cases; random pokes are so many, knocks in motion a tenth."""
+    """Return the cases; random pokes are so many, knocks in motion as much fewer as by default."""
+    knocks = max(1, pokes * KNOCKS // POKES)
     case = partial(Case, group=Group.CONTACT, policy=Policy.ENERGY, law="neo-hookean", bound=BOUND)
     found = []
     for name, (form, reach) in FORMS.items():
@@ -162,7 +163,7 @@ def cases(pokes: int = POKES) -> list[Case]:
         run = partial(_through, FORMS["a ball"][0], 6, friction)
         found.append(case(name=f"through it{more}", run=run, may_report=True))
         found.append(case(name=f"{pokes} pokes{more}", run=partial(_poked, friction, pokes)))
-        found.append(case(name=f"{pokes // 10} knocks{more}", run=partial(_knocked, friction, pokes // 10)))
+        found.append(case(name=f"{knocks} knocks{more}", run=partial(_knocked, friction, knocks)))
     for ratio in (1e-4, 1e4):
         for name, half in HALVES.items():
             found.append(case(name=f"{name} {ratio:g} times as hard", run=partial(_contrast, ratio, half)))

@@ -27,6 +27,7 @@ class Reason(Enum):
     WRONG_SIZE = "wrong size"
     FIXED = "handle is fixed"
     FOLLOWS = "handle follows"
+    OVERLAP = "inside of something"
     UNKNOWN = "unknown name"
     INACTIVE = "node is not active"
     FRAME = "other frame"

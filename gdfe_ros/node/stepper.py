@@ -9,11 +9,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
-from gdfe_ros.errors import CommandError, GdfeError
+from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.drive import Drive
 from gdfe_ros.node.host import Host
 from gdfe_ros.node.inbox import Inbox
@@ -261,6 +262,10 @@ class Stepper:
         limits["deadline"] = run.parameters["deadline"] or None
         self.work, self.rounds = (f"a step to {simulation.time + dt:.9g} s", time.monotonic()), 0
         try:
+            result = simulation.step(command, dt=dt, **limits)
+        except OverlapError as error:
+            run.refusals.refuse("bodies", Refusal(Reason.OVERLAP, str(error)))
+            command = replace(command, bodies={})
             result = simulation.step(command, dt=dt, **limits)
         except CommandError as error:
             run.refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error)))

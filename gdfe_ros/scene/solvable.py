@@ -84,7 +84,7 @@ def unsolvable(
         (("solver", "policy"), _forces(handles, actuators, loads, self_contact, policy)),
         *((("actuators", name), text) for name, text in held.items()),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
-        (("bodies",), _still(handles) if dynamics is None else ""),
+        (("bodies",), _still(handles) if dynamics is None else _inside(handles)),
         (cut, _beside(handles, actuators, self_contact, policy) if cut else ""),
     ]
     return [(key, text) for key, text in found if text]
@@ -146,6 +146,15 @@ def _still(handles: Sequence[Handle]) -> str:
     if not names:
         return ""
     return f"{names} can only move in time; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
+
+
+def _inside(handles: Sequence[Handle]) -> str:
+    """Say which rigid bodies begin inside of each other, or of obstacles; empty where none does."""
+    if not any(isinstance(handle, RigidBody) for handle in handles):
+        return ""
+    from gdfe_ros.solver.contact.overlap import overlaps, placed_at_rest  # numba, for these scenes only
+
+    return "; ".join(overlaps(placed_at_rest(handles)))
 
 
 def _beside(

@@ -42,7 +42,7 @@ class StepResult:
         actuators: by name, command, length or volume, tension or pressure of each actuator.
         terms: reports of terms that were added to the simulation, by their names.
         restarts: 1 where the step ended in folded or inverted elements or, from given positions, in another
-            equilibrium, and was made again from rest; the message says why.
+            equilibrium, and was made again from rest, or where obstacles let go of the body; the message says why.
         velocities: (n, 3) [m/s] with dynamics, a copy of your own; None without.
         energies: with dynamics: kinetic, elastic, potential, work done and dissipated since the start [J], by name.
     """

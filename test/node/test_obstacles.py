@@ -340,6 +340,9 @@ def test_a_rigid_body_is_put_by_topic(tmp_path: Path, client: Any, start: Callab
     assert "no 'prt' among its bodies; did you mean 'part'? bodies: part" in process.log
     assert "no 'table' among its bodies; its topics are ~/obstacles/table/...; bodies: part" in process.log
     assert len(poses) == 3
+    client.publish("bodies/part/set", _pose(z=-0.05))
+    client.wait(lambda: client.diagnostics().get("refused: inside of something") == "1")
+    assert "m inside of obstacle 'table'; remedy: shift it by" in process.log
 
 
 def test_bodies_that_were_put_are_replayed_to_the_bit(tmp_path: Path) -> None:

@@ -39,8 +39,8 @@ BODY_SET = TopicSpec(
     name="~/bodies/{body}/set",
     type="geometry_msgs/msg/PoseStamped",
     meaning="puts the rigid body, before the next step, at a pose relative to its rest pose [m] and without velocity; "
-    "from there it moves freely again; `frame_id` empty, the node's or `<body>_rest`; in any other, which is looked up "
-    "on TF, it is where the frame `<body>` is to be",
+    "from there it moves freely again; refused where something is; `frame_id` empty, the node's or `<body>_rest`; in "
+    "any other, which is looked up on TF, it is where the frame `<body>` is to be",
     delivery=Delivery.COMMAND,
 )
 ACTUATION = TopicSpec(

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.self_contact import NAME, SelfContact
+from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
 from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
-from gdfe_ros.solver.contact.pair_touch import touching_vertices
+from gdfe_ros.solver.contact.pair_touch import across, touching_vertices
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
@@ -22,6 +23,8 @@ from gdfe_ros.solver.terms.term import Saved
 
 REACH, FARTHEST = 0.02, 0.25
 """Distance, over the body's size, within which faces are looked for beside twice of what a step moves, and the most."""
+PLAIN = 2
+"""Updates of multipliers in a solve before they are extrapolated."""
 DEEPEST = 1e-4
 """How deep, over the body's size, a vertex may be at the end of a step that counts as converged."""
 SAME_SIDE = 0.5
@@ -70,6 +73,22 @@ class OwnContact(ContactTerm):
             if not (handle.free or handle.turning):
                 self._yielding[handle.vertices] = 0.0
 
+    def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """Return the penalties of pairs that press, and of those that stick, as springs between their vertices."""
+        rows, chosen = self._rows(), self._chosen
+        _, presses, _, slips, _ = self._forces(positions)
+        roots, normals = np.sqrt(rows[:, law.PENALTY]), rows[:, law.NORMAL : law.WEIGHTS]
+        press, stick = presses > 0.0, (self.reals[law.FRICTION] * rows[:, law.PRESS] > 0.0) & ~slips
+        corners, held = self._quads[self._face], self._quads[self._hold[chosen]]
+        parts = [(press, corners, self._weights, normals)]
+        parts += [(stick, held, self._hold_weights[chosen], way) for way in across(normals)]
+        ends = [np.column_stack([self._vertices[chosen], quads])[on] for on, quads, _, _ in parts]
+        ways = [
+            (roots[:, None, None] * np.insert(-weights, 0, 1.0, axis=1)[:, :, None] * way[:, None, :])[on]
+            for on, _, weights, way in parts
+        ]
+        return np.concatenate(ends).astype(np.int32), np.concatenate(ways)
+
     def neutral(self) -> Saved:
         """Return that nothing touches."""
         return {**self._free, "lost": np.zeros(1)}
@@ -91,6 +110,7 @@ class OwnContact(ContactTerm):
         some = saved["face"] >= 0.0
         axes = _axes(positions, self._quads[saved["face"][some].astype(np.int64)])
         self._press, self._shear, self._normal = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
+        self._mixing, self._updated = Anderson(), 0
         self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
         self._hold, self._hold_weights = face, np.where(kept[:, None], saved["weights"], found.weights)
         self._offset = last[self._vertices] - np.einsum("ka,kai->ki", self._hold_weights, last[self._quads[face]])
@@ -104,8 +124,9 @@ class OwnContact(ContactTerm):
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers and look for the nearest faces anew."""
+        rows, chosen, self._updated = self._rows(), self._chosen, self._updated + 1
+        self._held = self._multipliers()
         miss, change, forces, penalties = law.update_pairs(positions, self.reals, self.integers)
-        rows, chosen = self._rows(), self._chosen
         press, gaps, pushed = rows[:, law.PRESS].copy(), self._forces(positions)[0], rows[:, law.PRESS] > 0.0
         self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
         given_up = press / rows[:, law.PENALTY]
@@ -116,6 +137,20 @@ class OwnContact(ContactTerm):
         miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
         self._deepest = max(0.0, -float(found.gap[self._chosen].min(initial=0.0)))
         return max(miss, self._judge(change, forces, penalties), self._deepest)
+
+    def hasten(self) -> None:
+        """Extrapolate the multipliers from their last updates, if there were several.
+
+        Where both sides have their vertices, gaps hang on each other: what a few multipliers miss together is mended
+        by little in each update.
+        """
+        if self._updated < PLAIN:
+            return
+        found = self._multipliers()
+        mixed = self._mixing.next(self._held.ravel(), (found - self._held).ravel()).reshape(found.shape)
+        rows, chosen = self._rows(), self._chosen
+        on = (found[chosen, 0] > 0.0) & (mixed[chosen, 0] > 0.0)
+        rows[on, law.PRESS], rows[on, law.SHEAR : law.HOLD] = mixed[chosen[on], 0], mixed[chosen[on], 1:]
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether anything has come to touch that did not."""
@@ -208,6 +243,12 @@ class OwnContact(ContactTerm):
         shears, slid = np.zeros((count, 3)), np.zeros((count, 3))
         law.pair_forces(positions, self.reals, self.integers, gaps, presses, shears, slips, slid)
         return gaps, presses, shears, slips, slid
+
+    def _multipliers(self) -> NDArray[np.float64]:
+        """Return press and shear [N] of all vertices (k, 4)."""
+        rows, found = self._rows(), np.zeros((len(self._vertices), 4))
+        found[self._chosen, 0], found[self._chosen, 1:] = rows[:, law.PRESS], rows[:, law.SHEAR : law.HOLD]
+        return found
 
     def _rows(self) -> NDArray[np.float64]:
         return self.reals[law.HEAD : law.HEAD + law.STRIDE * len(self._chosen)].reshape(-1, law.STRIDE)

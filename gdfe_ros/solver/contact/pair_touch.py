@@ -67,3 +67,11 @@ def touching_vertices(
         shears=rub[on],
         slips=slip[on] > 0.0,
     )
+
+
+def across(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return two directions (k, 3) in the planes of unit normals (k, 3), across each other."""
+    axes = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    first = np.cross(normals, axes)
+    first = first / np.linalg.norm(first, axis=1)[:, None]
+    return first, np.cross(normals, first)

@@ -92,6 +92,10 @@ class TangentMinimiser(Minimiser):
         known, self._prepared = self._distance <= target, False
         if self.tangent is None or self.tangent.spent >= self._worth:
             self._take(task, self._last)
+        elif self._level.touched(task.active.workspace.x):
+            self._tangents += 1
+            self._take(task)
+            self.lost = self._tangents > MOST_TANGENTS
         if known and self._still_near(task, target):
             return Descended(0, cut=False)
         descended = self._approach(task, target, limit, known=known, last=tolerance <= final)

@@ -171,6 +171,8 @@ class Solve:
             self._settled = self._update(active, still=went.iterations == 0) and last
             if self._settled and (quiet or not self._minimiser.certified):
                 break
+            if not self._settled and self._level is None:  # slender bodies give way far more than penalties do
+                self._actuation.hasten()
             inner = max(tolerance, TIGHTEN * inner)
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:

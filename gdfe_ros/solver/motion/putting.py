@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.errors import OverlapError
+from gdfe_ros.mesh.faces import boundary_faces
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_now
 from gdfe_ros.solver.descent.history import History
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia
@@ -50,6 +53,19 @@ def put_elsewhere(
         summary=changed(state.summary, converged=False, message=UNTOLD),
         ledger=changed(state.ledger, failure=None),
     )
+
+
+def require_free(body: Body, state: State, names: Collection[str]) -> None:
+    """Refuse rigid bodies, by name, that were put inside of an obstacle, each other, or the soft body.
+
+    Raises:
+        OverlapError: every overlap, how deep, and the remedy.
+    """
+    placed = placed_now(body.handles, state.poses, state.positions)
+    found, quads = list(overlaps(placed, names)), boundary_faces(body.cells).quads
+    found += [inside_surface(one, state.positions, quads) for one in placed if one.thing.name in names]
+    if any(found):
+        raise OverlapError("; ".join(text for text in found if text))
 
 
 def pulled(state: State, places: Mapping[str, Pose], acceleration: NDArray[np.float64], body: Body) -> State:

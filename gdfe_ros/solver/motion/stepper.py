@@ -23,7 +23,7 @@ from gdfe_ros.solver.motion.impact import Impacts
 from gdfe_ros.solver.motion.inertia import Inertia, kinematics_of, saved_of
 from gdfe_ros.solver.motion.ledger import Accounts
 from gdfe_ros.solver.motion.predictor import FlightPredictor
-from gdfe_ros.solver.motion.putting import pulled, put_elsewhere
+from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Skip, SolverSettings
@@ -152,8 +152,12 @@ class MotionStepper:
         """Return a state with rigid bodies, by name, without velocity at poses relative to their rest poses.
 
         The work that this takes counts as done on them.
+
+        Raises:
+            OverlapError: something else is there.
         """
         found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
+        require_free(self.body, found, places)
         if self._began(state):
             still = found.with_(terms={**found.terms, inertia.NAME: self.at_rest().terms[inertia.NAME]})
             found = pulled(found, places, self._accelerated(-self.equilibrium.forces(still)), self.body)

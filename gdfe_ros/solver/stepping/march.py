@@ -26,7 +26,8 @@ class March:
         converged: the state is an equilibrium at the commands.
         message: what is wrong; empty where nothing is.
         skipped: what the last solve left out, by name.
-        restarts: 1 where the way from rest was taken instead.
+        snapped: it ended in a jump to another equilibrium.
+        restarts: 1 where the way from rest was taken instead, or none at all.
         simulated: time [s] that a body in motion went; None for one without dynamics.
     """
 
@@ -37,6 +38,7 @@ class March:
     converged: bool
     message: str
     skipped: dict[str, int]
+    snapped: bool = False
     restarts: int = 0
     simulated: float | None = None
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling
 FINER = 1e-2
 """Share of the tolerance to which a body is solved whose handles turn freely: what a tolerance leaves of the forces on
 them is much beside their moments."""
+LET_GO = "let go of {} without following the way there, on which {}"
 UNFOLD = "remedy: go back to where it was sound, or reset; finer cells fold later"
 
 
@@ -95,6 +96,8 @@ class Stepper:
             # What a cut solve left behind leads nowhere: the last equilibrium may.
             again = self._march(state.anchor, goal)
             march = _after(again if again.sound else march, march, again)
+        if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
+            march = self._let_go(march, goal, state)
         if (suspect or (march.inverted and doubtful)) and not past(deadline):
             march, suspect, tried = self._better_from_rest(march, goal), False, True
         if march.inverted:
@@ -148,7 +151,7 @@ class Stepper:
             if verdict in (Verdict.ACCEPT, Verdict.STOP):
                 state = self._accepted(state, attempt)
             if verdict is Verdict.STOP:
-                return self._end(state, way, attempt.solution)
+                return changed(self._end(state, way, attempt.solution), snapped=attempt.snapped)
 
     def _attempt(self, way: Way, state: State) -> Attempt:
         """Solve for the next share of a way."""
@@ -200,6 +203,30 @@ class Stepper:
             message=state.summary.message,
             skipped=self.equilibrium.skipped(solution),
         )
+
+    def _let_go(self, march: March, goal: Goal, start: State) -> March:
+        """Return where a body comes to rest that obstacles let go of at once: it may not be able to follow them.
+
+        Those that touch it and move are where they are commanded from the start, and the body is where it was, or at
+        rest. It counts only if they do not touch the body then: nothing passes through it to where it pushes.
+        """
+        flaw, touched = march.message, [contact.name for contact in self.actuation.contacts if contact.on_body]
+        touched = [name for name in touched if march.state.terms[name]["press"].any()]
+        names = [name for name in touched if start.poses[name] != goal.poses[name]]
+        for begin in (march.state, self.at_rest()) if names else ():
+            found = self._march(self._untouched(begin, march.state, names, goal), goal)
+            free = found.sound and not any(found.state.terms[name]["press"].any() for name in names)
+            march = _after(found if free else march, march, found)
+            if free:
+                return changed(march, message=LET_GO.format(", ".join(names), flaw), restarts=1)
+        return march
+
+    def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Goal) -> State:
+        """Return a state in which obstacles are where they are commanded, and remember nothing of the body."""
+        there = self.place(begin, begin.positions)
+        lost = {name: {**there.terms[name], "lost": last.terms[name]["lost"]} for name in names}
+        poses = {**begin.poses, **{name: goal.poses[name] for name in names}}
+        return there.with_(poses=poses, terms={**there.terms, **lost})
 
     def _better_from_rest(self, march: March, goal: Goal) -> March:
         """Follow the goal again from rest; return the better of the two and say so."""

@@ -7,7 +7,7 @@ Handles with a free axis are eliminated as they are beside the constant matrix, 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sparse
@@ -22,6 +22,7 @@ from gdfe_ros.solver.tangent.assembly import Assembly
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness, without_negative
 from gdfe_ros.solver.tangent.factor import factor_for
 from gdfe_ros.solver.tangent.fronts import Fronts
+from gdfe_ros.solver.tangent.springs import Bridge, Springs
 from gdfe_ros.solver.tangent.substitution import Kept
 from gdfe_ros.solver.terms.term import Term
 
@@ -39,12 +40,15 @@ class Tangent:
         blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
         motion: (3 b, 3 q) how the vertices of handles with a free axis follow the rigid rows.
         shift: share of the constant matrix that was added to make it so.
+        ends, ways: of the springs between parts that touch, as `Springs` has them.
         spent: iterations and products since it was taken, beyond what each solve has free.
     """
 
     blocks: NDArray[np.float64]
     motion: NDArray[np.float64]
     shift: float = 0.0
+    ends: NDArray[np.int32] = field(default_factory=lambda: Springs.none().ends)
+    ways: NDArray[np.float64] = field(default_factory=lambda: Springs.none().ways)
     spent: int = 0
 
 
@@ -73,6 +77,7 @@ class TangentLevel:
         self._factor = factor_for(graph[:free, :free].tocsr(), body.rest[body.unknowns.free])
         self.price = self._factor.price
         self._loaded: Tangent | None = None
+        self._bridge: Bridge | None = None
 
     def take(
         self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, damping: float = 0.0
@@ -89,13 +94,13 @@ class TangentLevel:
             damping: share of the constant matrix that is added anyway.
         """
         stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
-        added = [term.tangents(x) for term in self._terms]
+        added, springs = [term.tangents(x) for term in self._terms], self._springs(x)._asdict()
         tangent, shift = self._assembly.blocks([stiffness, *added]) + self._even + damping * self._constant, 0.0
-        if self._load(Tangent(blocks=tangent, motion=motion)):
+        if self._load(Tangent(blocks=tangent, motion=motion, **springs)):
             return self._loaded
         tangent = self._assembly.blocks([without_negative(stiffness), *added])
         tangent += self._even + damping * self._constant
-        while not self._load(Tangent(blocks=tangent + shift * self._constant, motion=motion, shift=shift)):
+        while not self._load(Tangent(blocks=tangent + shift * self._constant, motion=motion, shift=shift, **springs)):
             shift = max(FIRST_SHIFT, SHIFT_GROWTH * shift)
         return self._loaded
 
@@ -106,11 +111,25 @@ class TangentLevel:
 
     @property
     def kept(self) -> Kept | None:
-        """The factor as kernels take it; None where handles turn freely or LAPACK has it."""
-        return None if len(self._inverse_schur) or not isinstance(self._factor, Fronts) else self._factor.kept
+        """The factor as kernels take it; None where handles turn freely, parts touch, or LAPACK has it."""
+        alone = self._bridge is None and not len(self._inverse_schur)
+        return self._factor.kept if alone and isinstance(self._factor, Fronts) else None
+
+    def touched(self, x: NDArray[np.float64]) -> bool:
+        """Tell whether other parts touch at positions ``x`` (n, 3) [m] than in the tangent that is loaded."""
+        return self._loaded is None or not np.array_equal(self._springs(x).ends, self._loaded.ends)
 
     def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write K^-1 gradient (3 r,) to ``out`` (3 r,)."""
+        self._solve_apart(gradient, out)
+        if self._bridge is not None:
+            self._bridge.correct(out)
+
+    def _springs(self, x: NDArray[np.float64]) -> Springs:
+        return Springs.joined([Springs(*term.springs(x)) for term in self._terms])
+
+    def _solve_apart(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Do so as if nothing touched, for one or for several columns."""
         count = self._free
         found = self._factor.solve(gradient[:count])
         if len(self._inverse_schur):
@@ -123,7 +142,19 @@ class TangentLevel:
         """Return the matrix (3 r, 3 r) of a tangent in the unknowns."""
         matrix, count = self._assembly.matrix(tangent.blocks), self._free
         follow = sparse.block_diag([sparse.identity(count), sparse.csr_matrix(tangent.motion)]).tocsr()
-        return (follow.T @ matrix @ follow).tocsr()
+        apart = (follow.T @ matrix @ follow).tocsr()
+        if not len(tangent.ends):
+            return apart
+        rows = sparse.csr_matrix(self._bridging(tangent).rows)
+        return (apart + rows.T @ rows).tocsr()
+
+    def _bridging(self, tangent: Tangent) -> Bridge:
+        def solve(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+            found = np.empty_like(columns)
+            self._solve_apart(columns, found)
+            return found
+
+        return Bridge(Springs(tangent.ends, tangent.ways), self._unknowns, tangent.motion, solve)
 
     def _load(self, tangent: Tangent) -> bool:
         self._loaded, motion, count = None, tangent.motion, self._free
@@ -139,7 +170,7 @@ class TangentLevel:
             self._inverse_schur = pinvh(0.5 * (schur + schur.T), rtol=SINGULAR)
             if not np.all(np.diag(self._inverse_schur) >= 0.0):
                 return False
-        self._loaded = tangent
+        self._loaded, self._bridge = tangent, self._bridging(tangent) if len(tangent.ends) else None
         return True
 
     def _motion(self, u: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:

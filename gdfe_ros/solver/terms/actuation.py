@@ -114,6 +114,11 @@ class Actuation:
         misses = [term.update(positions) for term in self.terms if term.updates]
         return max(misses, default=0.0) / self._body.size
 
+    def hasten(self) -> None:
+        """Take multipliers farther than their last update did, which was not enough."""
+        for term in self.contacts:
+            term.hasten()
+
     @property
     def resolution(self) -> float:
         """To what share of the body's size descents must go for contact forces to be known; infinite without any."""

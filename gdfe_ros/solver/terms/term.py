@@ -112,6 +112,14 @@ class Term:
         """
         return np.zeros((0, 3, 3))
 
+    def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """Return springs that act at ``positions`` (n, 3) [m] between vertices that nothing else couples.
+
+        They are as `tangents`, but few, and other ones from solve to solve: vertices (m, c), and of each spring the
+        root of its stiffness times d(length)/d(position of each end) (m, c, 3) [(N/m)^(1/2)].
+        """
+        return np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3))
+
     def fit(self, matrix: ConstantMatrix) -> None:
         """Choose penalties once the constant ``matrix`` is known."""
 
@@ -135,6 +143,9 @@ class Term:
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers between descents; return the largest miss [m] of what they keep."""
         return 0.0
+
+    def hasten(self) -> None:
+        """Take the multipliers farther than the last update did, where that was not enough."""
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell after a descent whether it came upon what the term had left out, and take that in."""

@@ -8,7 +8,7 @@ import pytest
 
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
-from gdfe_ros.errors import CommandError
+from gdfe_ros.errors import CommandError, OverlapError, SceneError
 from gdfe_ros.scene.loader import scene_from_text
 
 CUSHION = """
@@ -106,3 +106,59 @@ def test_wrong_places_are_refused() -> None:
     assert simulation.handle_pose("part") == before
     with pytest.raises(CommandError, match="no rigid body 'part' in scene 'bend5'; bodies: none"):
         Simulation(load_scene("bend5")).step(Command(bodies={"part": Pose()}))
+
+
+def test_what_would_be_put_into_something_is_refused() -> None:
+    """Put a box into a wall, a ball, another box, the cushion: how deep, into what, the remedy; nothing moves."""
+    wall, ball = {"box": {"size": [0.01, 0.2, 0.2]}, "at": [0.2, 0.0, 0.0]}, {"sphere": {"radius": 0.002}}
+    other = {"box": {"size": [0.02, 0.02, 0.02]}, "density": 1000, "at": [0.05, 0.0, 0.1]}
+    more = {"obstacles": {"wall": wall, "ball": {**ball, "at": [-0.1, 0.0, 0.0]}}, "bodies.other": other}
+    simulation = Simulation(scene_from_text(CUSHION, overrides=more))
+    run(simulation, 3)
+    before, time, tolerance = simulation.handle_pose("part"), simulation.time, " m inside of "
+    for pose, match in (
+        ((0.128, 0.0, 0.0), rf"body 'part' is 0.003{tolerance}obstacle 'wall'; remedy: shift it by \[-0.003, 0, 0\] m"),
+        ((-0.15, 0.0, -0.029), rf"body 'part' is 0.01{tolerance}obstacle 'ball'"),
+        ((0.0, 0.0, 0.054), rf"body 'part' is 0.006\d+{tolerance}body 'other'"),
+        ((0.0, 0.0, -0.004), rf"body 'part' is 0.002\d+{tolerance}the soft body"),
+        (
+            (0.0, 0.0, -0.031),
+            "body 'part' is inside of the soft body, between vertices of its surface; remedy: put it where",
+        ),
+    ):
+        with pytest.raises(OverlapError, match=match):
+            simulation.step(Command(bodies={"part": Pose(pose)}))
+        assert (simulation.handle_pose("part"), simulation.time) == (before, time)
+    simulation.step(Command(bodies={"part": Pose((0.125, 0.0, 0.0)), "other": Pose((0.0, 0.0, 0.5))}))
+    assert simulation.result.converged
+    assert not simulation.result.contacts["part on wall"].presses.any()
+
+
+def test_a_box_smaller_than_a_cell_is_not_put_between_vertices() -> None:
+    """Put a small box into a cell, where no vertex of the cushion is in it: refused all the same; beside it, taken."""
+    small = {"bodies.part.box.size": [0.008, 0.006, 0.006], "bodies.part.at": [0.05, 0.0, 0.05]}
+    simulation = Simulation(scene_from_text(CUSHION, overrides=small))
+    with pytest.raises(OverlapError, match="inside of the soft body, between vertices of its surface; remedy"):
+        simulation.step(Command(bodies={"part": Pose((0.0, 0.0, -0.04))}))
+    assert simulation.step(Command(bodies={"part": Pose((0.0, 0.0, -0.026))})).converged
+
+
+def test_bodies_that_begin_inside_of_something_are_refused() -> None:
+    """Let a box begin in a floor, turned in another box, with crossing edges, or on them: refused by name, or taken."""
+    floor = {"plane": [0, 0, 1], "at": [0, 0, 0.0195], "fixed": True}
+    bar = {"box": {"size": [0.1, 0.01, 0.01]}, "density": 1000, "at": [0.05, 0.0, 0.1], "rotation_deg": [45, 0, 0]}
+    cross = {**bar, "box": {"size": [0.01, 0.1, 0.01]}, "rotation_deg": [0, 45, 0]}
+    for more, depth in (
+        ({"obstacles": {"floor": {**floor, "at": [0, 0, 0.023]}}}, "body 'part' is 0.002 m inside of obstacle 'floor'"),
+        ({"obstacles": {"floor": {**floor, "at": [0, 0, 0.021]}}}, ""),
+        (
+            {"bodies.bar": bar, "bodies.cross": {**cross, "at": [0.05, 0.0, 0.1135]}},
+            r"body 'bar' is 0.00064\d* m inside of",
+        ),
+        ({"bodies.bar": bar, "bodies.cross": {**cross, "at": [0.05, 0.0, 0.1143]}}, ""),
+    ):
+        if depth:
+            with pytest.raises(SceneError, match=depth):
+                scene_from_text(CUSHION, overrides=more)
+        else:
+            scene_from_text(CUSHION, overrides=more)

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How deep rigid bodies are in each other, in obstacles and in the soft body: what nobody may begin with, or put so."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.constraints.obstacle import Box, Form, Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.solver.contact import gap
+
+TOUCHING = 1e-3
+"""Depth over a rigid body's diagonal that counts as touching."""
+POINTS, ROUNDS, CLOSER = 9, 14, 0.4
+"""Along each edge of the grid on which the deepest place is looked for, how often, and by how much finer each time."""
+MOST_SHIFTS = 20
+"""To the outside: one but where edges cross."""
+WITHIN = 0.75
+"""Share of all directions in which a closed surface is seen from a place inside of it, and not on its edge."""
+SKIN = 0.98
+"""Of a rigid body's own size: points as far from its middle are looked for in the soft body."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A rigid body or an obstacle where it is.
+
+    Attributes:
+        thing: what it is.
+        origin: (3,) [m] of its frame.
+        axes: (3, 3) rotation of its frame.
+    """
+
+    thing: Obstacle
+    origin: NDArray[np.float64]
+    axes: NDArray[np.float64]
+
+    @property
+    def half(self) -> NDArray[np.float64]:
+        """Half edges (3,) [m] of the box about a rigid body."""
+        form = self.thing.form
+        return np.array(form.numbers if isinstance(form, Box) else (form.radius, form.radius, 0.5 * form.length))
+
+    def world(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points (k, 3) [m] of its frame where they are."""
+        return self.origin + places @ self.axes.T
+
+    def seen_from(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return distances (k,) [m] of points (k, 3) [m] from it, negative inside, and the normals (k, 3) there."""
+        form: Form = self.thing.form
+        head = np.concatenate([self.axes.ravel(), self.origin, form.numbers, form.samples])
+        away, normals = np.empty(len(points)), np.empty((len(points), 3))
+        gap.distances(points, head, form.kind, away, normals)
+        return away, normals
+
+
+def placed_at_rest(handles: Sequence[Handle]) -> list[Placed]:
+    """Return obstacles and rigid bodies where they are at rest."""
+    return [Placed(each, *each.frame(Pose())) for each in handles if isinstance(each, Obstacle)]
+
+
+def placed_now(handles: Sequence[Handle], poses: Mapping[str, Pose], positions: NDArray[np.float64]) -> list[Placed]:
+    """Return obstacles where they are commanded, and rigid bodies where their vertices (n, 3) [m] are."""
+    found = []
+    for each in handles:
+        if isinstance(each, Obstacle):
+            rigid = isinstance(each, RigidBody)
+            found.append(Placed(each, *(each.found(positions) if rigid else each.frame(poses[each.name]))))
+    return found
+
+
+def overlaps(placed: Sequence[Placed], names: Collection[str] | None = None) -> Iterator[str]:
+    """Say of each rigid body, or of those with these names, what it is inside of, how deep, and what helps."""
+    for i, one in enumerate(placed):
+        if not isinstance(one.thing, RigidBody) or (names is not None and one.thing.name not in names):
+            continue
+        for j, other in enumerate(placed):
+            both = isinstance(other.thing, RigidBody) and (names is None or other.thing.name in names)
+            if j == i or (both and j < i):
+                continue
+            shift = _way_out(one, other)
+            depth = float(np.linalg.norm(shift))
+            if depth > TOUCHING * _diagonal(one):
+                out = ", ".join(f"{value:.3g}" for value in np.round(shift, 9) + 0.0)
+                text = f"body {one.thing.name!r} is {depth:.3g} m inside of {other.thing.noun} {other.thing.name!r}"
+                yield f"{text}; remedy: shift it by [{out}] m, or put it where it is free"
+
+
+def inside_surface(one: Placed, points: NDArray[np.float64], quads: NDArray[np.int32]) -> str:
+    """Say that a rigid body is inside of the soft body of vertices ``points`` (n, 3) [m]; empty where it is not.
+
+    ``quads`` (q, 4) are the faces of its surface.
+    """
+    depth = -float(one.seen_from(points[np.unique(quads)])[0].min(initial=0.0))
+    if depth > TOUCHING * _diagonal(one):
+        where = f"{depth:.3g} m inside of the soft body"
+    elif _seen_share(one.world(SKIN * np.vstack([one.thing.form.skin, np.zeros(3)])), points[quads]) > WITHIN:
+        where = "inside of the soft body, between vertices of its surface"
+    else:
+        return ""
+    return f"body {one.thing.name!r} is {where}; remedy: put it where it is free, and let it be pushed from there"
+
+
+def _diagonal(one: Placed) -> float:
+    return 2.0 * float(np.linalg.norm(one.half))
+
+
+def _way_out(one: Placed, other: Placed) -> NDArray[np.float64]:
+    """Return by how much (3,) [m] a rigid body has to be shifted to be outside of another thing."""
+    shift = np.zeros(3)
+    for _ in range(MOST_SHIFTS):
+        depth, way = _depth(replace(one, origin=one.origin + shift), other)
+        if depth <= 0.1 * TOUCHING * _diagonal(one):
+            break
+        shift += depth * way
+    return shift
+
+
+def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
+    """Return how deep a rigid body is in another thing [m], and the direction (3,) in which it comes out.
+
+    That is the least sum of both distances with its sign turned. Of forms that are not hollow it is a convex function
+    of the place: a grid over the body that closes in on the least finds it.
+    """
+    middle, half = np.zeros(3), one.half
+    line = np.linspace(-1.0, 1.0, POINTS)
+    grid = np.stack(np.meshgrid(line, line, line, indexing="ij"), axis=-1).reshape(-1, 3)
+    least, way = np.inf, np.zeros(3)
+    for _ in range(ROUNDS):
+        places = np.clip(middle + grid * half, -one.half, one.half)
+        points = one.world(places)
+        away, normals = other.seen_from(points)
+        sums = away + one.seen_from(points)[0]
+        deepest = int(np.argmin(sums))
+        if sums[deepest] < least:
+            least, way, middle = float(sums[deepest]), normals[deepest], places[deepest]
+        half = CLOSER * half
+    return max(0.0, -least), way
+
+
+def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
+    """Return the largest share of all directions in which faces (q, 4, 3) [m] are seen from one of some points [m].
+
+    The solid angle of a triangle is that of van Oosterom and Strackee (1983).
+    """
+    largest = 0.0
+    for point in points:
+        away = corners - point
+        total = 0.0
+        for chosen in ((0, 1, 2), (0, 2, 3)):
+            a, b, c = (away[:, k] for k in chosen)
+            la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+            volume = np.einsum("ki,ki->k", a, np.cross(b, c))
+            others = (np.einsum("ki,ki->k", *pair) for pair in ((a, b), (b, c), (c, a)))
+            ab, bc, ca = others
+            total += float(2.0 * np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb).sum())
+        largest = max(largest, total / (4.0 * np.pi))
+    return largest

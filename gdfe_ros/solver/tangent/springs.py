@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Springs between parts of a body that touch, in a kept tangent: few, and between any vertices.
+
+A spring of stiffness k whose length is linear in the positions, d = a . x, adds k a a^T to the tangent. Its entries lie
+wherever its ends do: they would make the band of the factor wide. With the rows sqrt(k) a of all springs in G the
+inverse follows from that without them, S, by m more solutions (Sherman, Morrison and Woodbury):
+(S^-1 + G^T G)^-1 = S - W (1 + G W)^-1 W^T, W = S G^T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from gdfe_ros.solver.matrix.unknowns import Unknowns
+
+
+class Springs(NamedTuple):
+    """Springs between vertices.
+
+    Attributes:
+        ends: (m, c) int32 vertices.
+        ways: (m, c, 3) [(N/m)^(1/2)] the root of its stiffness times d(length)/d(position of each end).
+    """
+
+    ends: NDArray[np.int32]
+    ways: NDArray[np.float64]
+
+    @classmethod
+    def none(cls) -> Springs:
+        """Return no springs."""
+        return cls(np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Springs]) -> Springs:
+        """Return those of several terms, of which each has as many ends as all others."""
+        some = [part for part in parts if len(part.ends)]
+        return cls(*(np.concatenate(arrays) for arrays in zip(*some, strict=True))) if some else cls.none()
+
+
+class Bridge:
+    """Adds springs to what solves without them.
+
+    Args:
+        springs: any.
+        unknowns: the numbering.
+        motion: (3 b, 3 q) how the vertices of handles with a free axis follow the rigid rows.
+        solve: returns the solutions (3 r, m) without the springs.
+    """
+
+    def __init__(
+        self,
+        springs: Springs,
+        unknowns: Unknowns,
+        motion: NDArray[np.float64],
+        solve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    ) -> None:
+        count, free, members = len(springs.ends), len(unknowns.free), len(unknowns.members)
+        row = np.full(max(int(part.max(initial=0)) for part in (springs.ends, unknowns.free, unknowns.members)) + 1, -1)
+        row[unknowns.free], row[unknowns.members] = np.arange(free), free + np.arange(members)
+        rows = np.zeros((count, free + members, 3))
+        places, ends = row[springs.ends], np.arange(count)[:, None]
+        moves = places >= 0
+        np.add.at(rows, (np.broadcast_to(ends, places.shape)[moves], places[moves]), springs.ways[moves])
+        flat = rows.reshape(count, -1)
+        own = flat[:, : 3 * free]
+        self.rows = np.hstack([own, flat[:, 3 * free :] @ motion]) if motion.size else own
+        self._reach = solve(np.ascontiguousarray(self.rows.T))
+        self._inner = cho_factor(np.eye(count) + self.rows @ self._reach)
+
+    def correct(self, found: NDArray[np.float64]) -> None:
+        """Turn a solution (3 r,) without the springs into that with them."""
+        found -= self._reach @ cho_solve(self._inner, self.rows @ found)

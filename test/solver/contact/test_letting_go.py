@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies that an obstacle holds in a way in which they cannot follow it any more."""
+
+from __future__ import annotations
+
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.distance import largest_distance
+
+POKED = """
+name: poked
+mesh: {bar: {size: [0.10, 0.05, 0.05], cells: [8, 4, 4]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}}
+obstacles: {thing: {box: {size: [0.04, 0.03, 0.02]}, at: [0.06, 0.0, 0.125], friction: 0.5}}
+solver: {tolerance: 1.0e-6, max_iterations: 2000}
+"""
+INTO = (
+    Pose((0.046, 0.023, -0.137), (0.35, -1.01, 1.20)),
+    Pose((-0.004, 0.014, -0.163), (-1.01, -0.57, -1.31)),
+)
+"""Poses of the box in the middle of the body, one after the other: more than elements can follow."""
+AWAY = Pose((0.0, 0.0, 0.5))
+
+
+@pytest.fixture
+def poked() -> Simulation:
+    """Return a body that was left on the way to where a box was put in it."""
+    simulation = Simulation(scene_from_text(POKED))
+    for pose in INTO:
+        result = simulation.step(Command(handles={"thing": pose}))
+        assert not result.converged
+        assert result.message
+        assert result.min_det > 0.0
+    assert len(result.contacts["thing"].vertices)
+    return simulation
+
+
+def test_a_body_goes_back_to_rest_when_what_is_stuck_in_it_is_taken_away(poked: Simulation) -> None:
+    """Take the box away: on the way elements would fold, and still the body comes home, and says how."""
+    result = poked.step(Command(handles={"thing": AWAY}))
+    assert result.converged
+    assert "let go of thing without following the way there, on which " in result.message
+    assert result.restarts == 1
+    assert largest_distance(result.positions, poked.mesh.vertices) < 1e-5 * poked.mesh.size
+    assert not len(result.contacts["thing"].vertices)
+    assert not result.reactions["thing"].any()
+    assert poked.step(Command(handles={"thing": Pose((0.0, 0.0, 0.6))})).message == ""
+
+
+def test_nothing_passes_through_a_body_that_cannot_follow(poked: Simulation) -> None:
+    """Turn the box in the body further: it is not let go of, for it would touch the body there, too."""
+    for turn in (0.2, 0.4):
+        result = poked.step(Command(handles={"thing": Pose((-0.004, 0.014, -0.150), (-1.01, -0.57, -1.31 + turn))}))
+        assert "let go" not in result.message
+        assert result.restarts == 0
+        assert result.min_det > 0.0
+        assert len(result.contacts["thing"].vertices)
