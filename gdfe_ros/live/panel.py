@@ -16,7 +16,6 @@ from gdfe_ros.actuators import Actuator
 from gdfe_ros.live.interface import Ability, Session
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
-from gdfe_ros.node.remodelling import moduli_of
 
 _TOUCHED = 1.0
 """Time after a move during which a slider is the user's [s]; then it shows the command in force."""
@@ -113,7 +112,7 @@ class Panel:
 
     def _add_moduli(self) -> None:
         """Add a number for each modulus, and the button that has the body take them."""
-        moduli = moduli_of(self._session.scene)
+        moduli = self._session.moduli
         if not moduli or Ability.MODULI not in self._session.abilities:
             return
         with self._gui.add_folder("Young's moduli", expand_by_default=False):
@@ -124,7 +123,7 @@ class Panel:
             self._add_button(Ability.MODULI, lambda: self._change_moduli(numbers))
 
     def _change_moduli(self, numbers: Mapping[str, viser.GuiNumberHandle]) -> Future[Any] | None:
-        present = moduli_of(self._session.scene)
+        present = self._session.moduli
         wanted = {name: float(number.value) for name, number in numbers.items() if number.value != present[name]}
         if wanted:
             return self._session.set_moduli(wanted)

@@ -64,7 +64,7 @@ class Stage:
         self._space = server.scene
         server.initial_camera.look_at, server.initial_camera.position = first_view(scene.mesh)
         self._light()
-        first = self.surface.pack(scene.mesh.vertices, None)
+        first = self.surface.pack(scene.mesh.vertices, np.zeros(self.surface.count))
         self._bodies = [self._space.add_glb(f"/body/{place}", first, visible=not place) for place in range(2)]
         self._shown, self._time = 0, 0.0
         self._held = [handle for handle in scene.handles if not isinstance(handle, Obstacle)]

@@ -20,8 +20,12 @@ from gdfe_ros.analysis.difference import Verdict
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.live.page import Page
+from gdfe_ros.live.session import LiveSession
+from gdfe_ros.live.surface import Surface
 from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.simulation import Simulation
 
 
 def test_a_slider_moves_the_body(live: Callable[..., Any]) -> None:
@@ -288,6 +292,32 @@ def test_a_viewer_that_hangs_holds_nobody_up(live: Callable[..., Any]) -> None:
     frames = viewer.frames
     assert frames > 20
     assert len(page.page._server._websock_server._broadcast_buffer.message_from_id) < 500
+
+
+def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
+    """Look at a page that has no run yet: the body at rest, and that it is being built; a drag is told the same."""
+    scene = scene_from_text(bar, origin="of a test")
+    page = Page(host="127.0.0.1", port=8600, frames=30.0)
+    session = None
+    try:
+        page.lay_out(scene, scene.name)
+        with Viewer(page.port) as viewer:
+            viewer.wait(lambda: "is being built" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
+            surface = Surface(scene.mesh, scale=10.0)
+            np.testing.assert_allclose(viewer.surface(), 10.0 * surface.outside.at(scene.mesh.vertices), atol=1e-6)
+            viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.3]))
+            viewer.wait(lambda: viewer.notes, "a note")
+            assert viewer.notes == ["the body is being built"]
+            session = LiveSession(Simulation(scene), told=page.take, warn=page.say)
+            page.show(session)
+            session.start()
+            viewer.wait(lambda: "converged" in viewer.text() and "lower, tension [N]" in viewer.controls, "the run")
+            assert "is being built" not in viewer.text()
+            viewer.wait(lambda: viewer.place("tip")[2] == 0.0, "the control back at its target")
+    finally:
+        if session is not None:
+            session.stop()
+        page.close()
 
 
 def test_a_port_that_is_taken_is_passed_over() -> None:

@@ -232,8 +232,13 @@ def test_the_command_shows_the_next_scene_at_the_same_address(bar: str, tmp_path
 
 
 def test_a_page_of_a_scene_needs_no_ros() -> None:
-    """Import the page and its session in a fresh process: rclpy is not touched."""
-    code = "import sys, gdfe_ros.live.page, gdfe_ros.live.session, gdfe_ros.commands.live; exit('rclpy' in sys.modules)"
+    """Import the page and its session in a fresh process: rclpy is not touched, and by the page alone no compiler."""
+    code = (
+        "import sys, gdfe_ros.live.page, gdfe_ros.commands.live\n"
+        "assert not {'numba', 'gdfe_ros.simulation'} & set(sys.modules)\n"
+        "import gdfe_ros.live.session\n"
+        "assert not {'rclpy', 'rosbags'} & set(sys.modules)\n"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

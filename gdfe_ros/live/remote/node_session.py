@@ -113,6 +113,11 @@ class NodeSession:
         return poses | (self._state.poses if self._state is not None else {}) | self._led
 
     @property
+    def moduli(self) -> Mapping[str, float]:
+        """None: a page of a node changes none."""
+        return {}
+
+    @property
     def paused(self) -> bool:
         """Whether the node holds its steps."""
         return self._report.paused
