@@ -195,6 +195,7 @@ class Page:
                 self._draw(view)
                 self._ending.wait(self._interval / 2)  # until it has been read
                 self._stage.turn()
+                self._server.flush()
                 self.drawn += 1
             if started - slow >= _SLOWLY:
                 slow = started
@@ -202,7 +203,7 @@ class Page:
             self._ending.wait(max(0.0, started + self._interval - monotonic()))
 
     def _draw(self, view: View) -> None:
-        """Send a frame."""
+        """Send a frame, at once: viser would keep it back for a sixtieth of a second, for others to join it."""
         shares = None
         if self._colour.value != _PLAIN:
             field = self._fields[self._colour.value]
@@ -210,6 +211,7 @@ class Page:
         with self._server.atomic():
             self._stage.draw(view.positions, shares)
             self._stage.mark(view)
+        self._server.flush()
 
     def _refresh(self, view: View | None) -> None:
         """Send what need not come with every frame; before the first step that is little."""

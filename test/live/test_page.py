@@ -320,6 +320,17 @@ def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
         page.close()
 
 
+def test_a_frame_is_sent_at_once(live: Callable[..., Any]) -> None:
+    """Have viser gather messages for ten minutes before it sends them: a moved body is sent and shown all the same."""
+    page = live()
+    viewer = page.look()
+    page.page._server._websock_server._broadcast_buffer.window_duration_sec = 600.0
+    rest, shown = viewer.surface().copy(), viewer.nodes["/body/0"]["visible"]
+    viewer.move("lower, tension [N]", 1.5)
+    viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar", patience=60.0)
+    viewer.wait(lambda: viewer.nodes["/body/0"]["visible"] != shown, "its turn", patience=60.0)
+
+
 def test_a_port_that_is_taken_is_passed_over() -> None:
     """Listen where the page would: the next port is used."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
