@@ -59,9 +59,10 @@ def _in_process(scene: Scene, arguments: argparse.Namespace) -> None:
         )
         _row(text, f"{100 * share:.1f} %" + " of that alone" * (case != "processor"), asked[case])
     left = leftovers(scene, reloads=arguments.reloads, at_once=arguments.viewers)
-    what = f"before and after {arguments.reloads} reloads, {arguments.viewers} viewers at once"
-    _row(f"threads {what}", "{:.0f}, {:.0f}".format(*left["threads"]), "as many")
-    _row(f"memory {what}", "{:.1f}, {:.1f} MiB".format(*left["memory"]), "as much")
+    counts = ", ".join(str(arguments.reloads * place) for place in range(len(left["threads"])))
+    what = f"after {counts} reloads, {arguments.viewers} viewers at once before each"
+    for name, unit, asked in (("threads", "", "as many"), ("memory", " MiB", "as much"), ("objects", "", "as many")):
+        _row(f"{name} {what}", ", ".join(f"{value:.0f}" for value in left[name]) + unit, asked)
 
 
 @contextmanager
