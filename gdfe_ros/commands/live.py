@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import signal
 import sys
 import threading
@@ -115,12 +116,14 @@ def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> Live
 
 def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
     """Show a node; where it has another scene after a while, with another page at the same address."""
-    from gdfe_ros.live.page import Page
-    from gdfe_ros.live.remote.node_session import NodeSession
+    _say(f"looking for the node {arguments.ros} in the ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}")
+    with without_collection():
+        from gdfe_ros.live.page import Page
+        from gdfe_ros.live.remote.node_session import NodeSession
 
     port, said = arguments.port, 0
     while True:
-        session = NodeSession(arguments.ros)
+        session = NodeSession(arguments.ros, say=_say)
         page = None
         try:
             page = Page(host=arguments.host, port=port, frames=arguments.fps)
@@ -170,6 +173,11 @@ def _require_source(arguments: argparse.Namespace) -> None:
         raise GdfeError(f"{', '.join(refused)} with --ros: the node has its own; drop it, or set the node's parameters")
     if find_spec("rclpy") is None:
         raise GdfeError("--ros needs rclpy; source a ROS 2, or: pip install 'gdfe_ros[ros]'")
+
+
+def _say(text: str) -> None:
+    """Tell what is waited for, at once."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def _say_where(arguments: argparse.Namespace, port: int) -> None:

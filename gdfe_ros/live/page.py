@@ -24,7 +24,7 @@ from gdfe_ros.live.plots import Plots
 from gdfe_ros.live.stage import Stage
 from gdfe_ros.live.status import Status, waiting
 from gdfe_ros.live.view import View
-from gdfe_ros.node.orders import PoseOrder
+from gdfe_ros.node.orders import Order
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.threads import VIEWER, show_name
 
@@ -154,11 +154,11 @@ class Page:
             async def _(event: viser.GuiEvent, name: str = name) -> None:
                 self._stage.show(name, event.target.value)
 
-    def _lead(self, order: PoseOrder) -> None:
+    def _lead(self, name: str, order: Order) -> None:
         if self._session is None:
             self.say(_BUILT)
         else:
-            self._guarded(lambda: self._session.command(order.handle, order))
+            self._guarded(lambda: self._session.command(name, order))
 
     def _look_again(self) -> None:
         """Have the present step drawn again."""

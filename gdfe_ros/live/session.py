@@ -14,10 +14,11 @@ from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability
+from gdfe_ros.live.orders import require_order
 from gdfe_ros.live.programme import Programme
 from gdfe_ros.live.view import View
 from gdfe_ros.node.inbox import Inbox
-from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, require_near
+from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import moduli_of, with_moduli
@@ -187,10 +188,9 @@ class LiveSession:
         """Give an order to the next step; what it commands leaves the program that is played.
 
         Raises:
-            Refusal: a handle is led too far away.
+            Refusal: a number is not finite, or something is led too far away.
         """
-        if isinstance(order, PoseOrder):
-            require_near(order.translation, self.simulation.mesh.size)
+        require_order(name, order, self.simulation.mesh.size)
         if self._programme is not None:
             self._programme.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
         self._inbox.put(name, order)

@@ -23,6 +23,7 @@ from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
 from gdfe_ros.live.surface import Surface
 from gdfe_ros.node.interface.scene_topics import state_topics
+from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
@@ -96,6 +97,18 @@ def test_the_program_is_played_to_its_end_before_a_viewer(live: Callable[..., An
     assert viewer.place("tip")[2] == pytest.approx(0.2)
 
 
+def test_a_slider_widens_to_what_others_command(live: Callable[..., Any]) -> None:
+    """Let somebody else put three times the weight on the bar: the slider, which ended at twice, shows it."""
+    page = live()
+    viewer, session = page.look(), page.session
+    uuid = viewer.controls["weight, factor [1]"]["uuid"]
+    session.command("weight", ActuatorOrder({"weight": 3.0}))
+    viewer.wait(lambda: viewer.values[uuid] == 3.0, "the slider")
+    assert page.page._panel._sliders["weight"].control.max == 3.0
+    viewer.move("weight, factor [1]", 2.5)
+    viewer.wait(lambda: session.simulation.commands["weight"] == 2.5, "the slider's move")
+
+
 def test_what_a_viewer_commands_leaves_the_program(live: Callable[..., Any]) -> None:
     """Move a slider while the program plays: the slider holds, the program goes on with the other actuator."""
     page = live()
@@ -153,12 +166,38 @@ def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_pa
     assert Replay(BagRun(tmp_path / "bag")).run().verdict() is Verdict.IDENTICAL
 
 
-def test_a_rigid_body_has_no_control(live: Callable[..., Any]) -> None:
-    """Put a free body and an obstacle beside the bar: what takes commands can be dragged, the body cannot."""
+def test_a_dragged_rigid_body_is_put_and_falls_on(live: Callable[..., Any], tmp_path: Path) -> None:
+    """Drag a falling cube up again: it is put there, falls from there, its control goes along; the bag replays."""
     cube = "{box: {size: [0.01, 0.01, 0.01]}, density: 500, at: [0.2, 0, 0.2]}"
-    viewer = live(motion=f"dynamics: {{step: 0.01}}\nbodies: {{cube: {cube}}}\n{TOUCHING}").look()
-    assert {"/handles/tip", "/handles/floor"} <= set(viewer.nodes)
-    assert "/handles/cube" not in viewer.nodes
+    page = live(motion=f"dynamics: {{step: 0.01}}\nbodies: {{cube: {cube}}}\n{TOUCHING}")
+    viewer, session = page.look(), page.session
+    session.record(tmp_path / "bag").result()
+    viewer.wait(lambda: viewer.place("cube")[2] < 1.9, "the control's way with the cube")
+    viewer.drag("cube", [2.0, 1.0, 3.0])
+    viewer.wait(lambda: session.last.record.bodies or session.last.poses["cube"].translation[2] > 0.05, "the put")
+    viewer.wait(lambda: viewer.nodes["/obstacles/cube"]["position"][2] > 2.0, "the cube up there")
+    viewer.wait(lambda: viewer.nodes["/obstacles/cube"]["position"][2] < 2.5, "its fall from there")
+    assert session.last.poses["cube"].translation[1] == pytest.approx(0.1, abs=1e-6)
+    viewer.wait(lambda: viewer.place("cube")[2] < 2.0, "the control's way with it")
+    session.record(None).result()
+    assert Replay(BagRun(tmp_path / "bag")).run().verdict() is Verdict.IDENTICAL
+
+
+@pytest.mark.parametrize("place", [[np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]])
+def test_what_is_no_number_is_refused(live: Callable[..., Any], place: list[float]) -> None:
+    """Drag a handle and move a slider to what is no number: a note for each, and the run goes on where it was."""
+    page = live()
+    viewer, session = page.look(), page.session
+    viewer.drag("tip", place)
+    viewer.wait(lambda: viewer.notes, "a note")
+    assert "tip is commanded to" in viewer.notes[0]
+    viewer.move("lower, tension [N]", place[0])
+    viewer.wait(lambda: len(viewer.notes) > 1, "another note")
+    assert "lower is commanded to" in viewer.notes[1]
+    viewer.wait(lambda: np.isfinite(viewer.place("tip")).all(), "the control back at its target")
+    viewer.move("lower, tension [N]", 1.5)
+    viewer.wait(lambda: session.simulation.commands["lower"] == 1.5, "the run going on")
+    assert (session.failure, page.page.failure) == (None, None)
 
 
 def test_obstacles_and_bodies_are_where_they_are(live: Callable[..., Any]) -> None:
