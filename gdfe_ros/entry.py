@@ -69,6 +69,12 @@ def without_collection() -> Iterator[None]:
             gc.enable()
 
 
+def collect() -> None:
+    """Free all that is held by cycles alone, while the interpreter is whole: at its end bindings complain of them."""
+    gc.unfreeze()
+    gc.collect()
+
+
 @contextmanager
 def quiet_imports(name: str, status: int) -> Iterator[None]:
     """End the process at once where SIGINT arrives inside: nothing is open yet that would have to be finished.

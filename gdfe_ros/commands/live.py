@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from gdfe_ros.commands.overrides import read_overrides
-from gdfe_ros.entry import without_collection
+from gdfe_ros.entry import collect, without_collection
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.pace import ClockMode
@@ -65,9 +65,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Show the scene or the node until interrupted; return 0, or 1 where stepping or drawing ended by itself."""
     _require(arguments)
     ending = threading.Event()
-    if arguments.ros is not None:
-        return _show_node(arguments, ending)
-    return _show_scene(arguments, ending)
+    try:
+        return _show_scene(arguments, ending) if arguments.ros is None else _show_node(arguments, ending)
+    finally:
+        collect()
 
 
 def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:

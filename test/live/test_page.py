@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import re
+import signal
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -400,6 +403,22 @@ def test_bad_arguments_are_told(arguments: list[str], text: str, capsys: Any) ->
     """Give arguments that cannot be: status 2, and one message with what is allowed."""
     assert main(["live", *arguments]) == 2
     assert text in capsys.readouterr().err
+
+
+def test_the_command_shows_a_scene_until_it_is_interrupted() -> None:
+    """Run the command, look, interrupt it: the address, status 0, and not a word on stderr."""
+    command = [sys.executable, "-m", "gdfe_ros.cli", "live", "bend5", "--port", "8670"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        port = int(process.stdout.readline().split("localhost:")[1].split()[0])
+        with Viewer(port) as viewer:
+            viewer.wait(lambda: "converged" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60.0) == 0
+        assert (process.stdout.read(), process.stderr.read()) == ("", "")
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_without_viser_one_line_says_how_to_install_it(capsys: Any, monkeypatch: Any) -> None:
