@@ -29,7 +29,7 @@ from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
-from gdfe_ros.mesh.cavities import find_cavities, open_edges
+from gdfe_ros.mesh.cavities import Cavity, find_cavities, open_edges, skin_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.actuator_schema import CableModel, ChamberModel, DriveModel, GrowthModel, LoadModel
@@ -133,7 +133,7 @@ def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tupl
             points = actuator.points.at(mesh.vertices)
             commands[actuator.name] = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         elif actuator.mode is Mode.VOLUME:
-            commands[actuator.name] = enclosed_volume(mesh.vertices, actuator.quads)
+            commands[actuator.name] = enclosed_volume(actuator.at(mesh.vertices), actuator.quads)
     return commands
 
 
@@ -152,26 +152,55 @@ def _cable(value: CableModel, mesh: HexMesh, common: dict, path: KeyPath, report
 
 
 def _chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Chamber | None:
+    if mesh.filling is not None:
+        return _lined_chamber(value, mesh, common, path, report)
     if value.where is not None:
         faces = select(select_faces, mesh, value.where, (*path, "where"), "boundary face", report)
         if faces is None:
             return None
         quads = np.ascontiguousarray(faces[:, ::-1])
         return Chamber(quads=quads, **common) if _tight(mesh, quads, (*path, "where"), report) else None
-    cavities = find_cavities(mesh)
+    lack = "the body has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks"
+    cavity = _chosen(value, find_cavities(mesh), lack, path, report)
+    return None if cavity is None else Chamber(quads=cavity.quads, **common)
+
+
+def _lined_chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Chamber | None:
+    """Return a chamber whose pressure acts on the skin: faces of cut cells lie beside the surface."""
+    if value.where is not None:
+        text = "it would name faces of cut cells, which lie beside the surface; remedy: cavity, near, or cells: whole"
+        report.add((*path, "where"), text, value=NO_VALUE)
+        return None
+    if mesh.skin is None:
+        text = (
+            "where cells are cut its pressure acts on the skin; remedy: `skin: {file: ...}` with the mesh's surface, "
+        )
+        report.add(path, f"{text}or cells: whole", value=NO_VALUE)
+        return None
+    lack = "the skin has no closed shell within another one; remedy: a skin with the chamber's walls, closed"
+    cavity, skin = _chosen(value, skin_cavities(mesh), lack, path, report), mesh.skin
+    if cavity is None:
+        return None
+    used, quads = np.unique(cavity.quads, return_inverse=True)
+    points = Embedding(skin.corners[used], skin.weights[used])
+    return Chamber(quads=quads.reshape(-1, 4).astype(np.int32), points=points, **common)
+
+
+def _chosen(value: ChamberModel, cavities: Sequence[Cavity], lack: str, path: KeyPath, report: Report) -> Cavity | None:
+    """Return the cavity that is meant; ``lack`` is what to say where there is none."""
     known = ", ".join(f"{i}: {c.volume:.3g} m^3 near {np.round(c.center, 6).tolist()}" for i, c in enumerate(cavities))
     if not cavities:
-        report.add(path, "the body has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks")
+        report.add(path, lack)
     elif value.near is not None:
         centers = np.array([cavity.center for cavity in cavities])
         nearest = int(np.linalg.norm(centers - value.near, axis=1).argmin())
-        return Chamber(quads=cavities[nearest].quads, **common)
+        return cavities[nearest]
     elif value.cavity is None and len(cavities) > 1:
         report.add(path, f"the body has {len(cavities)} cavities ({known}); remedy: name one by cavity or near")
     elif (value.cavity or 0) >= len(cavities):
         report.add((*path, "cavity"), f"there are: {known}")
     else:
-        return Chamber(quads=cavities[value.cavity or 0].quads, **common)
+        return cavities[value.cavity or 0]
     return None
 
 

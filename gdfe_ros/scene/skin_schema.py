@@ -18,7 +18,7 @@ from gdfe_ros.scene.paths import FilePath
 
 
 class SkinModel(Choice):
-    """A triangle surface that the cells carry; shown instead of their faces, nothing else. It need not be closed."""
+    """A triangle surface that the cells carry, shown instead of their faces; chambers of cut cells act on it."""
 
     options: ClassVar[tuple[str, ...]] = ("scale",)
 
