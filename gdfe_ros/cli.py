@@ -6,10 +6,9 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 
 from gdfe_ros import __version__
-from gdfe_ros.entry import INTERRUPTED, quiet_imports
+from gdfe_ros.entry import INTERRUPTED, imported, quiet_imports
 from gdfe_ros.errors import GdfeError
 
 COMMANDS = {
@@ -65,7 +64,7 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
         subparser = subparsers.add_parser(name, help=text, description=text)
         if given and given[0] == name:
             with quiet_imports(f"gdfe {name}", INTERRUPTED):
-                module = import_module(f"gdfe_ros.commands.{name}")
+                module = imported(f"gdfe_ros.commands.{name}")
             module.add_arguments(subparser)
             subparser.set_defaults(run=module.run)
     return parser

@@ -58,6 +58,26 @@ def test_an_interrupt_during_a_command_leaves_no_traceback() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "gdfe solve: interrupted\n")
 
 
+def test_the_imports_are_kept_out_of_the_search_for_cycles() -> None:
+    """Import a command, and another one that fails: collection goes on, and passes over what was imported."""
+    code = (
+        "import gc\n"
+        "from gdfe_ros import entry\n"
+        "entry.imported('gdfe_ros.commands.solve')\n"
+        "assert gc.isenabled() and gc.get_freeze_count() > 50_000\n"
+        "count = gc.get_freeze_count()\n"
+        "held = [[] for _ in range(1000)]\n"
+        "entry.imported('gdfe_ros.commands.solve')\n"
+        "assert gc.get_freeze_count() <= count\n"
+        "try:\n"
+        "    entry.imported('gdfe_ros.nothing_like_it')\n"
+        "except ModuleNotFoundError:\n"
+        "    print(gc.isenabled())\n"
+    )
+    done = _run(code)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "True\n", "")
+
+
 def _run(code: str) -> subprocess.CompletedProcess[str]:
     """Run code in a fresh process."""
     return subprocess.run(

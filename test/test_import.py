@@ -45,6 +45,13 @@ def test_public_names_come_without_ros(name: str) -> None:
     assert not loaded & {"rclpy", "sensor_msgs", "std_msgs", "geometry_msgs"}
 
 
+def test_a_scene_without_tables_interpolates_none() -> None:
+    """Solve a scene whose materials are formulas: scipy's interpolation, which is slow to import, is not."""
+    code = "from gdfe_ros import Simulation, load_scene; Simulation(load_scene('bend5'))"
+    report = "import sys; sys.exit('scipy.interpolate' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", f"{code}; {report}"], check=False).returncode == 0
+
+
 def test_public_names_are_listed_and_others_refused() -> None:
     """List what the package offers, and name it when something else is asked for."""
     assert set(gdfe_ros.__all__) <= set(dir(gdfe_ros))

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import statistics
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from ctypes import CDLL
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -61,27 +63,38 @@ def shares(scene: Scene, *, rounds: int) -> dict[str, float]:
         return {**{case: statistics.median(each) for case, each in ratios.items()}, "processor": min(processor)}
 
 
-def leftovers(scene: Scene, *, reloads: int, at_once: int) -> dict[str, tuple[float, float]]:
-    """Let viewers come and go; give threads and memory [MiB] of this process before and after."""
+def leftovers(scene: Scene, *, reloads: int, at_once: int, times: int = 3) -> dict[str, list[float]]:
+    """Let viewers of another process come and go while the program plays, so and so many times.
+
+    Returns:
+        Threads, memory [MiB] and Python's objects of this process, before and after each time.
+    """
+    left: dict[str, list[float]] = {"threads": [], "memory": [], "objects": []}
+    context = get_context("spawn")
     with page_of(scene) as (page, session):
-        _visit(page, session, 10, at_once)
-        before = threading.active_count(), _memory()
-        _visit(page, session, reloads, at_once)
-        after = threading.active_count(), _memory()
-    return {"threads": (before[0], after[0]), "memory": (before[1], after[1])}
+        for count in (10, *[reloads] * times):
+            session.play()
+            visitors = context.Process(target=_visit, args=(page.port, count, at_once))
+            visitors.start()
+            visitors.join()
+            while page.viewers:
+                time.sleep(0.05)
+            gc.collect()
+            CDLL(None).malloc_trim(0)  # what the allocator keeps for later is not held by the page
+            left["threads"].append(threading.active_count())
+            left["memory"].append(_memory())
+            left["objects"].append(len(gc.get_objects()))
+    return left
 
 
-def _visit(page: Page, session: LiveSession, reloads: int, at_once: int) -> None:
-    session.play()
-    viewers = [Viewer(page.port) for _ in range(at_once)]
+def _visit(port: int, reloads: int, at_once: int) -> None:
+    viewers = [Viewer(port) for _ in range(at_once)]
     for viewer in viewers:
         viewer.wait(lambda viewer=viewer: viewer.frames, "a frame")
         viewer.__exit__(None, None, None)
     for _ in range(reloads):
-        with Viewer(page.port) as viewer:
+        with Viewer(port) as viewer:
             viewer.wait(lambda viewer=viewer: "least det F" in viewer.text(), "the page")
-    while page.viewers:
-        time.sleep(0.05)
 
 
 def _play(session: LiveSession) -> tuple[float, float, float]:

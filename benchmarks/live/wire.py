@@ -35,6 +35,9 @@ class Wire:
 
     Args:
         address: of the protocol, host and port.
+
+    Attributes:
+        connected: when the page opened its socket, wall time [s]; None: not yet.
     """
 
     def __init__(self, address: str) -> None:
@@ -42,6 +45,7 @@ class Wire:
             pages = [target for target in json.load(answer) if target["type"] == "page"]
         self._socket = connect(pages[0]["webSocketDebuggerUrl"], max_size=None)
         self._count, self._lead = 0, 0.0
+        self.connected: float | None = None
         self._windows: list[tuple[float, str]] = []
         self._send("Target.setAutoAttach", autoAttach=True, waitForDebuggerOnStart=True, flatten=True)
         self._send("Network.enable")
@@ -53,7 +57,8 @@ class Wire:
         windows, self._windows = self._windows, []
         for moment, payload in windows:
             for message in messages_in(base64.b64decode(payload)):
-                if glb := message.get("updates", {}).get("glb_data"):
+                glb = (message.get("updates") or message.get("props") or {}).get("glb_data")
+                if glb is not None:
                     yield Arrival(moment + self._lead, float(vertices_in(glb).sum(dtype=float)))
 
     def close(self) -> None:
@@ -82,5 +87,7 @@ class Wire:
             case "Network.requestWillBeSent":
                 # The only event that has both clocks.
                 self._lead = given["wallTime"] - given["timestamp"]
+            case "Network.webSocketWillSendHandshakeRequest":
+                self.connected = given["wallTime"]
             case "Network.webSocketFrameReceived":
                 self._windows.append((given["timestamp"], given["response"]["payloadData"]))

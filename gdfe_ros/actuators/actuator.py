@@ -68,10 +68,22 @@ class Chamber(Actuator):
     """A closed surface inside the body filled with a fluid: energy -p V, or a given volume V with the pressure found.
 
     Attributes:
-        quads: (q, 4) int32 vertices, normals out of the chamber, into the material.
+        quads: (q, 4) int32 vertices, normals out of the chamber, into the material; with ``points`` numbers of these,
+            where a triangle has its last corner twice.
+        points: that the body carries, where the surface lies between points that are no vertices.
     """
 
     quads: NDArray[np.int32]
+    points: Embedding | None = None
+
+    @property
+    def vertices(self) -> NDArray[np.int32]:
+        """Vertices (k,) that carry the surface, some of them more than once."""
+        return self.quads.ravel() if self.points is None else self.points.corners[self.points.weights != 0.0]
+
+    def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where that lies which ``quads`` count, as the vertices are at ``positions`` (n, 3) [m]."""
+        return positions if self.points is None else self.points.at(positions)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Plane, Sphere, TriangleMesh
-from gdfe_ros.simulation import Simulation
+
+if TYPE_CHECKING:
+    from gdfe_ros.simulation import Simulation
 
 AROUND, ALONG = 32, 16
 """Faces around a round obstacle, and from pole to pole."""

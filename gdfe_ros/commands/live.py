@@ -5,16 +5,24 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import signal
 import sys
 import threading
 import webbrowser
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.entry import collect, without_collection
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.pace import ClockMode
+
+if TYPE_CHECKING:
+    from gdfe_ros.live.page import Page
+    from gdfe_ros.live.session import LiveSession
+    from gdfe_ros.scene import Scene
 
 ENDED = 1
 LOCAL = "127.0.0.1"
@@ -57,50 +65,66 @@ def run(arguments: argparse.Namespace) -> int:
     """Show the scene or the node until interrupted; return 0, or 1 where stepping or drawing ended by itself."""
     _require(arguments)
     ending = threading.Event()
-    if arguments.ros is not None:
-        return _show_node(arguments, ending)
-    return _show_scene(arguments, ending)
+    try:
+        return _show_scene(arguments, ending) if arguments.ros is None else _show_node(arguments, ending)
+    finally:
+        collect()
 
 
 def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
-    from gdfe_ros.live.page import Page
-    from gdfe_ros.live.session import LiveSession
-    from gdfe_ros.scene import load_scene
-    from gdfe_ros.simulation import Simulation
+    with without_collection():
+        from gdfe_ros.scene import load_scene
 
-    scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
-    simulation = Simulation(scene)
-    for remark in simulation.remarks():
-        print(f"warning: {remark}", file=sys.stderr)
-    if arguments.play and scene.program is None:
-        raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program', or leave out --play")
-    page = Page(host=arguments.host, port=arguments.port, frames=arguments.fps)
-    clock = ClockMode.FAST if arguments.fast else ClockMode.WALL
-    dt = DT if arguments.dt is None else arguments.dt
-    session = LiveSession(simulation, dt=dt, clock=clock, told=page.take, warn=page.say)
+        scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
+        if arguments.play and scene.program is None:
+            raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program', or leave out --play")
+        from gdfe_ros.live.page import Page
+
+        page = Page(host=arguments.host, port=arguments.port, frames=arguments.fps)
+    session = None
     try:
+        with without_collection():
+            # A browser needs as long to open a page as it takes to build the body.
+            page.lay_out(scene, scene.name)
+            _say_where(arguments, page.port)
+            session = _session_of(scene, arguments, page)
         page.show(session)
         session.start()
-        _say_where(arguments, page.port)
         if arguments.play:
             session.play()
         _end_on_signals(ending)
         while not ending.wait(0.5) and session.failure is None and page.failure is None:
             pass
     finally:
-        session.stop()
+        if session is not None:
+            session.stop()
         page.close()
     return 0 if session.failure is None and page.failure is None else ENDED
 
 
+def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> LiveSession:
+    """Build the body and what steps it."""
+    from gdfe_ros.live.session import LiveSession
+    from gdfe_ros.simulation import Simulation
+
+    simulation = Simulation(scene)
+    for remark in simulation.remarks():
+        print(f"warning: {remark}", file=sys.stderr)
+    clock = ClockMode.FAST if arguments.fast else ClockMode.WALL
+    dt = DT if arguments.dt is None else arguments.dt
+    return LiveSession(simulation, dt=dt, clock=clock, told=page.take, warn=page.say)
+
+
 def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
     """Show a node; where it has another scene after a while, with another page at the same address."""
-    from gdfe_ros.live.page import Page
-    from gdfe_ros.live.remote.node_session import NodeSession
+    _say(f"looking for the node {arguments.ros} in the ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}")
+    with without_collection():
+        from gdfe_ros.live.page import Page
+        from gdfe_ros.live.remote.node_session import NodeSession
 
     port, said = arguments.port, 0
     while True:
-        session = NodeSession(arguments.ros)
+        session = NodeSession(arguments.ros, say=_say)
         page = None
         try:
             page = Page(host=arguments.host, port=port, frames=arguments.fps)
@@ -150,6 +174,11 @@ def _require_source(arguments: argparse.Namespace) -> None:
         raise GdfeError(f"{', '.join(refused)} with --ros: the node has its own; drop it, or set the node's parameters")
     if find_spec("rclpy") is None:
         raise GdfeError("--ros needs rclpy; source a ROS 2, or: pip install 'gdfe_ros[ros]'")
+
+
+def _say(text: str) -> None:
+    """Tell what is waited for, at once."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def _say_where(arguments: argparse.Namespace, port: int) -> None:

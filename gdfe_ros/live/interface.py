@@ -52,6 +52,10 @@ class Session(Protocol):
         """Targets in force of handles and obstacles, relative to rest."""
 
     @property
+    def moduli(self) -> Mapping[str, float]:
+        """Young's moduli in force [Pa] by material; without those that cannot be changed."""
+
+    @property
     def paused(self) -> bool:
         """Whether only `ask` for a step makes one."""
 

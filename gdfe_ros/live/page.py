@@ -22,13 +22,15 @@ from gdfe_ros.live.interface import Session
 from gdfe_ros.live.panel import Panel
 from gdfe_ros.live.plots import Plots
 from gdfe_ros.live.stage import Stage
-from gdfe_ros.live.status import Status
+from gdfe_ros.live.status import Status, waiting
 from gdfe_ros.live.view import View
-from gdfe_ros.node.orders import PoseOrder
+from gdfe_ros.node.orders import Order
+from gdfe_ros.scene.scene import Scene
 from gdfe_ros.threads import VIEWER, show_name
 
 _SLOWLY = 0.2
 """Interval of numbers, plots, traces and sliders [s]; only the body and its marks come with every frame."""
+_BUILT = "the body is being built"
 _PLAIN = "none"
 _PORTS = 65536
 _LONGEST_NOTE = 300
@@ -64,6 +66,8 @@ class Page:
         self.port = self._server.get_port()
         self._changed, self._ending = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work, name=VIEWER, daemon=True)
+        self._session: Session | None = None
+        self._stage: Stage | None = None
         self._view: View | None = None
         self._seen: View | None = None
         self._again = True
@@ -73,29 +77,35 @@ class Page:
         """Number of browsers that look."""
         return len(self._server.get_clients())
 
-    def show(self, session: Session) -> None:
-        """Lay out the page for a session, and begin to draw what it tells to `take`."""
-        gui, scene = self._server.gui, session.scene
+    def lay_out(self, scene: Scene, title: str) -> None:
+        """Show the body of a scene at rest, while its run is still being built."""
+        gui = self._server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
-        gui.set_panel_label(f"gdfe live: {session.title}")
-        self._session, self._fields, self._range = session, fields_of(scene), Range()
+        gui.set_panel_label(f"gdfe live: {title}")
+        self._fields, self._range = fields_of(scene), Range()
         self._stage = Stage(self._server, scene, dragged=self._lead)
-        self._history = History(scene)
-        self._status = Status(session)
-        panel = gui.add_panel()
-        with panel.add_tab("State"):
-            self._legend, self._state = gui.add_html(""), gui.add_html("")
+        self._side = gui.add_panel()
+        with self._side.add_tab("State"):
+            self._legend, self._state = gui.add_html(""), gui.add_html(waiting(_BUILT))
         gui.main_panel.dock_right()
-        panel.dock_left()
-        panel.set_width(330)
-        self._panel = Panel(gui, session, say=self.say, guarded=self._guarded)
-        self._add_looks()
-        self._plots = Plots(gui, self._history, below=panel)
+        self._side.dock_left()
+        self._side.set_width(330)
 
         @self._server.on_client_connect
         async def _(client: viser.ClientHandle) -> None:
             self._look_again()
 
+    def show(self, session: Session) -> None:
+        """Let a session be seen and commanded, and begin to draw what it tells to `take`."""
+        if self._stage is None:
+            self.lay_out(session.scene, session.title)
+        gui = self._server.gui
+        self._history = History(session.scene)
+        self._status = Status(session)
+        self._session = session
+        self._panel = Panel(gui, session, say=self.say, guarded=self._guarded)
+        self._add_looks()
+        self._plots = Plots(gui, self._history, below=self._side)
         self._thread.start()
 
     def take(self, view: View) -> None:
@@ -144,8 +154,11 @@ class Page:
             async def _(event: viser.GuiEvent, name: str = name) -> None:
                 self._stage.show(name, event.target.value)
 
-    def _lead(self, order: PoseOrder) -> None:
-        self._guarded(lambda: self._session.command(order.handle, order))
+    def _lead(self, name: str, order: Order) -> None:
+        if self._session is None:
+            self.say(_BUILT)
+        else:
+            self._guarded(lambda: self._session.command(name, order))
 
     def _look_again(self) -> None:
         """Have the present step drawn again."""
@@ -182,6 +195,7 @@ class Page:
                 self._draw(view)
                 self._ending.wait(self._interval / 2)  # until it has been read
                 self._stage.turn()
+                self._server.flush()
                 self.drawn += 1
             if started - slow >= _SLOWLY:
                 slow = started
@@ -189,7 +203,7 @@ class Page:
             self._ending.wait(max(0.0, started + self._interval - monotonic()))
 
     def _draw(self, view: View) -> None:
-        """Send a frame."""
+        """Send a frame, at once: viser would keep it back for a sixtieth of a second, for others to join it."""
         shares = None
         if self._colour.value != _PLAIN:
             field = self._fields[self._colour.value]
@@ -197,6 +211,7 @@ class Page:
         with self._server.atomic():
             self._stage.draw(view.positions, shares)
             self._stage.mark(view)
+        self._server.flush()
 
     def _refresh(self, view: View | None) -> None:
         """Send what need not come with every frame; before the first step that is little."""

@@ -16,7 +16,6 @@ from gdfe_ros.actuators import Actuator
 from gdfe_ros.live.interface import Ability, Session
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
-from gdfe_ros.node.remodelling import moduli_of
 
 _TOUCHED = 1.0
 """Time after a move during which a slider is the user's [s]; then it shows the command in force."""
@@ -47,6 +46,8 @@ class Panel:
         self._gui, self._session, self._say, self._guarded = gui, session, say, guarded
         self._sliders: dict[str, _Slider] = {}
         self._buttons: dict[Ability, viser.GuiButtonHandle] = {}
+        self._moduli = dict(session.moduli)
+        self._numbers: dict[str, viser.GuiNumberHandle[float]] = {}
         for ability in Ability:
             if ability in session.abilities and ability is not Ability.MODULI:
                 self._add_button(ability, lambda ability=ability: session.ask(ability))
@@ -63,6 +64,7 @@ class Panel:
         """Show the commands in force, and what the buttons would do."""
         for name, slider in self._sliders.items():
             slider.show(commands.get(name))
+        self._show_moduli()
         self._label(Ability.PAUSE, "go on" if self._session.paused else "pause")
         self._label(Ability.RECORD, "record" if self._session.recording is None else "finish the bag")
 
@@ -113,19 +115,25 @@ class Panel:
 
     def _add_moduli(self) -> None:
         """Add a number for each modulus, and the button that has the body take them."""
-        moduli = moduli_of(self._session.scene)
-        if not moduli or Ability.MODULI not in self._session.abilities:
+        if not self._moduli or Ability.MODULI not in self._session.abilities:
             return
         with self._gui.add_folder("Young's moduli", expand_by_default=False):
-            numbers = {
+            self._numbers = {
                 name: self._gui.add_number(f"{name} [Pa]", young, min=MODULUS.least, max=MODULUS.most, step=1.0)
-                for name, young in moduli.items()
+                for name, young in self._moduli.items()
             }
-            self._add_button(Ability.MODULI, lambda: self._change_moduli(numbers))
+            self._add_button(Ability.MODULI, self._change_moduli)
 
-    def _change_moduli(self, numbers: Mapping[str, viser.GuiNumberHandle]) -> Future[Any] | None:
-        present = moduli_of(self._session.scene)
-        wanted = {name: float(number.value) for name, number in numbers.items() if number.value != present[name]}
+    def _show_moduli(self) -> None:
+        """Show moduli that have changed since they were shown; what a viewer has typed stays until then."""
+        present = self._session.moduli
+        for name, number in self._numbers.items():
+            if present[name] != self._moduli[name]:
+                self._moduli[name] = number.value = present[name]
+
+    def _change_moduli(self) -> Future[Any] | None:
+        present = self._session.moduli
+        wanted = {name: float(number.value) for name, number in self._numbers.items() if number.value != present[name]}
         if wanted:
             return self._session.set_moduli(wanted)
         self._say("the body has these moduli already")
@@ -149,5 +157,12 @@ class _Slider:
     def show(self, value: float | None) -> None:
         """Show a command in force, where no viewer is at it; None: it is not known."""
         self.control.label = self.label if value is not None else f"{self.label}, not known"
-        if value is not None and monotonic() - self.touched > _TOUCHED:
-            self.control.value = value
+        if value is None or monotonic() - self.touched <= _TOUCHED:
+            return
+        if isinstance(self.control, viser.GuiSliderHandle):
+            # Somebody else may command a load by a factor beyond its ends.
+            if value < self.control.min:
+                self.control.min = value
+            if value > self.control.max:
+                self.control.max = value
+        self.control.value = value

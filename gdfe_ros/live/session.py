@@ -8,25 +8,28 @@ from concurrent.futures import Future
 from datetime import datetime
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gdfe_ros.checkpoint import save_state
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.live.bag import LiveBag
 from gdfe_ros.live.interface import Ability
+from gdfe_ros.live.orders import require_order
 from gdfe_ros.live.programme import Programme
 from gdfe_ros.live.view import View
 from gdfe_ros.node.inbox import Inbox
-from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, require_near
+from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.remodelling import with_moduli
+from gdfe_ros.node.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.step import Demand, Step, to_nanoseconds
 from gdfe_ros.node.stepper import Stepper
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
+
+if TYPE_CHECKING:
+    from gdfe_ros.live.bag import LiveBag
 
 _LONG = 0.3
 """Time after which it is told that a solve takes long [s]."""
@@ -122,6 +125,11 @@ class LiveSession:
         return self.simulation.targets
 
     @property
+    def moduli(self) -> Mapping[str, float]:
+        """Young's moduli in force [Pa] by material."""
+        return moduli_of(self.scene)
+
+    @property
     def paused(self) -> bool:
         """Whether only `advance` makes steps."""
         return self.stepper.paused
@@ -180,10 +188,9 @@ class LiveSession:
         """Give an order to the next step; what it commands leaves the program that is played.
 
         Raises:
-            Refusal: a handle is led too far away.
+            Refusal: a number is not finite, or something is led too far away.
         """
-        if isinstance(order, PoseOrder):
-            require_near(order.translation, self.simulation.mesh.size)
+        require_order(name, order, self.simulation.mesh.size)
         if self._programme is not None:
             self._programme.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
         self._inbox.put(name, order)
@@ -245,6 +252,8 @@ class LiveSession:
         return self.stepper.post(swap, f"going to the equilibrium with {texts}")
 
     def _begin_bag(self, path: Path) -> str:
+        from gdfe_ros.live.bag import LiveBag  # a run that is not recorded starts without it
+
         if self._bag is not None:
             raise GdfeError(f"{self._bag.path} is being written already")
         state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)

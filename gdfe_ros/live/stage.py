@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.contacts import contact_names
 from gdfe_ros.live.arrows import Arrows
 from gdfe_ros.live.solids import Solids
@@ -22,7 +23,7 @@ from gdfe_ros.live.surface import Surface
 from gdfe_ros.live.view import View
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.node.interface.scene_topics import is_commanded
-from gdfe_ros.node.orders import PoseOrder
+from gdfe_ros.node.orders import PoseOrder, PutOrder
 from gdfe_ros.scene.scene import Scene
 
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
@@ -50,13 +51,15 @@ class Stage:
     Args:
         server: of the page.
         scene: that is simulated.
-        dragged: called with the order of a handle that a viewer drags.
+        dragged: called with the name and the order of a handle, obstacle or rigid body that a viewer drags.
 
     Attributes:
         surface: of the body.
     """
 
-    def __init__(self, server: viser.ViserServer, scene: Scene, *, dragged: Callable[[PoseOrder], None]) -> None:
+    def __init__(
+        self, server: viser.ViserServer, scene: Scene, *, dragged: Callable[[str, PoseOrder | PutOrder], None]
+    ) -> None:
         self._scene, self._dragged = scene, dragged
         self._scale = scale_of(scene.mesh)
         self._size = scene.mesh.size * self._scale
@@ -64,13 +67,13 @@ class Stage:
         self._space = server.scene
         server.initial_camera.look_at, server.initial_camera.position = first_view(scene.mesh)
         self._light()
-        first = self.surface.pack(scene.mesh.vertices, None)
+        first = self.surface.pack(scene.mesh.vertices, np.zeros(self.surface.count))
         self._bodies = [self._space.add_glb(f"/body/{place}", first, visible=not place) for place in range(2)]
         self._shown, self._time = 0, 0.0
         self._held = [handle for handle in scene.handles if not isinstance(handle, Obstacle)]
         self._touching = bool(contact_names(scene.handles, scene.self_contact))
         there = {
-            HANDLES: any(map(is_commanded, scene.handles)),
+            HANDLES: any(map(_is_dragged, scene.handles)),
             PROBES: scene.probes,
             REACTIONS: self._held,
             CONTACTS: self._touching,
@@ -81,7 +84,8 @@ class Stage:
         }
         self._rests = {handle.name: handle.centre(scene.mesh.vertices) for handle in scene.handles}
         self._touched: dict[str, float] = {}
-        self._controls = {handle.name: self._control(handle) for handle in scene.handles if is_commanded(handle)}
+        self._bodily = [handle.name for handle in scene.handles if isinstance(handle, RigidBody)]
+        self._controls = {handle.name: self._control(handle) for handle in scene.handles if _is_dragged(handle)}
         self._ways: dict[str, deque[NDArray[np.float64]]] = {name: deque(maxlen=_TRACE) for name in scene.probes}
         self._arrows = {
             name: Arrows(self._space, _path(name), colours, size=self._size, thin=thin)
@@ -116,6 +120,7 @@ class Stage:
             self._probes.points = (self._scale * points).astype(np.float32)
             self._follow(view.record.time, self._scale * points)
         self._solids.move(view.poses, view.positions)
+        self.lead({name: view.poses[name] for name in self._bodily})
         self._draw_reactions(view)
         self._draw_contacts(view)
 
@@ -130,11 +135,11 @@ class Stage:
 
     def lead(self, targets: Mapping[str, Pose]) -> None:
         """Move the controls of handles to their targets, but for those that a viewer drags."""
-        for name, control in self._controls.items():
-            if monotonic() - self._touched.get(name, -math.inf) > _TOUCHED:
-                x, y, z, w = Rotation.from_rotvec(targets[name].rotation).as_quat()
-                control.position = self._scale * (self._rests[name] + targets[name].translation)
-                control.wxyz = np.array([w, x, y, z])
+        for name, target in targets.items():
+            if name in self._controls and monotonic() - self._touched.get(name, -math.inf) > _TOUCHED:
+                x, y, z, w = Rotation.from_rotvec(target.rotation).as_quat()
+                self._controls[name].position = self._scale * (self._rests[name] + target.translation)
+                self._controls[name].wxyz = np.array([w, x, y, z])
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -157,8 +162,8 @@ class Stage:
         self._space.add_light_directional("/light/sun", position=(-1.0, -2.0, 3.0), intensity=1.6)
 
     def _control(self, handle: Handle) -> viser.TransformControlsHandle:
-        """Add a control that leads a handle or obstacle."""
-        name = handle.name
+        """Add a control that leads a handle or obstacle, or puts a rigid body somewhere."""
+        name, kind = handle.name, PutOrder if isinstance(handle, RigidBody) else PoseOrder
         control = self._space.add_transform_controls(
             f"/handles/{name}",
             scale=CONTROL * self._size,
@@ -173,7 +178,7 @@ class Stage:
             self._touched[name] = monotonic()
             w, x, y, z = (float(value) for value in event.target.wxyz)
             moved = np.asarray(event.target.position) / self._scale - self._rests[name]
-            self._dragged(PoseOrder(name, tuple(moved.tolist()), (x, y, z, w)))
+            self._dragged(name, kind(name, tuple(moved.tolist()), (x, y, z, w)))
 
         return control
 
@@ -202,6 +207,10 @@ class Stage:
             slips = points["slips"] == 1
             parts = {"sticks": ~slips, "slips": slips}
             self._arrows[CONTACTS].draw({kind: (ends[part], forces[part]) for kind, part in parts.items()})
+
+
+def _is_dragged(handle: Handle) -> bool:
+    return is_commanded(handle) or isinstance(handle, RigidBody)
 
 
 def scale_of(mesh: HexMesh) -> float:

@@ -46,8 +46,7 @@ class Status:
         rows = {"state": self._doing()} if view is None else self._rows(view, largest, viewers)
         if self._session.recording is not None:
             rows["recording"] = html.escape(str(self._session.recording))
-        cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in rows.items())
-        return f'<table id="status" style="font-size:0.8em;line-height:1.3;width:100%;padding:0 0.8em">{cells}</table>'
+        return _table(rows)
 
     def _rows(self, view: View, largest: Mapping[str, float], viewers: int) -> dict[str, str]:
         record, pace = view.record, self._pace()
@@ -75,6 +74,16 @@ class Status:
         text, bad = self._session.doing()
         text = text or ("at rest, waits for commands" if self._pace() is None else "follows commands")
         return _bad(text) if bad else html.escape(text)
+
+
+def waiting(text: str) -> str:
+    """Write what a page waits for that has no run yet, as HTML."""
+    return _table({"state": html.escape(text)})
+
+
+def _table(rows: Mapping[str, str]) -> str:
+    cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in rows.items())
+    return f'<table id="status" style="font-size:0.8em;line-height:1.3;width:100%;padding:0 0.8em">{cells}</table>'
 
 
 def _bad(text: str) -> str:

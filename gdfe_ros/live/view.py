@@ -5,14 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.contacts import contact_points
-from gdfe_ros.node.step import Step
 from gdfe_ros.recording.step_record import StepRecord
+
+if TYPE_CHECKING:
+    from gdfe_ros.node.step import Step
 
 Reading = tuple[str, float, str]
 """A quantity, its value and its unit."""

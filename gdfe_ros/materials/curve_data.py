@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 _SEARCH_TO = 10.0
 _SAMPLES = 4001
@@ -112,10 +115,15 @@ class CurveData:
     def _data_stress(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.coefficients:
             return np.polynomial.polynomial.polyval(strain, (0.0, *self.coefficients))
-        return PchipInterpolator(self.strain, self.stress)(strain)
+        return self._interpolation()(strain)
 
     def _data_tangent(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.coefficients:
             slopes = np.arange(1, len(self.coefficients) + 1) * self.coefficients
             return np.polynomial.polynomial.polyval(strain, slopes)
-        return PchipInterpolator(self.strain, self.stress).derivative()(strain)
+        return self._interpolation().derivative()(strain)
+
+    def _interpolation(self) -> PchipInterpolator:
+        from scipy.interpolate import PchipInterpolator  # a tenth of a second that most scenes do not need
+
+        return PchipInterpolator(self.strain, self.stress)

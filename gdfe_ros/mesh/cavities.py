@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.shells import shell_numbers, shells
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +52,37 @@ def find_cavities(mesh: HexMesh) -> list[Cavity]:
     return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
 
 
+def skin_cavities(mesh: HexMesh) -> list[Cavity]:
+    """Return the cavities of a mesh's skin, the largest first: closed shells within an odd number of others.
+
+    Their ``quads`` are triangles between points of the skin, with the last corner twice.
+    """
+    points, triangles = mesh.skin.at(mesh.vertices), mesh.skin.faces.astype(np.int64)
+    number = shell_numbers(len(points), triangles)
+    closed = [len(open_edges(triangles[number == shell])) == 0 for shell in range(number.max(initial=-1) + 1)]
+    kept = np.array(closed, dtype=bool)[number]
+    owners, triangles, number = mesh.skin.cells[kept], triangles[kept], number[kept]
+    found = []
+    for shell, depth in zip(np.unique(number), shells(points, triangles).depths, strict=True):
+        own = number == shell
+        quads = triangles[own][:, [0, 1, 2, 2]].astype(np.int32)
+        volume = enclosed_volume(points, quads)
+        if volume < 0.0:
+            quads, volume = quads[:, [2, 1, 0, 0]], -volume
+        if depth % 2:
+            found.append(
+                Cavity(np.ascontiguousarray(quads), owners[own], volume, points[np.unique(quads)].mean(axis=0))
+            )
+    return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
+
+
 def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the edges at which a surface leaks, shape (k, 2), int32; none for a closed, consistent surface.
 
     In a closed surface each edge runs as often one way as the other.
 
     Args:
-        quads: vertex ids, shape (q, 4), oriented.
+        quads: vertex ids, shape (q, 3 or 4), oriented.
     """
     start, end = quads.astype(np.int64), np.roll(quads, -1, axis=1).astype(np.int64)
     low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()

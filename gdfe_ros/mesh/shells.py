@@ -45,11 +45,8 @@ def shells(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Shell
         vertices: positions [m], shape (n, 3).
         triangles: vertex ids, shape (t, 3); shells do not cut each other.
     """
-    n = len(vertices)
-    row, column = triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel()
-    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(n, n))
-    part = connected_components(graph, directed=False)[1][triangles[:, 0]]
-    _, first, shell = np.unique(part, return_index=True, return_inverse=True)
+    shell = shell_numbers(len(vertices), triangles)
+    _, first = np.unique(shell, return_index=True)
     a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
     volumes = np.abs(np.bincount(shell, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6))
     depths = []
@@ -62,6 +59,14 @@ def shells(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Shell
         around[own] = 0
         depths.append(int(around.sum()))
     return Shells(tuple(depths), tuple(float(volume) for volume in volumes))
+
+
+def shell_numbers(n: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number the connected pieces of a surface between ``n`` vertices, (t,); in the order of `Shells`."""
+    row, column = triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel()
+    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(n, n))
+    part = connected_components(graph, directed=False)[1][triangles[:, 0]]
+    return np.unique(part, return_inverse=True)[1]
 
 
 def points_inside(

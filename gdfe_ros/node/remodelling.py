@@ -22,6 +22,17 @@ def moduli_of(scene: Scene) -> dict[str, float]:
     return {name: material.young for name, material in found if isinstance(material, (Linear, NeoHookean))}
 
 
+def source_with(scene: Scene, moduli: Mapping[str, float]) -> str:
+    """Give the text of a scene whose materials have these moduli [Pa]."""
+    known = moduli_of(scene)
+    return _with(scene, {name: young for name, young in moduli.items() if name in known}).source
+
+
+def _with(scene: Scene, moduli: Mapping[str, float]) -> Scene:
+    overrides = {MODULUS.name.format(material=name): young for name, young in moduli.items()}
+    return scene_from_text(scene.source, origin=scene.name, overrides=overrides)
+
+
 def with_moduli(
     old: Simulation, moduli: Mapping[str, float], *, interrupted: Callable[[], bool] | None = None
 ) -> Simulation:
@@ -32,8 +43,7 @@ def with_moduli(
         moduli: Young's modulus [Pa] of each material that changes.
         interrupted: as in ``Simulation.step``, where the new equilibrium is looked for.
     """
-    overrides = {MODULUS.name.format(material=name): young for name, young in moduli.items()}
-    changed = Simulation(scene_from_text(old.scene.source, origin=old.scene.name, overrides=overrides))
+    changed = Simulation(_with(old.scene, moduli))
     if old.scene.dynamics:
         changed.restore(carried(old.snapshot(), changed.snapshot()))
         return changed

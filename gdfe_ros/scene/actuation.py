@@ -29,7 +29,7 @@ from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
-from gdfe_ros.mesh.cavities import find_cavities, open_edges
+from gdfe_ros.mesh.cavities import Cavity, find_cavities, open_edges, skin_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.actuator_schema import CableModel, ChamberModel, DriveModel, GrowthModel, LoadModel, PlaceModel
@@ -137,7 +137,7 @@ def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tupl
             points = actuator.points.at(mesh.vertices)
             commands[actuator.name] = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         elif actuator.mode is Mode.VOLUME:
-            commands[actuator.name] = enclosed_volume(mesh.vertices, actuator.quads)
+            commands[actuator.name] = enclosed_volume(actuator.at(mesh.vertices), actuator.quads)
     return commands
 
 
@@ -156,30 +156,64 @@ def _cable(value: CableModel, mesh: HexMesh, common: dict, path: KeyPath, report
 
 
 def _chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Chamber | None:
+    if not known_part(mesh, value.mesh, path, report):
+        return None
+    part = None if value.mesh is None else mesh.parts[value.mesh]
+    within, first = (mesh, 0) if part is None else (part.mesh, part.first_vertex)
+    if within.filling is not None:
+        return _lined_chamber(value, within, first, common, path, report)
     if value.where is not None:
         faces = select(select_faces, mesh, value.where, (*path, "where"), "boundary face", report)
         if faces is None:
             return None
         quads = np.ascontiguousarray(faces[:, ::-1])
         return Chamber(quads=quads, **common) if _tight(mesh, quads, (*path, "where"), report) else None
-    if not known_part(mesh, value.mesh, path, report):
+    body = "the body" if part is None else f"mesh {value.mesh!r}"
+    lack = f"{body} has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks"
+    cavity = _chosen(value, find_cavities(within), body, lack, path, report)
+    return None if cavity is None else Chamber(quads=cavity.quads + np.int32(first), **common)
+
+
+def _lined_chamber(
+    value: ChamberModel, mesh: HexMesh, first: int, common: dict, path: KeyPath, report: Report
+) -> Chamber | None:
+    """Return a chamber whose pressure acts on the skin: faces of cut cells lie beside the surface."""
+    if value.where is not None:
+        text = "it would name faces of cut cells, which lie beside the surface; remedy: cavity, near, or cells: whole"
+        report.add((*path, "where"), text, value=NO_VALUE)
         return None
-    within = mesh if value.mesh is None else mesh.parts[value.mesh].mesh
-    first, body = (0, "the body") if within is mesh else (mesh.parts[value.mesh].first_vertex, f"mesh {value.mesh!r}")
-    cavities = find_cavities(within)
+    if mesh.skin is None:
+        text = (
+            "where cells are cut its pressure acts on the skin; remedy: `skin: {file: ...}` with the mesh's surface, "
+        )
+        report.add(path, f"{text}or cells: whole", value=NO_VALUE)
+        return None
+    lack = "the skin has no closed shell within another one; remedy: a skin with the chamber's walls, closed"
+    cavity, skin = _chosen(value, skin_cavities(mesh), "the skin", lack, path, report), mesh.skin
+    if cavity is None:
+        return None
+    used, quads = np.unique(cavity.quads, return_inverse=True)
+    points = Embedding(skin.corners[used] + first, skin.weights[used])
+    return Chamber(quads=quads.reshape(-1, 4).astype(np.int32), points=points, **common)
+
+
+def _chosen(
+    value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str, path: KeyPath, report: Report
+) -> Cavity | None:
+    """Return the cavity of a body that is meant; ``lack`` is what to say where there is none."""
     known = ", ".join(f"{i}: {c.volume:.3g} m^3 near {np.round(c.center, 6).tolist()}" for i, c in enumerate(cavities))
     if not cavities:
-        report.add(path, f"{body} has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks")
+        report.add(path, lack)
     elif value.near is not None:
         centers = np.array([cavity.center for cavity in cavities])
         nearest = int(np.linalg.norm(centers - value.near, axis=1).argmin())
-        return Chamber(quads=cavities[nearest].quads + np.int32(first), **common)
+        return cavities[nearest]
     elif value.cavity is None and len(cavities) > 1:
         report.add(path, f"{body} has {len(cavities)} cavities ({known}); remedy: name one by cavity or near")
     elif (value.cavity or 0) >= len(cavities):
         report.add((*path, "cavity"), f"there are: {known}")
     else:
-        return Chamber(quads=cavities[value.cavity or 0].quads + np.int32(first), **common)
+        return cavities[value.cavity or 0]
     return None
 
 

@@ -71,7 +71,7 @@ class CableModel(DriveModel):
 
 
 class ChamberModel(DriveModel):
-    """A closed surface inside the body filled with a fluid."""
+    """A closed surface inside the body filled with a fluid; where cells are cut, a closed shell of the skin."""
 
     cavity: Annotated[int, _CAVITY] | None = None
     near: Point3 | None = Field(None, description="the cavity whose centre is nearest to this point [x, y, z]")

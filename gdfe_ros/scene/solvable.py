@@ -161,7 +161,7 @@ def _beside(
     handles: Sequence[Handle], actuators: Sequence[Actuator], self_contact: SelfContact | None, policy: Policy
 ) -> str:
     """Say what acts on faces of cells, which lie beside the surface where cells are cut; empty where nothing does."""
-    names = [item.name for item in actuators if isinstance(item, Chamber)]
+    names = [item.name for item in actuators if isinstance(item, Chamber) and item.points is None]
     names += [handle.name for handle in handles if isinstance(handle, Obstacle)]
     names += ["self_contact"] * (self_contact is not None)
     if policy is Policy.ENERGY and not names:
@@ -177,7 +177,7 @@ def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:
     if isinstance(actuator, Cable) and actuator.mode is not Mode.TENSION:
         vertices = actuator.points.corners[actuator.points.weights != 0.0]
     elif isinstance(actuator, Chamber) and actuator.mode is not Mode.PRESSURE:
-        vertices = actuator.quads.ravel()
+        vertices = actuator.vertices
     else:
         return ""
     stiff = [handle for handle in handles if not (handle.free or handle.turning)]

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
-from gdfe_ros.actuators import Cable, Chamber, Gravity, Growth, Mode, PointLoad, SurfaceLoad, embed
+from gdfe_ros.actuators import Cable, Chamber, Embedding, Gravity, Growth, Mode, PointLoad, SurfaceLoad, embed
 from gdfe_ros.materials import Linear, Material, NeoHookean
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.cavities import find_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.round_bodies import sphere
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import corner_forces
@@ -72,6 +74,30 @@ def test_chamber_force_is_the_derivative(effort: float, stiffness: float) -> Non
     assert chamber_volume(far, actuation.terms[0].integers) == pytest.approx(
         enclosed_volume(x, cavity.quads), rel=1e-10
     )
+
+
+@pytest.mark.parametrize(("effort", "stiffness"), [(5e4, 0.0), (2e4, 1e12)])
+def test_force_of_a_carried_chamber_is_the_derivative(effort: float, stiffness: float) -> None:
+    """Check a surface of triangles between points within cells, and beyond them; a closed one pushes nothing away."""
+    mesh = bar([0.06, 0.06, 0.06], [3, 3, 3])
+    ball = trimesh.creation.icosphere(1, 0.0101)
+    ball.apply_translation(mesh.bounds.mean(axis=0))
+    skin = carry_skin(mesh.vertices, mesh.cells, ball.vertices, ball.faces)
+    quads = skin.faces[:, [0, 1, 2, 2]].astype(np.int32)
+    chamber = Chamber(name="c", mode=Mode.PRESSURE, quads=quads, points=Embedding(skin.corners, skin.weights))
+    body = make_body(mesh)
+    actuation = Actuation(body, [chamber])
+    term = actuation.terms[0]
+    term.reals[[EFFORT, STIFFNESS, TARGET]] = effort, stiffness, ball.volume
+    assert term.state(body.rest).extent == pytest.approx(ball.volume, rel=1e-9)
+    x = mesh.vertices + 0.002 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
+    assert_derivative(actuation, x)
+    force = np.zeros_like(x)
+    terms_energy(x, actuation.table, force, np.zeros(1))
+    assert np.abs(force).max() > 0.0
+    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-12 * np.abs(force).sum())
+    np.testing.assert_allclose(np.cross(x, force).sum(axis=0), 0.0, atol=1e-13 * np.abs(force).sum())
+    assert term.state(x + np.array([3.0, -2.0, 5.0])).extent == pytest.approx(term.state(x).extent, rel=1e-9)
 
 
 def test_dead_loads_sum_to_their_force_and_moment() -> None:

@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import re
+import signal
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -20,8 +23,13 @@ from gdfe_ros.analysis.difference import Verdict
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.live.page import Page
+from gdfe_ros.live.session import LiveSession
+from gdfe_ros.live.surface import Surface
 from gdfe_ros.node.interface.scene_topics import state_topics
+from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.simulation import Simulation
 
 
 def test_a_slider_moves_the_body(live: Callable[..., Any]) -> None:
@@ -92,6 +100,18 @@ def test_the_program_is_played_to_its_end_before_a_viewer(live: Callable[..., An
     assert viewer.place("tip")[2] == pytest.approx(0.2)
 
 
+def test_a_slider_widens_to_what_others_command(live: Callable[..., Any]) -> None:
+    """Let somebody else put three times the weight on the bar: the slider, which ended at twice, shows it."""
+    page = live()
+    viewer, session = page.look(), page.session
+    uuid = viewer.controls["weight, factor [1]"]["uuid"]
+    session.command("weight", ActuatorOrder({"weight": 3.0}))
+    viewer.wait(lambda: viewer.values[uuid] == 3.0, "the slider")
+    assert page.page._panel._sliders["weight"].control.max == 3.0
+    viewer.move("weight, factor [1]", 2.5)
+    viewer.wait(lambda: session.simulation.commands["weight"] == 2.5, "the slider's move")
+
+
 def test_what_a_viewer_commands_leaves_the_program(live: Callable[..., Any]) -> None:
     """Move a slider while the program plays: the slider holds, the program goes on with the other actuator."""
     page = live()
@@ -149,12 +169,38 @@ def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_pa
     assert Replay(BagRun(tmp_path / "bag")).run().verdict() is Verdict.IDENTICAL
 
 
-def test_a_rigid_body_has_no_control(live: Callable[..., Any]) -> None:
-    """Put a free body and an obstacle beside the bar: what takes commands can be dragged, the body cannot."""
+def test_a_dragged_rigid_body_is_put_and_falls_on(live: Callable[..., Any], tmp_path: Path) -> None:
+    """Drag a falling cube up again: it is put there, falls from there, its control goes along; the bag replays."""
     cube = "{box: {size: [0.01, 0.01, 0.01]}, density: 500, at: [0.2, 0, 0.2]}"
-    viewer = live(motion=f"dynamics: {{step: 0.01}}\nbodies: {{cube: {cube}}}\n{TOUCHING}").look()
-    assert {"/handles/tip", "/handles/floor"} <= set(viewer.nodes)
-    assert "/handles/cube" not in viewer.nodes
+    page = live(motion=f"dynamics: {{step: 0.01}}\nbodies: {{cube: {cube}}}\n{TOUCHING}")
+    viewer, session = page.look(), page.session
+    session.record(tmp_path / "bag").result()
+    viewer.wait(lambda: viewer.place("cube")[2] < 1.9, "the control's way with the cube")
+    viewer.drag("cube", [2.0, 1.0, 3.0])
+    viewer.wait(lambda: session.last.record.bodies or session.last.poses["cube"].translation[2] > 0.05, "the put")
+    viewer.wait(lambda: viewer.nodes["/obstacles/cube"]["position"][2] > 2.0, "the cube up there")
+    viewer.wait(lambda: viewer.nodes["/obstacles/cube"]["position"][2] < 2.5, "its fall from there")
+    assert session.last.poses["cube"].translation[1] == pytest.approx(0.1, abs=1e-6)
+    viewer.wait(lambda: viewer.place("cube")[2] < 2.0, "the control's way with it")
+    session.record(None).result()
+    assert Replay(BagRun(tmp_path / "bag")).run().verdict() is Verdict.IDENTICAL
+
+
+@pytest.mark.parametrize("place", [[np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]])
+def test_what_is_no_number_is_refused(live: Callable[..., Any], place: list[float]) -> None:
+    """Drag a handle and move a slider to what is no number: a note for each, and the run goes on where it was."""
+    page = live()
+    viewer, session = page.look(), page.session
+    viewer.drag("tip", place)
+    viewer.wait(lambda: viewer.notes, "a note")
+    assert "tip is commanded to" in viewer.notes[0]
+    viewer.move("lower, tension [N]", place[0])
+    viewer.wait(lambda: len(viewer.notes) > 1, "another note")
+    assert "lower is commanded to" in viewer.notes[1]
+    viewer.wait(lambda: np.isfinite(viewer.place("tip")).all(), "the control back at its target")
+    viewer.move("lower, tension [N]", 1.5)
+    viewer.wait(lambda: session.simulation.commands["lower"] == 1.5, "the run going on")
+    assert (session.failure, page.page.failure) == (None, None)
 
 
 def test_obstacles_and_bodies_are_where_they_are(live: Callable[..., Any]) -> None:
@@ -290,6 +336,43 @@ def test_a_viewer_that_hangs_holds_nobody_up(live: Callable[..., Any]) -> None:
     assert len(page.page._server._websock_server._broadcast_buffer.message_from_id) < 500
 
 
+def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
+    """Look at a page that has no run yet: the body at rest, and that it is being built; a drag is told the same."""
+    scene = scene_from_text(bar, origin="of a test")
+    page = Page(host="127.0.0.1", port=8600, frames=30.0)
+    session = None
+    try:
+        page.lay_out(scene, scene.name)
+        with Viewer(page.port) as viewer:
+            viewer.wait(lambda: "is being built" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
+            surface = Surface(scene.mesh, scale=10.0)
+            np.testing.assert_allclose(viewer.surface(), 10.0 * surface.outside.at(scene.mesh.vertices), atol=1e-6)
+            viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.3]))
+            viewer.wait(lambda: viewer.notes, "a note")
+            assert viewer.notes == ["the body is being built"]
+            session = LiveSession(Simulation(scene), told=page.take, warn=page.say)
+            page.show(session)
+            session.start()
+            viewer.wait(lambda: "converged" in viewer.text() and "lower, tension [N]" in viewer.controls, "the run")
+            assert "is being built" not in viewer.text()
+            viewer.wait(lambda: viewer.place("tip")[2] == 0.0, "the control back at its target")
+    finally:
+        if session is not None:
+            session.stop()
+        page.close()
+
+
+def test_a_frame_is_sent_at_once(live: Callable[..., Any]) -> None:
+    """Have viser gather messages for ten minutes before it sends them: a moved body is sent and shown all the same."""
+    page = live()
+    viewer = page.look()
+    page.page._server._websock_server._broadcast_buffer.window_duration_sec = 600.0
+    rest, shown = viewer.surface().copy(), viewer.nodes["/body/0"]["visible"]
+    viewer.move("lower, tension [N]", 1.5)
+    viewer.wait(lambda: np.abs(viewer.surface() - rest).max() > 1e-4, "a bent bar", patience=60.0)
+    viewer.wait(lambda: viewer.nodes["/body/0"]["visible"] != shown, "its turn", patience=60.0)
+
+
 def test_a_port_that_is_taken_is_passed_over() -> None:
     """Listen where the page would: the next port is used."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
@@ -320,6 +403,22 @@ def test_bad_arguments_are_told(arguments: list[str], text: str, capsys: Any) ->
     """Give arguments that cannot be: status 2, and one message with what is allowed."""
     assert main(["live", *arguments]) == 2
     assert text in capsys.readouterr().err
+
+
+def test_the_command_shows_a_scene_until_it_is_interrupted() -> None:
+    """Run the command, look, interrupt it: the address, status 0, and not a word on stderr."""
+    command = [sys.executable, "-m", "gdfe_ros.cli", "live", "bend5", "--port", "8670"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        port = int(process.stdout.readline().split("localhost:")[1].split()[0])
+        with Viewer(port) as viewer:
+            viewer.wait(lambda: "converged" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60.0) == 0
+        assert (process.stdout.read(), process.stderr.read()) == ("", "")
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_without_viser_one_line_says_how_to_install_it(capsys: Any, monkeypatch: Any) -> None:

@@ -3,21 +3,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from concurrent.futures import Future
 from typing import Any
 
 from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability
+from gdfe_ros.live.orders import require_order
 from gdfe_ros.node.interface import services, topics
-from gdfe_ros.node.interface.scene_topics import is_commanded, target_key
+from gdfe_ros.node.interface.parameters import MODULUS
+from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, target_key
 from gdfe_ros.node.messages import actuation
-from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, require_near
+from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, PutOrder
 from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.scene.scene import Scene
 
@@ -48,7 +54,12 @@ class Commander:
             handle.name: node.create_publisher(PoseStamped, f"{name}/{target_key(handle)}", profile)
             for handle in scene.handles
             if is_commanded(handle)
+        } | {
+            body.name: node.create_publisher(PoseStamped, f"{name}/{put_key(body)}", profile)
+            for body in scene.handles
+            if isinstance(body, RigidBody)
         }
+        self._parameters = AsyncParameterClient(node, name)
         self._clients = {
             ability: node.create_client(interface_class(spec.type), spec.name.replace("~", name))
             for ability, spec in SERVICES.items()
@@ -58,23 +69,46 @@ class Commander:
         """Tell whether the node listens to what is sent."""
         return all(each.get_subscription_count() for each in (self._actuation, *self._targets.values()))
 
-    def send(self, order: Order) -> None:
-        """Publish an order.
+    def send(self, name: str, order: Order) -> None:
+        """Publish an order of ``name``.
 
         Raises:
-            GdfeError: a handle is led too far away, or it is another kind of order.
+            GdfeError: a number is not finite, something is led too far away, or it is another kind of order.
         """
-        if isinstance(order, PoseOrder):
-            require_near(order.translation, self._scene.mesh.size)
+        require_order(name, order, self._scene.mesh.size)
+        if isinstance(order, (PoseOrder, PutOrder)):
             position = Point(**dict(zip("xyz", order.translation, strict=True)))
             pose = PoseMessage(
                 position=position, orientation=Quaternion(**dict(zip("xyzw", order.quaternion, strict=True)))
             )
-            self._targets[order.handle].publish(PoseStamped(pose=pose))
+            self._targets[name].publish(PoseStamped(pose=pose))
         elif isinstance(order, ActuatorOrder):
             self._actuation.publish(actuation(self._actuators, order.values))
         else:
             raise GdfeError(f"a page gives poses and values, not {type(order).__name__}")
+
+    def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
+        """Set Young's moduli [Pa] of materials, the node's parameters, all or none.
+
+        The answer is empty, as the body shows it; where the node refuses, a GdfeError.
+
+        Raises:
+            GdfeError: the node does not answer at the moment.
+        """
+        if not self._parameters.services_are_ready():
+            raise GdfeError(f"the parameters of {self._name} are not there; is the node running?")
+        answer: Future[str] = Future()
+
+        def hear(done: Any) -> None:
+            result = done.result().result
+            if result.successful:
+                answer.set_result("")
+            else:
+                answer.set_exception(GdfeError(f"{self._name}: {result.reason}"))
+
+        values = [Parameter(MODULUS.name.format(material=name), value=float(young)) for name, young in moduli.items()]
+        self._parameters.set_parameters_atomically(values).add_done_callback(hear)
+        return answer
 
     def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
         """Call a service; ``on`` is what one that switches something gets.

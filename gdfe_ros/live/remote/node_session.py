@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
 from types import TracebackType
-from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -22,16 +21,18 @@ from std_msgs.msg import String
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability
-from gdfe_ros.live.remote.commander import SERVICES, Commander
+from gdfe_ros.live.remote.commander import Commander
+from gdfe_ros.live.remote.player import Player
 from gdfe_ros.live.remote.report import Report
-from gdfe_ros.live.remote.search import absence, full_name
+from gdfe_ros.live.remote.search import Waiting, absence, full_name
 from gdfe_ros.live.remote.steps import Steps, view_of
 from gdfe_ros.live.view import View
 from gdfe_ros.node.actuator_orders import EFFORTS
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.orders import Order
+from gdfe_ros.node.orders import ActuatorOrder, Order
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.qos import qos_profile
+from gdfe_ros.node.remodelling import moduli_of, source_with
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
@@ -51,19 +52,19 @@ class NodeSession:
     Args:
         name: of the node, e.g. ``gdfe_sim`` or ``/left/gdfe_sim``.
         patience: longest wait for its scene [s].
+        say: takes the text of what is waited for.
 
     Raises:
         GdfeError: no name of a node, no such node, or none that is configured; says which there are.
 
     Attributes:
-        abilities: what its services offer.
         failure: why the listening ended by itself, or None.
         outdated: whether the node has another scene by now; make another session then.
     """
 
-    abilities = frozenset(SERVICES)
-
-    def __init__(self, name: str, *, patience: float = PATIENCE) -> None:
+    def __init__(
+        self, name: str, *, patience: float = PATIENCE, say: Callable[[str], None] = lambda text: None
+    ) -> None:
         self.name = full_name(name)
         self.failure: Exception | None = None
         self.outdated = False
@@ -74,18 +75,24 @@ class NodeSession:
         self._led: dict[str, Pose] = {}
         self._steps: Steps | None = None
         self._thread: threading.Thread | None = None
-        self._ending, self._watched = threading.Event(), False
+        self._ending, self._watched, self._silent = threading.Event(), False, False
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node(f"{_OWN}_{os.getpid()}", context=self._context)
         self._executor = make_executor(self._context)
         self._executor.add_node(self._node)
         try:
-            self._scene = self._find(patience)
+            self._scene = self._find(patience, say)
             self._commander = Commander(self._node, self.name, self._scene)
+            self._player = Player(self._scene, self._commander.send)
         except BaseException:
             self.stop()
             raise
+
+    @property
+    def abilities(self) -> frozenset[Ability]:
+        """What its services and parameters offer; to play the program where the scene has one."""
+        return frozenset(Ability) - ({Ability.PLAY} if self._scene.program is None else frozenset())
 
     @property
     def title(self) -> str:
@@ -111,6 +118,11 @@ class NodeSession:
         """Targets heard of, else where handles and obstacles are."""
         poses = {handle.name: Pose() for handle in self._scene.handles}
         return poses | (self._state.poses if self._state is not None else {}) | self._led
+
+    @property
+    def moduli(self) -> Mapping[str, float]:
+        """Young's moduli in force [Pa] by material."""
+        return moduli_of(self._scene)
 
     @property
     def paused(self) -> bool:
@@ -167,23 +179,32 @@ class NodeSession:
             return f"nothing heard of {self.name} for {silence:.0f} s", True
         if self._report.bad:
             return self._report.text, True
+        if (text := self._player.text) and not self.paused:
+            return text, False
         return self._report.text or ("paused" if self.paused else ""), False
 
     def command(self, name: str, order: Order) -> None:
         """Publish an order.
 
         Raises:
-            GdfeError: a handle is led too far away.
+            GdfeError: a number is not finite, or something is led too far away.
         """
-        self._commander.send(order)
+        self._commander.send(name, order)
+        self._player.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Call a service.
+        """Call a service, or play the program.
 
         Raises:
             GdfeError: the node does not offer it at the moment.
         """
         match ability:
+            case Ability.PLAY:
+                self._player.play()
+                return self.ask(Ability.PAUSE) if self.paused else None
+            case Ability.RESET:
+                self._player.stop()
+                answer = self._commander.call(ability)
             case Ability.PAUSE:
                 wanted = not self.paused
                 answer = self._commander.call(ability, on=wanted)
@@ -194,24 +215,36 @@ class NodeSession:
                 answer = self._commander.call(ability)
         return answer
 
-    def set_moduli(self, moduli: Mapping[str, float]) -> Future[Any]:
-        """Refuse: a page of a node has no moduli."""
-        raise GdfeError(f"moduli of {self.name} are its parameters; set them with ros2 param set")
+    def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
+        """Set parameters of the node.
 
-    def _find(self, patience: float) -> Scene:
-        """Wait for the node's scene."""
+        Raises:
+            GdfeError: the node does not answer at the moment.
+        """
+        return self._commander.set_moduli(moduli)
+
+    def _find(self, patience: float, say: Callable[[str], None]) -> Scene:
+        """Wait for the node's scene, and say how the node is meanwhile."""
         profile = qos_profile(topics.SCENE.delivery)
         self._node.create_subscription(String, f"{self.name}/{topics.SCENE.key()}", self._hear_scene, profile)
-        end = time.monotonic() + patience
+        end, waiting = time.monotonic() + patience, Waiting(self._node, self.name, say)
         while self._text is None:
             if time.monotonic() > end:
                 raise GdfeError(absence(self._node, self.name, patience))
             self._executor.spin_once(timeout_sec=0.05)
+            waiting.look()
         return scene_from_text(self._text, origin=f"of the node {self.name}")
 
     def _hear_scene(self, message: String) -> None:
-        self.outdated = self._text not in (None, message.data)
-        self._text = self._text or message.data
+        """Keep the scene; later another one of other moduli only."""
+        before, self._text = self._text, message.data
+        if before in (None, message.data):
+            return
+        later = scene_from_text(message.data, origin=f"of the node {self.name}")
+        if source_with(self._scene, moduli_of(later)) == later.source:
+            self._scene = later
+        else:
+            self.outdated = True
 
     def _hear_report(self, message: DiagnosticArray) -> None:
         report = Report.of(message, self.name)
@@ -219,7 +252,8 @@ class NodeSession:
             self._report, self._heard = report, time.monotonic()
 
     def _keep(self, record: StepRecord) -> None:
-        """Keep what a step has consumed."""
+        """Keep what a step has consumed; have the program command the next one."""
+        self._player.follow(record)
         if record.begin is Begin.REST:
             self._commanded, self._led = {load.name: LOAD_FACTOR for load in self._scene.loads}, {}
         self._commanded = {**self._commanded, **record.actuators, **record.loads}
@@ -238,9 +272,20 @@ class NodeSession:
         try:
             while not self._ending.is_set():
                 self._steps.listen(self._watched)
+                self._note_silence()
                 self._executor.spin_once(timeout_sec=0.1)
         except Exception as error:
             self._fail(error)
+
+    def _note_silence(self) -> None:
+        """Tell once that a node is silent, and once that it is back."""
+        silent = time.monotonic() - self._heard > _SILENT
+        if silent and not self._silent:
+            ended = f"nothing is heard of {self.name} any more: it has ended, was killed, or is out of reach"
+            self._warn(f"{ended}; the page goes on once it is back")
+        elif self._silent and not silent:
+            self._warn(f"{self.name} is heard again")
+        self._silent = silent
 
     def _fail(self, error: Exception) -> None:
         if not self._ending.is_set():

@@ -4,7 +4,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from typing import Any
 
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.validate_full_topic_name import validate_full_topic_name
@@ -28,6 +32,38 @@ def full_name(name: str) -> str:
     return full
 
 
+class Waiting:
+    """Tells how a node is whose scene is waited for, each time that it says another state of its lifecycle.
+
+    Args:
+        node: that listens.
+        name: full name of the node that is waited for.
+        say: takes what is told.
+    """
+
+    def __init__(self, node: Node, name: str, say: Callable[[str], None]) -> None:
+        self._name, self._say, self._told = name, say, ""
+        self._client = node.create_client(GetState, f"{name}/get_state")
+        self._answer: Any = None
+
+    def look(self) -> None:
+        """Ask, and tell what has been answered; in the thread that spins the node."""
+        if self._answer is None and self._client.service_is_ready():
+            self._answer = self._client.call_async(GetState.Request())
+        elif self._answer is not None and self._answer.done():
+            state, self._answer = self._answer.result().current_state, None
+            if state.label != self._told:
+                self._told = state.label
+                bare = state.id == State.PRIMARY_STATE_UNCONFIGURED
+                remedy = f"; it tells of its scene after: {configuring(self._name)}" if bare else ""
+                self._say(f"the node {self._name} is {state.label}{remedy}")
+
+
+def configuring(name: str) -> str:
+    """Name the command that configures a node."""
+    return f"ros2 lifecycle set {name} configure, then activate"
+
+
 def absence(node: Node, name: str, patience: float) -> str:
     """Say why a node has told of no scene, and which others there are.
 
@@ -38,8 +74,9 @@ def absence(node: Node, name: str, patience: float) -> str:
     """
     space, _, own = name.rpartition("/")
     if (own, space or "/") in node.get_node_names_and_namespaces():
-        remedy = f"ros2 lifecycle set {name} configure, then activate"
-        return f"node {name} has told of no scene within {patience:g} s: it is not configured; remedy: {remedy}"
+        return (
+            f"node {name} has told of no scene within {patience:g} s: it is not configured; remedy: {configuring(name)}"
+        )
     end = f"/{topics.STEP_RECORD.key()}"
     found = [topic.removesuffix(end) for topic, _ in node.get_topic_names_and_types() if topic.endswith(end)]
     there = f"nodes that simulate: {', '.join(sorted(found))}" if found else "no node simulates here"

@@ -89,6 +89,34 @@ def chamber_energy(x, reals, integers, force, size):
     return change * (0.5 * stiffness * change - reals[EFFORT])
 
 
+@kernel
+def carried_energy(x, reals, integers, force, size):
+    """Return the energy [J] of a chamber between points that eight vertices carry each.
+
+    Behind the chamber's own numbers ``reals`` has the weights; ``integers`` has the number of the points, the vertices
+    that carry each, and the quads between them.
+    """
+    count = integers[0]
+    points, pulls = np.zeros((count, 3)), np.zeros((count, 3))
+    for p in range(count):
+        for a in range(8):
+            vertex, weight = integers[1 + 8 * p + a], reals[LIMIT + 1 + 8 * p + a]
+            for i in range(3):
+                points[p, i] += weight * x[vertex, i]
+    energy = chamber_energy(points, reals, integers[1 + 8 * count :], pulls, size)
+    for p in range(count):
+        for a in range(8):
+            vertex, weight = integers[1 + 8 * p + a], reals[LIMIT + 1 + 8 * p + a]
+            for i in range(3):
+                force[vertex, i] += weight * pulls[p, i]
+    return energy
+
+
+@term_kernel
+def _carried_entry(x, n, reals, k, integers, i, force, size):
+    return carried_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
 @term_kernel
 def _entry(x, n, reals, k, integers, i, force, size):
     return chamber_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
@@ -111,8 +139,14 @@ class ChamberTerm(Term):
 
     def __init__(self, chamber: Chamber, body: Body) -> None:
         self.actuator, self._body = chamber, body
-        super().__init__(chamber.name, np.array([0.0, 0.0, 0.0, math.inf]), chamber.quads.ravel().astype(np.int32))
-        self._rest_volume = float(chamber_volume(body.rest, self.integers))
+        reals, integers = np.array([0.0, 0.0, 0.0, math.inf]), chamber.quads.ravel().astype(np.int32)
+        self._quads = integers
+        if (points := chamber.points) is not None:
+            self.kernel = _carried_entry
+            reals = np.concatenate([reals, points.weights.ravel()])
+            integers = np.concatenate([[len(points.corners)], points.corners.ravel(), integers], dtype=np.int32)
+        super().__init__(chamber.name, reals, integers)
+        self._rest_volume = self._volume(body.rest)
         self.updates = chamber.mode is Mode.VOLUME
         self.neutral_command = self._rest_volume if self.updates else 0.0
         self._command = self.neutral_command
@@ -120,9 +154,16 @@ class ChamberTerm(Term):
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take for a commanded volume a penalty that fits the body's stiffness at rest."""
         if self.updates:
-            force = np.zeros_like(self._body.rest)
-            push(self._body.rest, self.integers, 1.0, force)
+            places, points = self.actuator.at(self._body.rest), self.actuator.points
+            force = np.zeros_like(places)
+            push(places, self._quads, 1.0, force)
+            if points is not None:
+                pulls, force = points.weights[..., None] * force[:, None], np.zeros_like(self._body.rest)
+                np.add.at(force, points.corners, pulls)
             self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
+
+    def _volume(self, positions: NDArray[np.float64]) -> float:
+        return float(chamber_volume(self.actuator.at(positions), self._quads))
 
     def neutral(self) -> Saved:
         """Return no pressure."""
@@ -134,13 +175,13 @@ class ChamberTerm(Term):
         if self.updates:
             numbers[EFFORT], numbers[TARGET], numbers[LIMIT] = followed(saved, ratio), self._command, math.inf
             return
-        volume = chamber_volume(positions, self.integers)
+        volume = self._volume(positions)
         numbers[EFFORT], numbers[TARGET] = self._command, volume
         numbers[LIMIT] = LARGEST_INFLATION * max(abs(volume), self._rest_volume)
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the pressure that keeps the volume."""
-        volume = chamber_volume(positions, self.integers)
+        volume = self._volume(positions)
         self.reals[EFFORT] = chamber_pressure(volume, self.reals)
         return abs(volume - self.reals[TARGET]) / max(abs(self.reals[TARGET]), 1e-30) ** (2.0 / 3.0)
 
@@ -150,17 +191,17 @@ class ChamberTerm(Term):
 
     def ran_away(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether a chamber of given pressure has inflated far towards its limit in a solve that failed."""
-        volume = chamber_volume(positions, self.integers)
+        volume = self._volume(positions)
         return math.isfinite(self.reals[LIMIT]) and not volume <= RUNNING_AWAY * self.reals[LIMIT]
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState:
         """Return command, volume and pressure."""
-        extent = float(chamber_volume(positions, self.integers))
+        extent = self._volume(positions)
         return ActuatorState(self.actuator.mode, self._command, extent, float(self.reals[EFFORT]))
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
         """Return the potential [J] and its slope along the command; a commanded volume has the multiplier's only."""
         if self.updates:
             return 0.0, float(self.reals[EFFORT])
-        slope = self._rest_volume - float(chamber_volume(positions, self.integers))
+        slope = self._rest_volume - self._volume(positions)
         return command * slope, slope
