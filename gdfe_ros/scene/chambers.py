@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a scene file's sound parts to chambers: the faces that their pressure acts on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators import Chamber, Embedding
+from gdfe_ros.mesh import HexMesh, select_faces
+from gdfe_ros.mesh.cavities import Cavity, find_cavities, open_edges, skin_cavities
+from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.quality import list_ids
+from gdfe_ros.scene.actuator_schema import ChamberModel
+from gdfe_ros.scene.builder import select
+from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.meshes import known_part
+from gdfe_ros.scene.report import NO_VALUE, Report
+
+
+def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Chamber | None:
+    """Return the chamber that an entry describes; None where it has a defect, which is reported.
+
+    Args:
+        value: the entry.
+        mesh: the body.
+        common: name, mode and range of the actuator.
+        path: where the entry stands in the file.
+        report: takes defects.
+    """
+    if not known_part(mesh, value.mesh, path, report):
+        return None
+    part = None if value.mesh is None else mesh.parts[value.mesh]
+    within, first = (mesh, 0) if part is None else (part.mesh, part.first_vertex)
+    if within.filling is not None:
+        return _lined_chamber(value, within, first, common, path, report)
+    if value.where is not None:
+        faces = select(select_faces, mesh, value.where, (*path, "where"), "boundary face", report)
+        if faces is None:
+            return None
+        quads = np.ascontiguousarray(faces[:, ::-1])
+        return Chamber(quads=quads, **common) if _tight(mesh, quads, (*path, "where"), report) else None
+    body = "the body" if part is None else f"mesh {value.mesh!r}"
+    lack = f"{body} has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks"
+    cavity = _chosen(value, find_cavities(within), body, lack, path, report)
+    return None if cavity is None else Chamber(quads=cavity.quads + np.int32(first), **common)
+
+
+def _lined_chamber(
+    value: ChamberModel, mesh: HexMesh, first: int, common: dict, path: KeyPath, report: Report
+) -> Chamber | None:
+    """Return a chamber whose pressure acts on the skin: faces of cut cells lie beside the surface."""
+    if value.where is not None:
+        text = "it would name faces of cut cells, which lie beside the surface; remedy: cavity, near, or cells: whole"
+        report.add((*path, "where"), text, value=NO_VALUE)
+        return None
+    if mesh.skin is None:
+        text = (
+            "where cells are cut its pressure acts on the skin; remedy: `skin: {file: ...}` with the mesh's surface, "
+        )
+        report.add(path, f"{text}or cells: whole", value=NO_VALUE)
+        return None
+    lack = "the skin has no closed shell within another one; remedy: a skin with the chamber's walls, closed"
+    cavity, skin = _chosen(value, skin_cavities(mesh), "the skin", lack, path, report), mesh.skin
+    if cavity is None:
+        return None
+    used, quads = np.unique(cavity.quads, return_inverse=True)
+    points = Embedding(skin.corners[used] + first, skin.weights[used])
+    return Chamber(quads=quads.reshape(-1, 4).astype(np.int32), points=points, **common)
+
+
+def _chosen(
+    value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str, path: KeyPath, report: Report
+) -> Cavity | None:
+    """Return the cavity of a body that is meant; ``lack`` is what to say where there is none."""
+    known = ", ".join(f"{i}: {c.volume:.3g} m^3 near {np.round(c.center, 6).tolist()}" for i, c in enumerate(cavities))
+    if not cavities:
+        report.add(path, lack)
+    elif value.near is not None:
+        centers = np.array([cavity.center for cavity in cavities])
+        nearest = int(np.linalg.norm(centers - value.near, axis=1).argmin())
+        return cavities[nearest]
+    elif value.cavity is None and len(cavities) > 1:
+        report.add(path, f"{body} has {len(cavities)} cavities ({known}); remedy: name one by cavity or near")
+    elif (value.cavity or 0) >= len(cavities):
+        report.add((*path, "cavity"), f"there are: {known}")
+    else:
+        return cavities[value.cavity or 0]
+    return None
+
+
+def _tight(mesh: HexMesh, quads: NDArray[np.int32], path: KeyPath, report: Report) -> bool:
+    leaks = open_edges(quads)
+    if len(leaks):
+        x, y, z = mesh.vertices[leaks[0]].mean(axis=0)
+        text = (
+            f"these {len(quads)} faces leak at {len(leaks)} edges, the first at ({x:.4g}, {y:.4g}, {z:.4g}) m between "
+            f"vertices {list_ids(np.unique(leaks))}; remedy: select every face of the chamber, close its ends"
+        )
+        report.add(path, text, value=NO_VALUE)
+        return False
+    if enclosed_volume(mesh.vertices, quads) <= 0.0:
+        report.add(path, "these faces enclose the body itself, not a chamber in it; select inner faces", value=NO_VALUE)
+        return False
+    return True
