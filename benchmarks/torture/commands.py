@@ -12,12 +12,15 @@ from benchmarks.torture.bodies import BAR, COMPRESSIBLE, CUBE, LAWS, Driver, dis
 from benchmarks.torture.case import Case, Finding, Group
 from gdfe_ros.constraints import Pose
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy
 
 TOLERANCE = 1e-6
 STEPS = 40
 """Of the slow path that a single step is compared with."""
 MOST_ITERATIONS = 10000
+DISTURBANCE = 1e-3
+"""Of the body's size."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +32,10 @@ class Blow:
         poses: one after the other, each in one step.
         unique: laws for which ``energy`` must end where its slow path ends; with the others the body buckles, writhes
             or necks, has several equilibria, and nothing but soundness is asked for.
-        mirrored: of these, laws with which the body has several equilibria of one energy, mirror images of each other:
+        mirrored: of these, laws with which the body has several equilibria, most of them mirror images of each other:
             the energies are compared. Wound up by a turn the bar bows to one of its sides; drawn out to several
-            lengths its few cells across let it wind to the left or to the right.
+            lengths its few cells across let it wind to the left or to the right, some more and some less. Where the
+            energies differ, what was found must be a minimum: it is disturbed and comes back.
         spread: largest distance from the slow path over the body's size for ``relative``, whose captured shapes
             (Eq. 9) make it depend on the path; infinite where only soundness is asked for, or a report: its iteration
             lowers no energy, and far beyond the paper's deformations nothing says that it must end.
@@ -88,7 +92,20 @@ def _run(blow: Blow, law: str, policy: Policy, bound: float) -> Finding:
         error = distance(found.positions, expected.positions, blow.mesh.size)
         if policy is Policy.ENERGY and law in blow.mirrored:
             error = abs(found.energy / expected.energy - 1.0)
+            if error > bound:
+                error = abs(_disturbed(driver).energy / found.energy - 1.0)
     return Finding(tuple(driver.results), error, driver.rise)
+
+
+def _disturbed(driver: Driver) -> StepResult:
+    """Shift every free vertex at random from the last result, and step to an equilibrium from there."""
+    simulation, last = driver.simulation, driver.results[-1]
+    shifts = np.zeros_like(last.positions)
+    held = np.concatenate([handle.vertices for handle in simulation.scene.handles])
+    free = np.setdiff1d(np.arange(len(shifts)), held)
+    shifts[free] = np.random.default_rng(0).standard_normal((len(free), 3))
+    simulation.set_positions(last.positions + DISTURBANCE * simulation.mesh.size * shifts)
+    return simulation.step()
 
 
 def _case(name: str, blow: Blow, law: str, policy: Policy) -> Case:

@@ -63,11 +63,16 @@ class March:
         """Tell whether a vertex of the two is farther apart than ``reach`` [m]."""
         return not largest_distance(self.state.positions, other.state.positions) <= reach
 
-    def is_better(self, other: March, reach: float) -> bool:
-        """Tell whether this one, from rest, beats the ``other``: sound where that is not, or lower in energy."""
+    def is_better(self, other: March, reach: float, *, gain: float) -> bool:
+        """Tell whether this one, from rest, beats the ``other``: sound where that is not, or lower in energy.
+
+        Args:
+            other: on the same way, from elsewhere.
+            reach: [m] within which two equilibria are one.
+            gain: energy and potential of the other beyond those of this one [J].
+        """
         if self.sound != other.sound:
             return self.sound
         if not self.sound:
             return other.inverted and not self.inverted
-        least = other.state.summary.energy * (1.0 + SAME)
-        return self.differs(other, reach) and self.state.summary.energy <= least
+        return self.differs(other, reach) and gain >= -SAME * other.state.summary.energy

@@ -231,10 +231,15 @@ class Stepper:
     def _better_from_rest(self, march: March, goal: Goal) -> March:
         """Follow the goal again from rest; return the better of the two and say so."""
         again = self._march(self.at_rest(), goal)
-        if not again.is_better(march, NEAR * goal.tolerance * self.body.size):
+        gain = self._energy(march.state) - self._energy(again.state)
+        if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):
             return _after(march, march, again)
         message = f"restarted from rest: the other way ended in {march.flaw}; {again.message}".rstrip("; ")
         return changed(_after(again, march, again), message=message, restarts=1)
+
+    def _energy(self, state: State) -> float:
+        """Return the energy of the body and the potential of what acts on it [J]: an equilibrium is its minimum."""
+        return state.summary.energy + self.actuation.balance(state.positions, state.commands).potential
 
 
 def _refused(state: State, message: str) -> March:

@@ -128,12 +128,14 @@ def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: 
     assert slack or filled.sum() == needed.sum()
 
 
-def test_a_bar_gets_a_band_and_a_hand_gets_fronts() -> None:
-    """Choose by the work."""
-    assert isinstance(factor_for(*_bar(30, 2, 2)), Band)
-    hand = factor_for(*_hand(4, 20))
+def test_a_thick_bar_gets_a_band_and_a_hand_gets_fronts() -> None:
+    """Choose by the work; what is small gets fronts in any case."""
+    assert isinstance(factor_for(*_bar(30, 2, 2)), Fronts)
+    assert isinstance(factor_for(*_bar(40, 6, 6)), Band)
+    graph, points = _hand(4, 20)
+    hand = factor_for(graph, points)
     assert isinstance(hand, Fronts)
-    assert hand.price < Band(_hand(4, 20)[0], narrow_order(*_hand(4, 20))).price
+    assert hand.price < Band(graph, narrow_order(graph, points)).price
 
 
 def test_a_bar_is_as_narrow_as_its_cross_section() -> None:
