@@ -55,7 +55,7 @@ def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Tor
     rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
     rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
     mesh, materials = scene.mesh, tuple(scene.materials.values())
-    options = {"filling": mesh.filling, "self_contact": scene.self_contact, "torsion": torsion}
+    options = {"filling": mesh.filling, "self_contact": scene.self_contact, "torsion": torsion, "size": mesh.size}
     return Body.build(rest, mesh.cells, materials, scene.cell_material, handles, **options)
 
 

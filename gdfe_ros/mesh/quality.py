@@ -82,7 +82,7 @@ def check_mesh(mesh: HexMesh) -> QualityReport:
         volumes = cell_volumes(mesh)
     if not defects:
         defects += _misshapen(jacobian, volumes) + _overlaps(mesh) + _vertex_defects(mesh)
-    part = vertex_pieces(mesh)
+    part = vertex_pieces(mesh.cells, mesh.n_vertices)
     return QualityReport(jacobian, aspect, volumes, int(part.max()) + 1, part, defects)
 
 
@@ -180,12 +180,11 @@ def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[n
     return np.sort(np.concatenate(pairs), axis=1) if pairs else np.zeros((0, 2), dtype=np.int64)
 
 
-def vertex_pieces(mesh: HexMesh) -> NDArray[np.int32]:
-    """Return the piece of each vertex, shape (n,), pieces that share no vertex numbered from 0."""
-    row = np.repeat(mesh.cells[:, 0], 7)
-    column = mesh.cells[:, 1:].ravel()
-    shape = (mesh.n_vertices, mesh.n_vertices)
-    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=shape)
+def vertex_pieces(cells: NDArray[np.int32], count: int) -> NDArray[np.int32]:
+    """Return the piece of each of ``count`` vertices (n,): what cells (m, 8) connect, numbered from 0."""
+    row = np.repeat(cells[:, 0], 7)
+    column = cells[:, 1:].ravel()
+    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int32)
 
 

@@ -82,7 +82,7 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[H
 
 def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Report) -> None:
     """Note each piece of the body that nothing holds along an axis: its place would be undetermined."""
-    part = vertex_pieces(mesh)
+    part = vertex_pieces(mesh.cells, mesh.n_vertices)
     for axis, letter in enumerate("xyz"):
         pieces_of = {handle.name: set(part[handle.vertices].tolist()) for handle in handles}
         held = set().union(*(pieces_of[handle.name] for handle in handles if axis not in handle.free))

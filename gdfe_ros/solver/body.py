@@ -38,7 +38,7 @@ class Body:
         table: the materials packed for the kernels.
         handles: the sets of vertices that are held or moved.
         unknowns: what is free.
-        size: diagonal of the rest bounding box [m].
+        size: what tolerances are shares of [m]: `HexMesh.size`.
         self_contact: which faces may touch each other; None for none.
     """
 
@@ -65,8 +65,12 @@ class Body:
         self_contact: SelfContact | None = None,
         *,
         torsion: Torsion = Torsion.CELL,
+        size: float | None = None,
     ) -> Body:
-        """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8), filled as far as told."""
+        """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8), filled as far as told.
+
+        ``size`` [m] is that of the mesh, the diagonal of the cells' bounding box if left out.
+        """
         material = np.ascontiguousarray(material, dtype=np.int32)
         shape, table = shape_operators(rest, cells, filling), pack(materials)
         if torsion is Torsion.SECTION:
@@ -80,7 +84,7 @@ class Body:
             table,
             tuple(handles),
             number_unknowns(rest, cells, handles),
-            float(np.linalg.norm(np.ptp(rest[: cells.max() + 1], axis=0))),
+            float(np.linalg.norm(np.ptp(rest[: cells.max() + 1], axis=0))) if size is None else size,
             self_contact,
         )
 

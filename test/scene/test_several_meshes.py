@@ -16,6 +16,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.scene import load_scene, scene_from_text
+from gdfe_ros.scene.document import parse_document
 
 BAR = "bar: {size: [0.04, 0.01, 0.01], cells: [4, 1, 1]}"
 PAIR = f"""
@@ -98,6 +99,30 @@ def test_it_moves_as_each_would_alone() -> None:
     np.testing.assert_allclose(two.positions[: len(x)], np.stack([-y, x + 0.01, z], axis=1), atol=1e-7)
     rest = scene_from_text(PAIR).mesh.vertices
     np.testing.assert_allclose(two.positions[len(x) :], rest[len(x) :], rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("apart", [0.05, 3.0])
+def test_fingers_move_as_one_alone_however_far_they_are_apart(apart: float) -> None:
+    """Curl a slender finger, and the same twice in one scene: within three tolerances, over a finger's size."""
+    plain = {"loads": None, "program": None}
+    alone = Simulation(load_scene("tendon_finger", overrides=plain))
+    data = parse_document(alone.scene.path.read_text(), heading="scene").data
+    names, flexor = {"left": 0.0, "right": apart}, data["actuators"]["flexor"]["cable"]
+    overrides = plain | {
+        "mesh": None,
+        "meshes": {name: {**data["mesh"], "at": [0, y, 0]} for name, y in names.items()},
+        "handles": {name: {"where": {"mesh": name, "face": "x-"}, "fixed": True} for name in names},
+        "actuators": {name: {"cable": {**flexor, "mesh": name}} for name in names},
+        "probes": {name: {"mesh": name, "at": data["probes"]["tip"]} for name in names},
+    }
+    pair = Simulation(load_scene("tendon_finger", overrides=overrides))
+    assert pair.mesh.size == alone.mesh.size
+    for tension in (1.0, 3.0, 6.0):
+        one = alone.step(Command(actuators={"flexor": tension}))
+        both = pair.step(Command(actuators=dict.fromkeys(names, tension)))
+        assert both.converged, both.message
+        for found, y in zip(np.split(both.positions, 2), names.values(), strict=True):
+            assert np.abs(found - [0, y, 0] - one.positions).max() < 3e-4 * alone.mesh.size
 
 
 def test_meshes_push_each_other() -> None:

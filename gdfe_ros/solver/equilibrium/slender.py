@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.mesh.quality import vertex_pieces
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.certified import CertifiedMinimiser
 from gdfe_ros.solver.descent.products import TangentProducts
@@ -58,7 +59,8 @@ def for_slender(
     task = Solve.at(model, rest).evaluate(whole, matrix.coupling, threads=threads)
     product, field = TangentProducts(body), np.zeros((whole.unknowns.rows, 3))
     product.begin(task)
-    field[:count] = smooth_field(body.rest)[whole.unknowns.free]
+    pieces = vertex_pieces(body.cells, len(body.rest))
+    field[:count] = smooth_field(body.rest, pieces)[whole.unknowns.free]
     if softness(product, task.precondition, _weighed(matrix, field, count)) >= (
         SLENDER_IN_MOTION if moving else SLENDER
     ):

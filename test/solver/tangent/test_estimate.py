@@ -64,7 +64,15 @@ def test_softness_is_the_least_eigenvalue() -> None:
 
 def test_the_start_holds_every_low_motion() -> None:
     """A smooth field is a polynomial of the third degree, and the same in every run."""
-    points = np.random.default_rng(0).standard_normal((200, 3))
-    np.testing.assert_array_equal(smooth_field(points), smooth_field(points))
+    points, one = np.random.default_rng(0).standard_normal((200, 3)), np.zeros(200, np.int32)
+    np.testing.assert_array_equal(smooth_field(points, one), smooth_field(points, one))
     x = points[:, 0]
-    assert np.linalg.matrix_rank(np.stack([smooth_field(points)[:, 0], np.ones(200), x, x**2, x**3], axis=1)) == 5
+    assert np.linalg.matrix_rank(np.stack([smooth_field(points, one)[:, 0], np.ones(200), x, x**2, x**3], axis=1)) == 5
+
+
+def test_each_piece_has_a_field_of_its_own() -> None:
+    """Put a body a thousand sizes beside another: the field of each is that which it has alone."""
+    points, one = np.random.default_rng(0).standard_normal((200, 3)), np.zeros(200, np.int32)
+    alone, both = smooth_field(points, one), np.concatenate([points, points + 1000.0])
+    found = smooth_field(both, np.repeat(np.arange(2, dtype=np.int32), 200))
+    np.testing.assert_allclose(found, np.concatenate([alone, alone]), atol=1e-9)
