@@ -18,7 +18,7 @@ from gdfe_ros.mesh.packing import pack_surface
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.settings import Policy
 
-POKES, KNOCKS = 1000, 30
+POKES, KNOCKS = 300, 30
 BOUND = 1e-4
 """Largest distance from rest, over the body's size, once nothing touches any more."""
 BODY = """

@@ -26,7 +26,7 @@ WATCHED = ("tendon_finger, tolerance 1e-05",)
 LONG = (
     "plate 1:100, fine",
     "100 pokes",
-    "3 knocks",
+    "10 knocks",
     "a mesh through it",
     "a thin wall through it",
     "a dome through",

@@ -27,6 +27,9 @@ from gdfe_ros.solver.terms.actuation import Actuation
 
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 """Tolerance of the first descent where multipliers are updated, and by how much each further one is tightened."""
+COARSER = (30.0, 3.0)
+"""Distance over the resolution of contact forces at which the first descents end, where finer ones follow: each update
+brings multipliers ten times nearer."""
 SCALE_SLACK = 10.0
 """Change of an hourglass scale, over the tolerance, that leaves the positions within it."""
 WARM_SLACK = 10.0
@@ -155,8 +158,9 @@ class Solve:
             inner, least = max(self._resumed.tolerance, tolerance), max(0, least - self._resumed.iterations)
             active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
         self._settled, self.iterations = not updates, 0
-        for _ in range(MOST_UPDATES):
-            fine, left = self._actuation.resolution, limit - self.iterations
+        for count in range(MOST_UPDATES):
+            coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
+            fine, left = coarser * self._actuation.resolution, limit - self.iterations
             aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(tolerance, fine)}
             went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
