@@ -32,6 +32,7 @@ from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.cavities import Cavity, find_cavities, open_edges, skin_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.quality import list_ids
+from gdfe_ros.mesh.selection import select_skin
 from gdfe_ros.scene.actuator_schema import CableModel, ChamberModel, DriveModel, GrowthModel, LoadModel
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import KeyPath
@@ -178,12 +179,11 @@ def _lined_chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPa
         report.add(path, f"{text}or cells: whole", value=NO_VALUE)
         return None
     lack = "the skin has no closed shell within another one; remedy: a skin with the chamber's walls, closed"
-    cavity, skin = _chosen(value, skin_cavities(mesh), lack, path, report), mesh.skin
+    cavity = _chosen(value, skin_cavities(mesh), lack, path, report)
     if cavity is None:
         return None
-    used, quads = np.unique(cavity.quads, return_inverse=True)
-    points = Embedding(skin.corners[used], skin.weights[used])
-    return Chamber(quads=quads.reshape(-1, 4).astype(np.int32), points=points, **common)
+    points, quads = _on_skin(mesh, cavity.quads)
+    return Chamber(quads=quads, points=points, **common)
 
 
 def _chosen(value: ChamberModel, cavities: Sequence[Cavity], lack: str, path: KeyPath, report: Report) -> Cavity | None:
@@ -240,17 +240,29 @@ def _load(
     if model.point is not None:
         point = _embedded(mesh, [model.point.at], (*path, "at"), report)
         return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))
-    quads = select(select_faces, mesh, model.surface.where, (*path, "where"), "boundary face", report)
+    traction, lined = model.surface.traction, mesh.filling is not None and mesh.skin is not None
+    if traction is not None and mesh.filling is not None and not lined:
+        text = (
+            "faces of cut cells are larger than the surface in them; remedy: `skin: {file: ...}`, which it acts on then"
+        )
+        report.add((*path, "traction"), f"{text}, give the whole `force`, or cells: whole")
+        return None
+    selector, noun = (select_skin, "triangle of the skin") if lined else (select_faces, "boundary face")
+    quads = select(selector, mesh, model.surface.where, (*path, "where"), noun, report)
     if quads is None:
         return None
-    traction = model.surface.traction
-    if traction is not None and mesh.filling is not None:
-        text = "faces of cut cells are larger than the surface in them; remedy: give the whole `force`, or cells: whole"
-        report.add((*path, "traction"), text)
-        return None
+    points, quads = _on_skin(mesh, quads[:, [0, 1, 2, 2]]) if lined else (None, quads)
     if traction is None:
-        traction = np.array(model.surface.force) / corner_areas(mesh.vertices, quads).sum()
-    return SurfaceLoad(name=name, quads=quads, traction=np.array(traction))
+        places = mesh.vertices if points is None else points.at(mesh.vertices)
+        traction = np.array(model.surface.force) / corner_areas(places, quads).sum()
+    return SurfaceLoad(name=name, quads=quads, traction=np.array(traction), points=points)
+
+
+def _on_skin(mesh: HexMesh, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray[np.int32]]:
+    """Return the points of the skin that some faces of it lie between, and the faces by their numbers among these."""
+    used, local = np.unique(quads, return_inverse=True)
+    points = Embedding(mesh.skin.corners[used], mesh.skin.weights[used])
+    return points, local.reshape(quads.shape).astype(np.int32)
 
 
 def _gravity(

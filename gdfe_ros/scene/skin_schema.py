@@ -18,7 +18,7 @@ from gdfe_ros.scene.paths import FilePath
 
 
 class SkinModel(Choice):
-    """A triangle surface that the cells carry, shown instead of their faces; chambers of cut cells act on it."""
+    """A triangle surface that the cells carry, shown for their faces; chambers and loads of cut cells act on it."""
 
     options: ClassVar[tuple[str, ...]] = ("scale",)
 
