@@ -55,7 +55,7 @@ def imported(name: str) -> ModuleType:
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Import and build without Python's search for unused cycles, which is a sixth of the time of a start.
+    """Import and build without Python's search for unused cycles, which would find none and take its time.
 
     Nearly all that is made meanwhile stays to the end. Later searches, which hold up every thread, leave it out.
     """

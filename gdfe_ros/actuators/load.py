@@ -92,17 +92,23 @@ class SurfaceLoad:
 
     Attributes:
         name: unique in the scene among actuators and loads.
-        quads: (q, 4) int32 vertices of the faces.
+        quads: (q, 4) int32 vertices of the faces; with ``points`` numbers of these, as of a chamber.
         traction: (3,) [Pa].
+        points: that the body carries, where the faces lie between points that are no vertices.
     """
 
     name: str
     quads: NDArray[np.int32]
     traction: NDArray[np.float64]
+    points: Embedding | None = None
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
         """Return the force at each vertex (n, 3) [N]."""
-        return _collect(len(rest), self.quads, corner_areas(rest, self.quads)[..., None] * self.traction)
+        places = rest if self.points is None else self.points.at(rest)
+        pulls = _collect(len(places), self.quads, corner_areas(places, self.quads)[..., None] * self.traction)
+        if self.points is None:
+            return pulls
+        return _collect(len(rest), self.points.corners, self.points.weights[..., None] * pulls[:, None])
 
 
 Load = Gravity | PointLoad | SurfaceLoad

@@ -67,6 +67,7 @@ class Page:
         self._changed, self._ending = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work, name=VIEWER, daemon=True)
         self._session: Session | None = None
+        self._early = False
         self._stage: Stage | None = None
         self._view: View | None = None
         self._seen: View | None = None
@@ -156,7 +157,9 @@ class Page:
 
     def _lead(self, name: str, order: Order) -> None:
         if self._session is None:
-            self.say(_BUILT)
+            if not self._early:
+                self.say(_BUILT)
+            self._early = True
         else:
             self._guarded(lambda: self._session.command(name, order))
 

@@ -191,12 +191,38 @@ def part_of(mesh: HexMesh, name: str) -> Part:
     raise MeshError("the selection does not fit the mesh", [f"mesh {name!r} does not exist; {known}"])
 
 
+def select_skin(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+    """Return the triangles of a mesh's skin of which all three points are selected (perhaps none), (t, 3) int32.
+
+    A face is a side of the skin's own bounding box.
+
+    Raises:
+        MeshError: ids and sets are of the mesh, and select nothing of a skin.
+    """
+    points = mesh.skin.at(mesh.vertices)
+    match where:
+        case Face(side):
+            chosen = _at_end(points, side, FACE_SLACK * mesh.size)
+        case Box() | Sphere():
+            chosen = _inside(mesh, points, where)
+        case _:
+            raise MeshError(
+                "the selection does not fit the skin",
+                ["ids, sets and meshes by name are of cells, not of a skin; allowed: face, box, sphere"],
+            )
+    return mesh.skin.faces[chosen[mesh.skin.faces].all(axis=1)]
+
+
 def _on_side(mesh: HexMesh, side: Side) -> NDArray[np.bool_]:
-    axis, low = "xyz".index(side.value[0]), side.value[1] == "-"
-    coordinate, slack = mesh.vertices[:, axis], FACE_SLACK * mesh.size
-    if low:
-        return coordinate <= mesh.bounds[0, axis] + slack
-    return coordinate >= mesh.bounds[1, axis] - slack
+    return _at_end(mesh.vertices, side, FACE_SLACK * mesh.size)
+
+
+def _at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np.bool_]:
+    """Tell which points lie on a side of their bounding box."""
+    coordinate = points[:, "xyz".index(side.value[0])]
+    if side.value[1] == "-":
+        return coordinate <= coordinate.min() + slack
+    return coordinate >= coordinate.max() - slack
 
 
 def _inside(mesh: HexMesh, points: NDArray[np.float64], where: Box | Sphere) -> NDArray[np.bool_]:

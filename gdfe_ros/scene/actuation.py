@@ -29,9 +29,10 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
 from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.selection import select_skin
 from gdfe_ros.scene.actuator_schema import CableModel, DriveModel, GrowthModel, LoadModel, PlaceModel
 from gdfe_ros.scene.builder import select
-from gdfe_ros.scene.chambers import chamber
+from gdfe_ros.scene.chambers import chamber, on_skin
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.report import NO_VALUE, Report, suggest
@@ -179,17 +180,22 @@ def _load(
     if model.point is not None:
         point = _embedded(mesh, model.point.mesh, [model.point.at], path, report, key="at")
         return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))
-    quads = select(select_faces, mesh, model.surface.where, (*path, "where"), "boundary face", report)
+    traction, lined = model.surface.traction, mesh.filling is not None and mesh.skin is not None
+    if traction is not None and mesh.filling is not None and not lined:
+        text = (
+            "faces of cut cells are larger than the surface in them; remedy: `skin: {file: ...}`, which it acts on then"
+        )
+        report.add((*path, "traction"), f"{text}, give the whole `force`, or cells: whole")
+        return None
+    selector, noun = (select_skin, "triangle of the skin") if lined else (select_faces, "boundary face")
+    quads = select(selector, mesh, model.surface.where, (*path, "where"), noun, report)
     if quads is None:
         return None
-    traction = model.surface.traction
-    if traction is not None and mesh.filling is not None:
-        text = "faces of cut cells are larger than the surface in them; remedy: give the whole `force`, or cells: whole"
-        report.add((*path, "traction"), text)
-        return None
+    points, quads = on_skin(mesh.skin, quads[:, [0, 1, 2, 2]]) if lined else (None, quads)
     if traction is None:
-        traction = np.array(model.surface.force) / corner_areas(mesh.vertices, quads).sum()
-    return SurfaceLoad(name=name, quads=quads, traction=np.array(traction))
+        places = mesh.vertices if points is None else points.at(mesh.vertices)
+        traction = np.array(model.surface.force) / corner_areas(places, quads).sum()
+    return SurfaceLoad(name=name, quads=quads, traction=np.array(traction), points=points)
 
 
 def _gravity(

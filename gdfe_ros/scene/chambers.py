@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from gdfe_ros.actuators import Chamber, Embedding
 from gdfe_ros.mesh import HexMesh, select_faces
 from gdfe_ros.mesh.cavities import Cavity, find_cavities, open_edges, skin_cavities
 from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.actuator_schema import ChamberModel
 from gdfe_ros.scene.builder import select
@@ -66,9 +68,14 @@ def _lined_chamber(
     cavity, skin = _chosen(value, skin_cavities(mesh), "the skin", lack, path, report), mesh.skin
     if cavity is None:
         return None
-    used, quads = np.unique(cavity.quads, return_inverse=True)
-    points = Embedding(skin.corners[used] + first, skin.weights[used])
-    return Chamber(quads=quads.reshape(-1, 4).astype(np.int32), points=points, **common)
+    points, quads = on_skin(skin, cavity.quads)
+    return Chamber(quads=quads, points=replace(points, corners=points.corners + first), **common)
+
+
+def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray[np.int32]]:
+    """Return the points of a skin that some faces of it lie between, and the faces by their numbers among these."""
+    used, local = np.unique(quads, return_inverse=True)
+    return Embedding(skin.corners[used], skin.weights[used]), local.reshape(quads.shape).astype(np.int32)
 
 
 def _chosen(

@@ -20,7 +20,7 @@ SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, rem
 
 
 class SkinModel(Choice):
-    """A triangle surface that the cells carry, shown instead of their faces; chambers of cut cells act on it."""
+    """A triangle surface that the cells carry, shown for their faces; chambers and loads of cut cells act on it."""
 
     options: ClassVar[tuple[str, ...]] = ("scale",)
 

@@ -347,7 +347,8 @@ def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
             viewer.wait(lambda: "is being built" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
             surface = Surface(scene.mesh, scale=10.0)
             np.testing.assert_allclose(viewer.surface(), 10.0 * surface.outside.at(scene.mesh.vertices), atol=1e-6)
-            viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, 0.3]))
+            for height in (0.2, 0.3):
+                viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, height]))
             viewer.wait(lambda: viewer.notes, "a note")
             assert viewer.notes == ["the body is being built"]
             session = LiveSession(Simulation(scene), told=page.take, warn=page.say)
@@ -355,6 +356,7 @@ def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
             session.start()
             viewer.wait(lambda: "converged" in viewer.text() and "lower, tension [N]" in viewer.controls, "the run")
             assert "is being built" not in viewer.text()
+            assert len(viewer.notes) == 1
             viewer.wait(lambda: viewer.place("tip")[2] == 0.0, "the control back at its target")
     finally:
         if session is not None:

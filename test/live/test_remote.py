@@ -164,6 +164,19 @@ def test_the_program_is_played_to_a_node(shown: Callable[..., Shown]) -> None:
     viewer.wait(lambda: session._state.record.time < 0.5 and "plays" not in viewer.text(), "the reset")
 
 
+def test_a_program_that_leads_too_far_ends_with_a_note(shown: Callable[..., Shown], bar: str, tmp_path: Path) -> None:
+    """Play a program that leads the tip a hundred body sizes away: it ends where that begins, and the page goes on."""
+    scene = tmp_path / "far.yaml"
+    scene.write_text(bar.replace("translation: [0, 0, 0.02]", "translation: [0, 0, 10.0]"))
+    page = shown(scene=str(scene))
+    viewer, session = page.viewer, page.session
+    viewer.press("play the program")
+    viewer.wait(lambda: any("the program ends here" in note for note in viewer.notes), "a note")
+    viewer.press("reset")
+    viewer.wait(lambda: session._state.record.time < 0.5 and "plays" not in viewer.text(), "the reset")
+    assert session.failure is None
+
+
 def test_moduli_of_a_node_are_its_parameters(shown: Callable[..., Shown], tmp_path: Path) -> None:
     """Change a modulus on the page and beside it: the force changes, the page goes on; while a bag is written, not."""
     page = shown(bag_path=str(tmp_path / "bag"))

@@ -162,3 +162,23 @@ def test_a_traction_is_refused_and_a_force_is_taken(folder: Path) -> None:
     scene = load(folder, overrides={"loads": {"pull": {"surface": {"where": {"face": "x+"}, "force": [0.1, 0, 0]}}}})
     result = Simulation(scene).step(Command())
     assert result.reactions["base"][0] == pytest.approx(-0.1, rel=1e-4)
+
+
+@pytest.mark.parametrize("where", [{"face": "z+"}, {"box": {"z": [0.0084, 0.0086]}}])
+def test_a_traction_acts_on_the_skin(folder: Path, where: dict[str, object]) -> None:
+    """Press on the top of the rod's skin: its true area times the traction, and its moment about the base."""
+    press = {"where": where, "traction": [0.0, 0.0, -10.0]}
+    skin = "skin: {file: rod.stl}"
+    scene = load(folder, more=skin, overrides={"loads": {"press": {"surface": press}}})
+    forces = scene.loads[0].forces(scene.mesh.vertices, scene.mesh.cells)
+    total = 10.0 * 0.05 * 0.017
+    np.testing.assert_allclose(forces.sum(axis=0), [0.0, 0.0, -total], atol=1e-12)
+    top = np.array([0.0, 0.0, 0.0085])
+    np.testing.assert_allclose(
+        np.cross(scene.mesh.vertices, forces).sum(axis=0), np.cross(top, [0.0, 0.0, -total]), atol=1e-12
+    )
+    whole = {"surface": {"where": where, "force": [0.0, 0.0, -total]}}
+    other = load(folder, more=skin, overrides={"loads": {"press": whole}}).loads[0]
+    np.testing.assert_allclose(other.forces(scene.mesh.vertices, scene.mesh.cells), forces, atol=1e-15)
+    with pytest.raises(SceneError, match="name no part of a skin; allowed: face, box, sphere"):
+        load(folder, more=skin, overrides={"loads": {"press": {"surface": {**press, "where": {"vertices": [1]}}}}})

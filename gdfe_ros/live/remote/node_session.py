@@ -253,7 +253,11 @@ class NodeSession:
 
     def _keep(self, record: StepRecord) -> None:
         """Keep what a step has consumed; have the program command the next one."""
-        self._player.follow(record)
+        try:
+            self._player.follow(record)
+        except GdfeError as error:
+            self._player.stop()
+            self._warn(f"the program ends here: {error}")
         if record.begin is Begin.REST:
             self._commanded, self._led = {load.name: LOAD_FACTOR for load in self._scene.loads}, {}
         self._commanded = {**self._commanded, **record.actuators, **record.loads}
