@@ -22,6 +22,7 @@ from gdfe_ros.simulation import Simulation
 
 REFERENCE = Path(__file__).parents[1] / "test" / "data" / "reference" / "motion_drop.npz"
 OURS = (
+    ((5, 1, 1), "generalised_alpha", 0.05),
     ((10, 1, 1), "generalised_alpha", 0.02),
     ((20, 1, 1), "newmark", 0.01),
     ((20, 1, 1), "generalised_alpha", 0.01),
