@@ -240,7 +240,8 @@ def _load(
     if model.point is not None:
         point = _embedded(mesh, [model.point.at], (*path, "at"), report)
         return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))
-    traction, lined = model.surface.traction, mesh.filling is not None and mesh.skin is not None
+    traction = model.surface.traction
+    lined = traction is not None and mesh.filling is not None and mesh.skin is not None
     if traction is not None and mesh.filling is not None and not lined:
         text = (
             "faces of cut cells are larger than the surface in them; remedy: `skin: {file: ...}`, which it acts on then"
