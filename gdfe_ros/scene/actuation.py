@@ -254,8 +254,7 @@ def _load(
         return None
     points, quads = _on_skin(mesh, quads[:, [0, 1, 2, 2]]) if lined else (None, quads)
     if traction is None:
-        places = mesh.vertices if points is None else points.at(mesh.vertices)
-        traction = np.array(model.surface.force) / corner_areas(places, quads).sum()
+        traction = np.array(model.surface.force) / corner_areas(mesh.vertices, quads).sum()
     return SurfaceLoad(name=name, quads=quads, traction=np.array(traction), points=points)
 
 
