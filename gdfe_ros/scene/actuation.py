@@ -180,7 +180,8 @@ def _load(
     if model.point is not None:
         point = _embedded(mesh, model.point.mesh, [model.point.at], path, report, key="at")
         return None if point is None else PointLoad(name=name, point=point, force=np.array(model.point.force))
-    traction, lined = model.surface.traction, mesh.filling is not None and mesh.skin is not None
+    traction = model.surface.traction
+    lined = traction is not None and mesh.filling is not None and mesh.skin is not None
     if traction is not None and mesh.filling is not None and not lined:
         text = (
             "faces of cut cells are larger than the surface in them; remedy: `skin: {file: ...}`, which it acts on then"
@@ -193,8 +194,7 @@ def _load(
         return None
     points, quads = on_skin(mesh.skin, quads[:, [0, 1, 2, 2]]) if lined else (None, quads)
     if traction is None:
-        places = mesh.vertices if points is None else points.at(mesh.vertices)
-        traction = np.array(model.surface.force) / corner_areas(places, quads).sum()
+        traction = np.array(model.surface.force) / corner_areas(mesh.vertices, quads).sum()
     return SurfaceLoad(name=name, quads=quads, traction=np.array(traction), points=points)
 
 

@@ -177,8 +177,15 @@ def test_a_traction_acts_on_the_skin(folder: Path, where: dict[str, object]) -> 
     np.testing.assert_allclose(
         np.cross(scene.mesh.vertices, forces).sum(axis=0), np.cross(top, [0.0, 0.0, -total]), atol=1e-12
     )
-    whole = {"surface": {"where": where, "force": [0.0, 0.0, -total]}}
-    other = load(folder, more=skin, overrides={"loads": {"press": whole}}).loads[0]
-    np.testing.assert_allclose(other.forces(scene.mesh.vertices, scene.mesh.cells), forces, atol=1e-15)
     with pytest.raises(SceneError, match="name no part of a skin; allowed: face, box, sphere"):
         load(folder, more=skin, overrides={"loads": {"press": {"surface": {**press, "where": {"vertices": [1]}}}}})
+
+
+def test_a_whole_force_selects_faces_of_cells_beside_a_skin(folder: Path) -> None:
+    """Pull at faces that vertices name, with a skin and without: the same forces."""
+    ids = load(folder).mesh.surface()[0].tolist()
+    pull = {"loads": {"pull": {"surface": {"where": {"vertices": ids}, "force": [0.1, 0.0, 0.0]}}}}
+    made = [load(folder, more=more, overrides=pull) for more in ("", "skin: {file: rod.stl}")]
+    plain, skinned = (scene.loads[0].forces(scene.mesh.vertices, scene.mesh.cells) for scene in made)
+    np.testing.assert_array_equal(plain, skinned)
+    np.testing.assert_allclose(plain.sum(axis=0), [0.1, 0.0, 0.0], atol=1e-12)
