@@ -33,6 +33,7 @@ sensors: {left: {where: {mesh: left, face: x+}}, part: {where: {mesh: part}}}
 probes: {middle: {mesh: part, at: [0.01, 0, 0]}}
 dynamics: {scheme: bdf2, step: 0.01, damping: {viscosity: 500}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
+solver: {tolerance: 1.0e-5}
 """
 
 
@@ -47,7 +48,7 @@ def test_a_part_is_held_told_and_replayed(tmp_path: Path) -> None:
         assert scene.mesh.n_vertices == 3 * 27
         assert simulator.state.positions.shape == (81, 3)
         close = {"left": Pose((0.0015, 0.0, 0.0)), "right": Pose((-0.0015, 0.0, 0.0))}
-        for _ in range(25):
+        for _ in range(40):
             state = simulator.step(Command(handles=close))
         first = scene.mesh.parts["part"].first_vertex
         points = state.contacts

@@ -17,6 +17,7 @@ from gdfe_ros.solver.contact.contact_term import FAINT, PENALTY, ContactTerm
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PRESS, SHEAR, STRIDE, VERTICES
 from gdfe_ros.solver.contact.surface import SHAPE, Corners, Surface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
+from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Saved
@@ -159,6 +160,8 @@ class Contact(ContactTerm):
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]."""
         saved = state.terms[self.name]
+        if saved["press"] is self._free["press"]:
+            return NOTHING
         on = np.flatnonzero(saved["press"])
         if not len(on):
             return NOTHING
@@ -222,8 +225,7 @@ class Contact(ContactTerm):
         """Return how far [m] a point may have come since all distances were taken."""
         if self._seen is None:
             return np.inf
-        moved = positions - self._seen
-        longest = float(np.sqrt(np.einsum("ni,ni->n", moved, moved).max()))
+        longest = largest_distance(positions, self._seen)
         return TURNED * longest if isinstance(self._touched, RigidBody) or not self.on_body else longest
 
     def _take_none(self) -> None:
