@@ -177,7 +177,7 @@ def test_a_traction_acts_on_the_skin(folder: Path, where: dict[str, object]) -> 
     np.testing.assert_allclose(
         np.cross(scene.mesh.vertices, forces).sum(axis=0), np.cross(top, [0.0, 0.0, -total]), atol=1e-12
     )
-    with pytest.raises(SceneError, match="name no part of a skin; allowed: face, box, sphere"):
+    with pytest.raises(SceneError, match="not of a skin; allowed: face, box, sphere"):
         load(folder, more=skin, overrides={"loads": {"press": {"surface": {**press, "where": {"vertices": [1]}}}}})
 
 
