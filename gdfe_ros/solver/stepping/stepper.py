@@ -224,7 +224,8 @@ class Stepper:
     def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Goal) -> State:
         """Return a state in which obstacles are where they are commanded, and remember nothing of the body."""
         there = self.place(begin, begin.positions)
-        lost = {name: {**there.terms[name], "lost": last.terms[name]["lost"]} for name in names}
+        rubbed = {contact.name: last.terms[contact.name]["lost"] for contact in self.actuation.contacts}
+        lost = {name: {**there.terms[name], "lost": heat} for name, heat in rubbed.items()}
         poses = {**begin.poses, **{name: goal.poses[name] for name in names}}
         return there.with_(poses=poses, terms={**there.terms, **lost})
 
