@@ -18,8 +18,8 @@ def counts() -> set[int]:
 
 
 def test_a_slender_body_is_solved_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Allow two threads and take a step: each factor is made with one, and two are left after it."""
-    simulation, seen = Simulation(load_scene("drop")), []
+    """Allow two threads and take a step of a body with a band: each factor is made with one, two are left after it."""
+    simulation, seen = Simulation(load_scene("swinging_arm")), []
 
     def watched(factor: Band, blocks: object, *, original: Callable = Band.factor) -> bool:
         seen.append(counts())

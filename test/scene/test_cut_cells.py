@@ -83,12 +83,18 @@ actuators: {{air: {{chamber: {chamber}}}}}
 """
 
 
-def blown(folder: Path, *, cell: float, flip: bool = False) -> float:
-    """Blow up a hollow ball; return the change of the chamber's volume over Lame's."""
-    inside = trimesh.creation.icosphere(4, INNER)
+def hollow(folder: Path, *, detail: int = 4, flip: bool = False) -> trimesh.Trimesh:
+    """Write a hollow ball; return its inside."""
+    inside = trimesh.creation.icosphere(detail, INNER)
     if flip:
         inside.invert()
-    trimesh.util.concatenate([trimesh.creation.icosphere(4, OUTER), inside]).export(folder / "ball.stl")
+    trimesh.util.concatenate([trimesh.creation.icosphere(detail, OUTER), inside]).export(folder / "ball.stl")
+    return inside
+
+
+def blown(folder: Path, *, cell: float, flip: bool = False) -> float:
+    """Blow up a hollow ball; return the change of the chamber's volume over Lame's."""
+    inside = hollow(folder, flip=flip)
     (folder / "ball.yaml").write_text(BALL.format(cell=cell, skin="skin: {file: ball.stl}", chamber="{}"))
     simulation = Simulation(load_scene(folder / "ball.yaml"))
     before = simulation.actuator_states()["air"].extent
@@ -112,7 +118,8 @@ def test_a_chamber_of_cut_cells_blows_up_as_it_should(folder: Path) -> None:
 
 def test_a_chamber_of_cut_cells_is_rebuilt_without_its_file(folder: Path) -> None:
     """Take a blown up ball from its scene's own text: the same positions to the bit."""
-    blown(folder, cell=0.005)
+    hollow(folder, detail=3)
+    (folder / "ball.yaml").write_text(BALL.format(cell=0.005, skin="skin: {file: ball.stl}", chamber="{}"))
     scene = load_scene(folder / "ball.yaml")
     (folder / "ball.stl").unlink()
     command = Command(actuators={"air": PRESSURE})
@@ -131,7 +138,7 @@ def test_a_chamber_of_cut_cells_is_rebuilt_without_its_file(folder: Path) -> Non
 )
 def test_a_chamber_that_no_skin_bounds_is_refused(folder: Path, skin: str, chamber: str, expected: str) -> None:
     """Leave out the skin, name faces, another cavity, a skin without any: each is told with its remedy."""
-    blown(folder, cell=0.005)
+    hollow(folder, detail=2)
     trimesh.creation.icosphere(4, OUTER).export(folder / "full.stl")
     (folder / "ball.yaml").write_text(BALL.format(cell=0.005, skin=skin, chamber=chamber))
     with pytest.raises(SceneError, match=f"(?s:.*){expected}"):

@@ -73,8 +73,8 @@ def test_states_with_springs_are_saved_to_the_bit() -> None:
 
 
 def test_a_patch_that_changes_takes_few_iterations() -> None:
-    """Pull on where the notches have closed: 168 iterations at 9 N and 35 at 12 N while the tangent knew nothing."""
+    """Pull on where the notches have closed: 28 to 33 iterations a newton while the tangent knew nothing."""
     simulation, iterations = closed(), {}
-    for tension in (12.0, 15.0, 20.0):
+    for tension in (10.0, 11.0, 12.0, 13.0):
         iterations[tension] = simulation.step(Command(actuators={"flexor": tension})).iterations
-    assert max(iterations.values()) < 24, iterations
+    assert max(iterations.values()) < 18, iterations
