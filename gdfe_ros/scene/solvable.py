@@ -40,6 +40,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
         dynamics=scene.dynamics,
         self_contact=scene.self_contact,
         policy=settings.policy,
+        mesh=scene.mesh,
         cut=cut_key(scene.mesh),
     )
     if defects:
@@ -56,6 +57,10 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     if len(rigid) > 1 and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
         text = f"{', '.join(rigid)} may not come to rest on each other with {scene.dynamics.scheme.value}"
         notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
+    touching = scene.self_contact is not None or any(isinstance(handle, Obstacle) for handle in scene.handles)
+    if touching and scene.dynamics is not None and scene.dynamics.scheme is Scheme.GENERALISED_ALPHA:
+        text = "with generalised_alpha what hits something may leave with several times its energy"
+        notes.append(f"dynamics: {text}; remedy: scheme: bdf2")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
         notes.append("meshes: they pass through each other; remedy: self_contact: {friction: 0.5}")
     return notes
@@ -71,12 +76,13 @@ def unsolvable(
     dynamics: Dynamics | None,
     policy: Policy,
     self_contact: SelfContact | None = None,
+    mesh: HexMesh | None = None,
     cut: tuple[str, ...] = (),
 ) -> list[tuple[tuple[str, ...], str]]:
     """Return why the parts of a scene do not go together: the key in a scene file, and a sentence.
 
     ``cell_material`` (m,) are places among the materials; without any, as where one is defective, no two are compared.
-    ``cut`` is the key of what fills cells in part, as of `cut_key`.
+    ``mesh`` is the body, if it is sound; ``cut`` the key of what fills cells in part, as of `cut_key`.
     """
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
@@ -84,7 +90,7 @@ def unsolvable(
         (("solver", "policy"), _forces(handles, actuators, loads, self_contact, policy)),
         *((("actuators", name), text) for name, text in held.items()),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
-        (("bodies",), _still(handles) if dynamics is None else _inside(handles)),
+        (("bodies",), _still(handles) if dynamics is None else _inside(handles, mesh)),
         (cut, _beside(handles, actuators, self_contact, policy) if cut else ""),
     ]
     return [(key, text) for key, text in found if text]
@@ -148,13 +154,18 @@ def _still(handles: Sequence[Handle]) -> str:
     return f"{names} can only move in time; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
 
 
-def _inside(handles: Sequence[Handle]) -> str:
-    """Say which rigid bodies begin inside of each other, or of obstacles; empty where none does."""
+def _inside(handles: Sequence[Handle], mesh: HexMesh | None) -> str:
+    """Say which rigid bodies begin inside of each other, of obstacles or of the body; empty where none does."""
     if not any(isinstance(handle, RigidBody) for handle in handles):
         return ""
-    from gdfe_ros.solver.contact.overlap import overlaps, placed_at_rest  # numba, for these scenes only
+    from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_at_rest  # numba, for these scenes only
 
-    return "; ".join(overlaps(placed_at_rest(handles)))
+    placed = placed_at_rest(handles)
+    found = list(overlaps(placed))
+    if mesh is not None:
+        rigid = [one for one in placed if isinstance(one.thing, RigidBody)]
+        found += [inside_surface(one, mesh.vertices, mesh.boundary.quads) for one in rigid]
+    return "; ".join(text for text in found if text)
 
 
 def _beside(

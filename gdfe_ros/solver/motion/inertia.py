@@ -114,7 +114,8 @@ class Inertia(Term):
         if PUSHED in saved:
             now = changed(now, acceleration=now.acceleration - saved[PUSHED])
         if saved["h"][0] != self._h:
-            now = Kinematics.started(x, now.velocity, now.acceleration, self._h, first=now.first)
+            # BDF2 starts anew: of two lengths in turn, a step before that was never made would make energy.
+            now = Kinematics.started(x, now.velocity, now.acceleration, self._h, first=True)
         rule, damping = Rule.of(self._dynamics, self._h, x, now), self._dynamics.mass_damping
         velocity, acceleration = self._followed(positions, x, now.velocity)
         factor = rule.kappa + damping * rule.theta

@@ -223,7 +223,7 @@ class MotionStepper:
 
     def _accepted(self, state: State, solution: Solution, h: float) -> State:
         accepted = self._equilibrium(h).accept(solution, state)
-        balance = accepted.balance or state.balance
+        balance = accepted.balance or self.actuation.balance(accepted.positions, accepted.commands)
         accepted = accepted.with_(unfinished=None, balance=balance, sound=True)
         accepted = self._impacts.stopped(state, accepted, h, self._equilibrium(h).actuation.contacts)
         if self._impulsive:

@@ -162,3 +162,18 @@ def test_bodies_that_begin_inside_of_something_are_refused() -> None:
                 scene_from_text(CUSHION, overrides=more)
         else:
             scene_from_text(CUSHION, overrides=more)
+
+
+def test_bodies_that_begin_inside_of_the_soft_body_are_refused() -> None:
+    """Let a box begin eight millimetres deep in the bar: how deep, and what to do."""
+    text = """
+name: deep
+mesh: {bar: {size: [0.06, 0.02, 0.02], cells: [6, 2, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}}
+bodies: {p: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.03, 0, 0.012]}}
+dynamics: {step: 0.005, scheme: bdf2}
+"""
+    with pytest.raises(SceneError, match=r"bodies.*body 'p' is 0\.008 m inside of the soft body.*remedy: "):
+        scene_from_text(text)
