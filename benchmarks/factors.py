@@ -21,11 +21,10 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.tangent.band import Band
-from gdfe_ros.solver.tangent.elimination import eliminated
-from gdfe_ros.solver.tangent.factor import Factor, factor_for
+from gdfe_ros.solver.tangent.factor import Factor, factor_for, least_filled
 from gdfe_ros.solver.tangent.fronts import Fronts
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.ordering import least_degree, narrow_order
+from gdfe_ros.solver.tangent.ordering import narrow_order
 
 REPEATS = 21
 HEADINGS = (
@@ -55,15 +54,15 @@ def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray) -> dict[str, 
     count, graph = level._assembly.free, level._assembly.graph()[: level._assembly.free, : level._assembly.free].tocsr()
     blocks = level._loaded.blocks[level._among_free]
     narrow, points = narrow_order(graph, mesh.vertices[free]), mesh.vertices[free]
-    found = min((eliminated(graph, order) for order in (narrow, least_degree(graph))), key=lambda each: each.work)
-    kinds: tuple[Factor, Factor] = Band(graph, narrow), Fronts(graph, found)
+    band, found = Band(graph, narrow), least_filled(graph, narrow)
+    kinds: tuple[Factor, Factor] = band, Fronts(graph, found)
     right = np.random.default_rng(0).standard_normal(3 * count)
     factors = [[_seconds(lambda kind=kind: kind.factor(blocks)) for kind in kinds] for _ in range(REPEATS)]
     solves = [[_seconds(lambda kind=kind: kind.solve(right)) for kind in kinds] for _ in range(REPEATS)]
     return {
         "unknowns": 3 * count,
         "taken": type(factor_for(graph, points)).__name__,
-        "entries": [kinds[0].work / kinds[0].width, 9.0 * found.entries],
+        "entries": [3.0 * count * band.width, 9.0 * found.entries],
         "factor": [median(each) for each in zip(*factors, strict=True)],
         "solve": [median(each) for each in zip(*solves, strict=True)],
     }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cholesky factors in a band, by LAPACK: what a straight body of few cells across needs."""
+"""Cholesky factors in a band, by LAPACK: where a factor is much work, and its band has hardly any zeros."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ class Band:
 
     Attributes:
         width: entries of a column from the diagonal on.
-        work: multiplications of a factor.
         price: of a factor, in solutions.
     """
 
@@ -33,7 +32,7 @@ class Band:
         self._size, self.width = 3 * len(order), int(lower.max(initial=0)) + 1
         self._order = (3 * order[:, None] + axes).ravel()
         self._place = columns.ravel()[self._below] * self.width + lower
-        self.work, self.price = self._size * self.width**2, self.width // 8
+        self.price = self.width // 8
         self._factor = np.zeros((self.width, 0), order="F")
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:

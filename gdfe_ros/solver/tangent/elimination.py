@@ -30,7 +30,6 @@ class Elimination(NamedTuple):
         rows: (r,) places of the rows of all supernodes, each one's ascending, those of its own vertices first.
         row_start: (s + 1,) where each one's rows begin.
         parent: (s,) supernode that each one changes; -1 for none.
-        inside: (r,) where each row beyond its own stands among the parent's rows; -1 elsewhere.
     """
 
     order: NDArray[np.int64]
@@ -38,36 +37,53 @@ class Elimination(NamedTuple):
     rows: NDArray[np.int64]
     row_start: NDArray[np.int64]
     parent: NDArray[np.int64]
-    inside: NDArray[np.int64]
 
     @property
     def entries(self) -> int:
         """Number of entries of the factor, vertex by vertex."""
-        return int(self._widths @ self._heights)
+        return int(self.widths @ self.heights)
 
     @property
     def work(self) -> int:
         """Multiplications of a factor, vertex by vertex."""
-        return int(self._widths @ self._heights**2)
+        return int(self.widths @ self.heights**2)
 
     @property
-    def _widths(self) -> NDArray[np.int64]:
+    def widths(self) -> NDArray[np.int64]:
+        """Number (s,) of each supernode's own vertices."""
         return np.diff(self.first)
 
     @property
-    def _heights(self) -> NDArray[np.int64]:
+    def heights(self) -> NDArray[np.int64]:
+        """Number (s,) of each supernode's rows."""
         return np.diff(self.row_start)
+
+    @property
+    def owner(self) -> NDArray[np.int64]:
+        """Supernode (r,) of each row."""
+        return np.repeat(np.arange(len(self.parent)), self.heights)
+
+    def stand(self, nodes: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return where ``rows`` (k,) stand among those of supernodes ``nodes`` (k,)."""
+        size = len(self.order)
+        return np.searchsorted(self.owner * size + self.rows, nodes * size + rows) - self.row_start[nodes]
+
+    def inside(self) -> NDArray[np.int64]:
+        """Return where each row (r,) beyond a supernode's own stands among its parent's; -1 elsewhere."""
+        owner = self.owner
+        upper = self.parent[owner]
+        beyond = (self.rows >= self.first[owner + 1]) & (upper >= 0)
+        found = np.full(len(self.rows), -1)
+        found[beyond] = self.stand(upper[beyond], self.rows[beyond])
+        return found
 
 
 @kernel
-def elimination_tree(indptr, indices, rank):
+def elimination_tree(indptr, indices, order, rank):
     """Return the parent (f,) of each column in the elimination tree; -1 for a root."""
-    count = len(rank)
-    parent, ancestor, column_of = np.full(count, -1), np.full(count, -1), np.empty(count, np.int64)
-    for vertex in range(count):
-        column_of[rank[vertex]] = vertex
-    for column in range(count):
-        vertex = column_of[column]
+    parent, ancestor = np.full(len(order), -1), np.full(len(order), -1)
+    for column in range(len(order)):
+        vertex = order[column]
         for k in range(indptr[vertex], indptr[vertex + 1]):
             row = rank[indices[k]]
             while row != -1 and row < column:
@@ -108,15 +124,12 @@ def postorder(parent):
 
 
 @kernel
-def column_heights(indptr, indices, rank, parent):
+def column_heights(indptr, indices, order, rank, parent):
     """Return the number (f,) of entries of each column of the factor, its diagonal included."""
-    count = len(rank)
-    height, mark, column_of = np.ones(count, np.int64), np.full(count, -1), np.empty(count, np.int64)
-    for vertex in range(count):
-        column_of[rank[vertex]] = vertex
-    for row in range(count):
+    height, mark = np.ones(len(order), np.int64), np.full(len(order), -1)
+    for row in range(len(order)):
         mark[row] = row
-        for k in range(indptr[column_of[row]], indptr[column_of[row] + 1]):
+        for k in range(indptr[order[row]], indptr[order[row] + 1]):
             column = rank[indices[k]]
             while column < row and mark[column] != row:
                 height[column] += 1
@@ -200,17 +213,11 @@ def structure(indptr, indices, order, rank, first, row_start, parent):
 def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> Elimination:
     """Return what eliminating the vertices of a symmetric graph (f, f) in an order (f,) fills."""
     indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
-    order = order[postorder(elimination_tree(indptr, indices, np.argsort(order)))]
-    rank, size = np.argsort(order), len(order)
-    parent = elimination_tree(indptr, indices, rank)
-    first, heights = merge(parent, column_heights(indptr, indices, rank, parent), SLACK, NARROW)
+    order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]
+    rank = np.argsort(order)
+    parent = elimination_tree(indptr, indices, order, rank)
+    first, heights = merge(parent, column_heights(indptr, indices, order, rank, parent), SLACK, NARROW)
     row_start = np.concatenate([[0], np.cumsum(heights)])
     rows, above = structure(indptr, indices, order, rank, first, row_start, parent)
-    owner = np.repeat(np.arange(len(heights)), heights)
-    names = np.sort(owner * size + rows)
-    rows = names % size if size else rows
-    beyond = (rows >= first[owner + 1]) & (above[owner] >= 0)
-    inside = np.full(len(rows), -1)
-    upper = above[owner[beyond]]
-    inside[beyond] = np.searchsorted(names, upper * size + rows[beyond]) - row_start[upper]
-    return Elimination(order, first, rows, row_start, above, inside)
+    ascending = np.lexsort((rows, np.repeat(np.arange(len(heights)), heights)))
+    return Elimination(order, first, rows[ascending], row_start, above)

@@ -10,9 +10,9 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.tangent.band import Band
-from gdfe_ros.solver.tangent.elimination import eliminated
+from gdfe_ros.solver.tangent.elimination import Elimination, eliminated
 from gdfe_ros.solver.tangent.fronts import Fronts
-from gdfe_ros.solver.tangent.ordering import least_degree, narrow_order
+from gdfe_ros.solver.tangent.ordering import least_degree, narrow_order, spread
 
 PACE = 1.7
 """Multiplications of LAPACK's band in the time of one in a front, on a processor with AVX-512."""
@@ -45,6 +45,11 @@ def factor_for(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> Factor:
         points: (f, 3) vertices [m].
     """
     narrow = narrow_order(graph, points)
-    found = min((eliminated(graph, order) for order in (narrow, least_degree(graph))), key=lambda each: each.work)
-    band = Band(graph, narrow)
-    return band if FEW < band.work <= PACE * 27 * found.work else Fronts(graph, found)
+    found = least_filled(graph, narrow)
+    banded = 3 * len(points) * (3 * spread(graph, narrow) + 3) ** 2
+    return Band(graph, narrow) if FEW < banded <= PACE * 27 * found.work else Fronts(graph, found)
+
+
+def least_filled(graph: sparse.csr_matrix, narrow: NDArray[np.int64]) -> Elimination:
+    """Return what is eliminated with less work, in the ``narrow`` order (f,) or in that of minimum degree."""
+    return min((eliminated(graph, order) for order in (narrow, least_degree(graph))), key=lambda each: each.work)

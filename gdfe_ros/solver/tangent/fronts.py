@@ -151,7 +151,7 @@ class Fronts:
     """
 
     def __init__(self, graph: sparse.csr_matrix, found: Elimination) -> None:
-        widths, heights = np.diff(found.first), np.diff(found.row_start)
+        widths, heights = found.widths, found.heights
         self.price = round(3 * found.work / max(1, 8 * found.entries))
         room = 3 * int(heights.max(initial=0))
         inner = found.parent >= 0
@@ -161,7 +161,7 @@ class Fronts:
             found.first,
             found.row_start,
             found.rows,
-            found.inside,
+            found.inside(),
             children,
             _starts(np.bincount(found.parent[inner], minlength=len(widths))),
             part_start,
@@ -196,9 +196,7 @@ def _parts(graph: sparse.csr_matrix, found: Elimination) -> tuple[NDArray[np.int
     owner = np.searchsorted(found.first, row[taken], side="right") - 1
     taken = taken[np.argsort(owner, kind="stable")]
     owner = np.sort(owner)
-    size = graph.shape[0]
-    names = np.repeat(np.arange(len(found.first) - 1), np.diff(found.row_start)) * size + found.rows
-    place = np.searchsorted(names, owner * size + column[taken]) - found.row_start[owner]
+    place = found.stand(owner, column[taken])
     parts = np.stack([taken, 3 * (row[taken] - found.first[owner]), 3 * place], axis=1)
     return parts, _starts(np.bincount(owner, minlength=len(found.first) - 1))
 

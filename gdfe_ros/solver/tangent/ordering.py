@@ -30,20 +30,18 @@ def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArr
     along = np.round(along / max(float(np.abs(along).max()), 1e-300), DIGITS)
     orders = [np.lexsort((along[:, (k + 2) % 3], along[:, (k + 1) % 3], along[:, k])) for k in range(3)]
     orders.append(reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64))
-    return min(orders, key=lambda order: _width(graph, order))
+    return min(orders, key=lambda order: spread(graph, order))
 
 
 def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
     """Return an order (f,) by minimum degree, SuperLU's: good for bodies that branch."""
-    if not graph.shape[0]:
-        return np.zeros(0, np.int64)
     links = sparse.csr_matrix((np.ones(len(graph.indices)), graph.indices, graph.indptr), shape=graph.shape)
     definite = (sparse.diags_array(np.diff(graph.indptr) + 1.0) - links).tocsc()
     options = {"SymmetricMode": True}
     return np.argsort(splu(definite, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).perm_c)
 
 
-def _width(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> int:
+def spread(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> int:
     """Return the largest distance of neighbours in an order."""
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
