@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 #: Local vertices of the six faces of a VTK hexahedron, counter-clockwise seen from outside the cell.
 HEX_FACES = np.array(
@@ -86,3 +88,10 @@ def enclosed_volume(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> 
     a, b, c, d = np.moveaxis(vertices[quads] - vertices[quads[0, 0]], 1, 0)
     cuts = ((a, b, c), (a, c, d), (a, b, d), (b, c, d))
     return float(sum(np.einsum("ij,ij", p, np.cross(q, r)) for p, q, r in cuts) / 12)
+
+
+def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:
+    """Return the piece of each of ``count`` vertices (n,): what cells or faces (m, c) connect, numbered from 0."""
+    row, column = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
+    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int32)

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.shape import aspect_ratios, cell_volumes, scaled_jacobians
 
@@ -178,14 +177,6 @@ def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[n
         close = np.linalg.norm(points[first] - points[second], axis=1) <= tolerance
         pairs.append(np.stack([first[close], second[close]], axis=1))
     return np.sort(np.concatenate(pairs), axis=1) if pairs else np.zeros((0, 2), dtype=np.int64)
-
-
-def vertex_pieces(cells: NDArray[np.int32], count: int) -> NDArray[np.int32]:
-    """Return the piece of each of ``count`` vertices (n,): what cells (m, 8) connect, numbered from 0."""
-    row = np.repeat(cells[:, 0], 7)
-    column = cells[:, 1:].ravel()
-    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int32)
 
 
 def _named(what: str, mask: NDArray[np.bool_], remedy: str) -> list[str]:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+
+from gdfe_ros.mesh.faces import vertex_pieces
 
 #: Pairs of a triangle and a column of the grid that are looked at together.
 _CHUNK = 2_000_000
@@ -63,10 +63,7 @@ def shells(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Shell
 
 def shell_numbers(n: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     """Number the connected pieces of a surface between ``n`` vertices, (t,); in the order of `Shells`."""
-    row, column = triangles[:, [0, 0]].ravel(), triangles[:, 1:].ravel()
-    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(n, n))
-    part = connected_components(graph, directed=False)[1][triangles[:, 0]]
-    return np.unique(part, return_inverse=True)[1]
+    return np.unique(vertex_pieces(triangles, n)[triangles[:, 0]], return_inverse=True)[1]
 
 
 def points_inside(

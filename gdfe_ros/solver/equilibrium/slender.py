@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.quality import vertex_pieces
+from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.certified import CertifiedMinimiser
 from gdfe_ros.solver.descent.products import TangentProducts
