@@ -14,8 +14,8 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 PYTHON ?= python3
 SCENE  ?= bend5
-# Workers of the tests, two a core: many tests wait for other processes.
-JOBS   ?= 4
+# Workers of the tests, three for each of two cores: many tests wait for other processes.
+JOBS   ?= 6
 PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 # With a ROS 2 sourced, its rclpy serves and the wheels are left out; the stamp's name remembers which it was.

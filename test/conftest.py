@@ -25,7 +25,18 @@ settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCh
 settings.load_profile("busy")
 _LOCKS: list[socket.socket] = []
 TESTS = Path(__file__).parent
-WAITING = ("packaging", "examples", "node", "testing", "launch", "analysis", "recording", "benchmarks", "commands")
+WAITING = (
+    "live",
+    "packaging",
+    "examples",
+    "node",
+    "testing",
+    "launch",
+    "analysis",
+    "recording",
+    "benchmarks",
+    "commands",
+)
 """Rooms whose tests wait for other processes: begun first, those that compute fill the gaps and the end."""
 LONG = ("test_same_bits", "test_same_equilibrium", "test_sample", "test_robots", "test_folds", "test_threads")
 """Files that compute longest: begun before the others, lest one is left over when all workers but one are done."""

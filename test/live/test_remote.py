@@ -256,8 +256,10 @@ def test_a_node_that_is_not_configured_is_told() -> None:
     """Start a node that stays unconfigured: it is said while it is waited for, and at the end, and what to do."""
     there = "is not configured; remedy: ros2 lifecycle set /gdfe_sim configure"
     said: list[str] = []
-    with NodeProcess({**OTHER, "autostart": False}), pytest.raises(GdfeError, match=there):
-        NodeSession("gdfe_sim", patience=30.0, say=said.append)
+    with NodeProcess({**OTHER, "autostart": False}) as process, Link(process, "/gdfe_sim", {}, patience=120.0) as link:
+        link.wait_for_services()
+        with pytest.raises(GdfeError, match=there):
+            NodeSession("gdfe_sim", patience=5.0, say=said.append)
     assert "the node /gdfe_sim is unconfigured; it tells of its scene after: ros2 lifecycle set" in said[0]
 
 

@@ -14,7 +14,7 @@ from gdfe_ros.materials.material import Law
 from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.history import HistoryKeeper
-from gdfe_ros.solver.descent.workspace import Workspace, allocate, allocate_part, numbers
+from gdfe_ros.solver.descent.workspace import End, Workspace, allocate, allocate_part, numbers
 from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns
@@ -22,6 +22,7 @@ from gdfe_ros.solver.settings import Skip
 
 LEAST_BLOCKS = 25
 """Blocks of elements that a thread has to have for it to pay."""
+_ENDS = tuple(End)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +115,11 @@ class ActiveSet(Movable):
     def status(self) -> np.void:
         """The workspace's numbers."""
         return numbers(self.workspace)
+
+    @property
+    def ended(self) -> End:
+        """Why the last descent could not go on."""
+        return _ENDS[self.status["ended"]]
 
     @cached_property
     def turning(self) -> NDArray[np.bool_] | None:

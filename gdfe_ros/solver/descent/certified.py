@@ -70,13 +70,12 @@ class CertifiedMinimiser(TangentMinimiser):
 
         Where the distance is ``known`` but for the last update of multipliers, one such step is enough.
         """
-        status, used = task.active.status, 0
-        nothing = NEAR * target / CONTRACTION
+        used, nothing = 0, NEAR * target / CONTRACTION
         before = np.inf if known else nothing
         while True:
             went = self._run(task, target, limit - used)
             used += went.iterations
-            if went.cut or self.lost or status["ended"] == End.RUNAWAY:
+            if went.cut or self.lost or task.active.ended is End.RUNAWAY:
                 return Descended(used, went.cut)
             found = self._ask(task, target)
             self._distance = found.distance

@@ -7,7 +7,6 @@ import threading
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +141,7 @@ class Minimiser:
         while not ended.cut and self._lag(task.active) > tolerance and used < limit and not past(task.deadline):
             ended = run(task, target, floor, PATIENT_ITERATIONS, limit - used)
             used += ended.iterations
-            if not ended.iterations or task.active.status["ended"] != End.NONE:
+            if not ended.iterations or task.active.ended is not End.NONE:
                 break
         if task.active.status["pending"]:
             quasi_newton.take_products(task.active.workspace)
@@ -152,7 +151,7 @@ class Minimiser:
         """Return the estimated largest distance to the equilibrium over the body's size."""
         work, status, size = active.workspace, active.status, self._body.size
         distance = float(status["distance"]) / (SAFETY * size)
-        if status["ended"] != End.EXHAUSTED:
+        if active.ended is not End.EXHAUSTED:
             distance = max(distance, float(way_left(work)) / size)
         return max(distance, self._lag(active))
 
@@ -164,39 +163,44 @@ class Minimiser:
         """Tell whether the energy has no lower bound."""
         work = active.workspace
         far = not largest_shift(work.x, self._body.rest) <= FARTHEST * self._body.size
-        return bool(far or active.status["ended"] == End.RUNAWAY)
+        return far or active.ended is End.RUNAWAY
 
     def _run_dense(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
-        """Iterate with the explicit inverse."""
-        iterate = partial(quasi_newton.descend, task.problem, task.active.workspace, task.coupling)
-        return self._run_compiled(task, iterate, target, floor, least, limit, CHUNK)
+        """Iterate with the explicit inverse; at the first ``least`` iterations only the ``floor`` ends it."""
+        given = task.problem, task.active.workspace, task.coupling, floor
+
+        def iterate(done: int, most: int) -> int:
+            return quasi_newton.descend(*given, least - done, target, most)
+
+        return self._run_compiled(task, iterate, limit, least=least, chunk=CHUNK)
 
     def _run_kept(self, task: Task, target: float, limit: int, *, prepared: bool) -> Descended:
         """Iterate with a kept tangent; where it is ``prepared``, the first step is preconditioned."""
         work = task.active.workspace
         if not prepared:
             task.precondition(work.gradient, work.step)
-        iterate = partial(quasi_newton.descend_kept, task.problem, work, task.level.kept)
+
+        def iterate(done: int, most: int) -> int:
+            return quasi_newton.descend_kept(task.problem, work, task.level.kept, target, most)
+
         with nullcontext() if task.problem.threads is None else _TEAM:
-            return self._run_compiled(task, iterate, target, target, 0, limit, 1)
+            return self._run_compiled(task, iterate, limit, least=0, chunk=1)
 
     def _run_compiled(
-        self,
-        task: Task,
-        iterate: Callable[[float, int], int],
-        target: float,
-        floor: float,
-        least: int,
-        limit: int,
-        chunk: int,
+        self, task: Task, iterate: Callable[[int, int], int], limit: int, *, least: int, chunk: int
     ) -> Descended:
-        """Iterate many times in one compiled call, at most ``chunk`` times where there is a deadline."""
+        """Iterate many times in one compiled call; where there is a deadline, ``least`` times, and ``chunk`` at once.
+
+        ``iterate`` is told how many iterations were made and how many it may make, and returns how many it made.
+        """
         work, done = task.active.workspace, 0
         self._show(work, begins=True)
         while done < limit:
-            most = least - done if done < least else chunk if task.deadline else limit
-            most = 1 if self.observer else min(most, limit - done)
-            used = iterate(floor if done < least else target, most)
+            most = limit - done
+            if task.deadline:
+                most = min(most, least - done if done < least else chunk)
+            most = 1 if self.observer else most
+            used = iterate(done, most)
             self._show(work, begins=False)
             done += used
             if used < most:

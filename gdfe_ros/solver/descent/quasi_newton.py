@@ -272,14 +272,17 @@ def advance(problem, work, target, first):
 
 
 @kernel
-def descend(problem, work, coupling, target, limit):
-    """Iterate with the explicit inverse until the quasi-Newton step is at most ``target`` [m]; return iterations."""
+def descend(problem, work, coupling, floor, least, target, limit):
+    """Iterate with the explicit inverse until the quasi-Newton step is at most ``target`` [m]; return iterations.
+
+    The first ``least`` iterations end it at the ``floor`` [m] only.
+    """
     apply_inverse(work.gradient, coupling, work.step)
     # Not the literal: numba would compile a copy of `advance` for it, or use the one that there is, and the two round
     # differently. What a solve gives must not depend on which was compiled first.
     first = limit < 0
     for iteration in range(limit):
-        if advance(problem, work, target, first):
+        if advance(problem, work, floor if iteration < least else target, first):
             return iteration
         apply_inverse(work.gradient, coupling, work.step)
         remember(work)

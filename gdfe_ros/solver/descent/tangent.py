@@ -149,7 +149,7 @@ class TangentMinimiser(Minimiser):
             self._prepared = True
             used, self._work = used + went.iterations, self._work + went.iterations
             # An almost singular tangent asks for a step beyond all reach; the energy need not be unbounded for that.
-            astray = status["ended"] == End.RUNAWAY and status["blocked"] == 0
+            astray = task.active.ended is End.RUNAWAY and status["blocked"] == 0
             if not (went.cut or astray) or used >= limit or past(task.deadline):
                 return Descended(used, went.cut)
             self._tangents += 1

@@ -164,13 +164,14 @@ class Solve:
             aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(tolerance, fine)}
             went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
-            runaway = status["ended"] == End.RUNAWAY or (status["ended"] != End.NONE and status["blocked"] > 0)
+            ended = active.ended
+            runaway = ended is End.RUNAWAY or (ended is not End.NONE and bool(status["blocked"]))
             failed = went.cut or runaway or self._minimiser.lost
             updates |= not failed and self._actuation.reached(active.workspace.x)
             if failed or not updates:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
-            last = inner == tolerance or status["ended"] != End.NONE
+            last = inner == tolerance or ended is not End.NONE
             quiet = self._settled and went.iterations == 0
             self._settled = self._update(active, still=went.iterations == 0) and last
             if self._settled and (quiet or not self._minimiser.certified):
@@ -235,7 +236,7 @@ class Solve:
             ),
             iterations=self.iterations,
             cut=self._cut and not converged,
-            exhausted=bool(active.status["ended"] == End.EXHAUSTED) and not converged,
+            exhausted=active.ended is End.EXHAUSTED and not converged,
             lost=self._minimiser.lost and not converged,
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,

@@ -88,7 +88,6 @@ class Stepper:
         goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
         if unreachable := self._unreachable(state, goal):
             return _refused(state, unreachable)
-        doubtful = state.suspect or not (state.tried or np.array_equal(state.positions, self.body.rest))
         march, suspect, tried = self._march(state, goal), state.suspect, state.tried
         unfinished = march.state.unfinished
         given_up = unfinished is None or unfinished.iterations >= self.equilibrium.patience
@@ -98,7 +97,7 @@ class Stepper:
             march = _after(again if again.sound else march, march, again)
         if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
             march = self._let_go(march, goal, state)
-        if (suspect or (march.inverted and doubtful)) and not past(deadline):
+        if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
             march, suspect, tried = self._better_from_rest(march, goal), False, True
         if march.inverted:
             text = f"folded or inverted elements, least volume ratio {march.state.summary.min_det:.3g}; {UNFOLD}"
@@ -130,6 +129,10 @@ class Stepper:
     def energies(self, state: State) -> dict[str, float]:
         """Return nothing beside what the summary has."""
         return {}
+
+    def _displaced(self, state: State) -> bool:
+        """Tell whether the way from rest may lead elsewhere than the way from ``state``, and was not tried."""
+        return not (state.tried or np.array_equal(state.positions, self.body.rest))
 
     def _unreachable(self, state: State, goal: Goal) -> str:
         """Say which command no shape of the body can follow; empty where none is known."""
