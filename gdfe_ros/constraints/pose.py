@@ -54,9 +54,5 @@ class Pose:
 
     def blend(self, other: Pose, fraction: float) -> Pose:
         """Interpolate translation and rotation vector linearly: 0 gives this pose, 1 the other."""
-        start, end = (
-            np.array([self.translation, self.rotation]),
-            np.array([other.translation, other.rotation]),
-        )
-        translation, rotation = start + fraction * (end - start)
-        return Pose(tuple(translation), tuple(rotation))
+        pairs = (self.translation, other.translation), (self.rotation, other.rotation)
+        return Pose(*(tuple(a + fraction * (b - a) for a, b in zip(*pair, strict=True)) for pair in pairs))

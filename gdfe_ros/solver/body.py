@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,7 @@ class Body:
             self_contact,
         )
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of the mesh's vertices; behind them come those that rigid bodies are."""
         return int(self.cells.max()) + 1

@@ -17,7 +17,7 @@ from gdfe_ros.solver.descent import quasi_newton
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.lumps import find_lumps, largest_turn
 from gdfe_ros.solver.descent.stopping import way_left
-from gdfe_ros.solver.descent.workspace import End, Problem, Workspace, numbers
+from gdfe_ros.solver.descent.workspace import WINDOW, End, Problem, Workspace, numbers
 from gdfe_ros.solver.distance import largest_shift
 from gdfe_ros.solver.matrix.constant_matrix import Factorisation
 from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
@@ -28,6 +28,8 @@ SAFETY = 0.1
 """The quasi-Newton step falls short of the distance to the equilibrium by up to this factor on slender bodies."""
 PATIENT_ITERATIONS = 20
 """Iterations before the moments of hard lumps are looked at again."""
+LEARNED = 2
+"""Iterations over the pairs of a history after which one that was begun anew knows the softest modes."""
 FLOOR = 1e-3
 """Share of the tolerance at which even the least iterations are left out."""
 LEAST_FLOOR = 1e-9
@@ -106,7 +108,7 @@ class Minimiser:
         lost: the solve has given up.
     """
 
-    certified, lost = False, False
+    certified, lost, _unlearned = False, False, False
 
     def __init__(self, body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> None:
         self._body = body
@@ -120,6 +122,7 @@ class Minimiser:
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["seen"], work.recent[...] = -1 if warm else 0, 0.0
         status["ended"] = End.NONE
+        self._unlearned = False
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
         """Descend until the step is short enough and no hard lump lags behind.
@@ -127,7 +130,7 @@ class Minimiser:
         At least one iteration is made, whatever the deadline, unless none is needed.
 
         Args:
-            task: what to descend in; its terms have been evaluated.
+            task: what to descend in; its terms are evaluated where the unknowns are.
             tolerance: estimated largest distance to the equilibrium over the body's size.
             final: the tolerance of the whole solve; what is below a small share of it needs no iteration at all.
             least: iterations to make at least.
@@ -135,9 +138,14 @@ class Minimiser:
         """
         target = SAFETY * tolerance * self._body.size
         floor = min(target, max(FLOOR * SAFETY * final, LEAST_FLOOR) * self._body.size)
-        run = self._run_dense if task.active.matrix.kind is Factorisation.DENSE else self._run_stepwise
-        descended = run(task, target, floor, least, limit)
-        used, ended = descended.iterations, descended
+        dense = task.active.matrix.kind is Factorisation.DENSE
+        run = self._run_dense if dense else self._run_stepwise
+        ended = self._run_anew(task, target, floor, least, limit)
+        used = ended.iterations
+        if self._misled(task, target) and used < limit and not past(task.deadline):
+            self._unlearned = True
+            ended = self._run_anew(task, target, floor, LEARNED * len(task.active.workspace.row), limit - used)
+            used += ended.iterations
         while not ended.cut and self._lag(task.active) > tolerance and used < limit and not past(task.deadline):
             ended = run(task, target, floor, PATIENT_ITERATIONS, limit - used)
             used += ended.iterations
@@ -151,7 +159,7 @@ class Minimiser:
         """Return the estimated largest distance to the equilibrium over the body's size."""
         work, status, size = active.workspace, active.status, self._body.size
         distance = float(status["distance"]) / (SAFETY * size)
-        if active.ended is not End.EXHAUSTED:
+        if active.ended is not End.EXHAUSTED and status["seen"] >= 2 * WINDOW:
             distance = max(distance, float(way_left(work)) / size)
         return max(distance, self._lag(active))
 
@@ -165,12 +173,29 @@ class Minimiser:
         far = not largest_shift(work.x, self._body.rest) <= FARTHEST * self._body.size
         return far or active.ended is End.RUNAWAY
 
-    def _run_dense(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
+    def _misled(self, task: Task, target: float) -> bool:
+        """Tell whether a descent ended short of its target [m] with a history that may be made of rounding."""
+        short = task.active.ended is End.EXHAUSTED and float(task.active.status["distance"]) > target
+        return short and not self._unlearned
+
+    def _run_anew(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
+        """Evaluate the terms where the unknowns are, and iterate from there."""
+        if task.active.matrix.kind is Factorisation.DENSE:
+            return self._run_dense(task, target, floor, least, limit, evaluate=True)
+        task.evaluate()
+        return self._run_stepwise(task, target, floor, least, limit)
+
+    def _run_dense(
+        self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
+    ) -> Descended:
         """Iterate with the explicit inverse; at the first ``least`` iterations only the ``floor`` ends it."""
-        given = task.problem, task.active.workspace, task.coupling, floor
+        given, later = (task.problem, task.active.workspace, task.coupling, floor), evaluate
+        if evaluate and (self.observer or limit <= 0):
+            task.evaluate()
+            later = False
 
         def iterate(done: int, most: int) -> int:
-            return quasi_newton.descend(*given, least - done, target, most)
+            return quasi_newton.descend(*given, least - done, target, most, later and done == 0)
 
         return self._run_compiled(task, iterate, limit, least=least, chunk=CHUNK)
 

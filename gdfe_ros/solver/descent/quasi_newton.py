@@ -272,15 +272,15 @@ def advance(problem, work, target, first):
 
 
 @kernel
-def descend(problem, work, coupling, floor, least, target, limit):
+def descend(problem, work, coupling, floor, least, target, limit, evaluate):
     """Iterate with the explicit inverse until the quasi-Newton step is at most ``target`` [m]; return iterations.
 
-    The first ``least`` iterations end it at the ``floor`` [m] only.
+    Before ``least`` of them it is the ``floor`` [m]. The terms at the start are evaluated where they have yet to be.
     """
+    if evaluate:
+        advance(problem, work, target, evaluate)
     apply_inverse(work.gradient, coupling, work.step)
-    # Not the literal: numba would compile a copy of `advance` for it, or use the one that there is, and the two round
-    # differently. What a solve gives must not depend on which was compiled first.
-    first = limit < 0
+    first = limit < 0  # not the literal: numba would compile a copy of `advance` for it, and the two round differently
     for iteration in range(limit):
         if advance(problem, work, floor if iteration < least else target, first):
             return iteration
@@ -292,9 +292,8 @@ def descend(problem, work, coupling, floor, least, target, limit):
 @kernel
 def descend_kept(problem, work, kept, target, limit):
     """The same with a kept tangent; ``work.step`` holds the first preconditioned gradient."""
-    first = limit < 0
     for iteration in range(limit):
-        if advance(problem, work, target, first):
+        if advance(problem, work, target, limit < 0):
             return iteration
         solve_kept(kept, work.gradient, work.step)
         remember(work)

@@ -82,12 +82,13 @@ class TangentMinimiser(Minimiser):
         """Descend until the distance is within the tolerance.
 
         Args:
-            task: what to descend in; its terms have been evaluated.
+            task: what to descend in; its terms are evaluated where the unknowns are.
             tolerance: estimated largest distance to the equilibrium over the body's size.
             final: the tolerance of the whole solve.
             least: not needed.
             limit: most iterations.
         """
+        task.evaluate()
         target = min(tolerance, self._finest) * self._body.size
         known, self._prepared = self._distance <= target, False
         if self.tangent is None or self.tangent.spent >= self._worth:

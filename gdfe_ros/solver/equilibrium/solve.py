@@ -125,12 +125,17 @@ class Solve:
 
     def evaluate(self, active: ActiveSet, coupling: Coupling, *, threads: int | None) -> Task:
         """Place the unknowns and evaluate all terms there; return what descends from there."""
-        body = self._body
+        task = self._placed(active, coupling, threads)
+        task.evaluate()
+        return task
+
+    def _placed(self, active: ActiveSet, coupling: Coupling, threads: int | None) -> Task:
+        """Place the unknowns; return what descends from there."""
         blocks = self._operators.blocks if self._actuation.growths else active.blocks
         problem = Problem(
             self._operators.shape,
             blocks,
-            body.material,
+            self._body.material,
             self.pressures.values,
             self._scale,
             self.pressures.table,
@@ -139,16 +144,14 @@ class Solve:
             self._actuation.table,
             threads,
         )
-        task = Task(active, problem, coupling, self.problem.deadline, self._level)
         active.place(self._positions, self._base, self._slides, self.turns)
-        task.evaluate()
-        return task
+        return Task(active, problem, coupling, self.problem.deadline, self._level)
 
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
         """Descend, and update multipliers until they keep what they are to keep."""
         status, tolerance = active.status, self.problem.tolerance
         self._minimiser.begin(active, self.start, warm=self._warm)
-        task = self.evaluate(active, coupling, threads=threads)
+        task = self._placed(active, coupling, threads)
         updates = len(active.carried) or self._softens(active) or self._actuation.updates
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
         least = WARM_ITERATIONS if self._warm else COLD_ITERATIONS
@@ -182,7 +185,6 @@ class Solve:
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:
                 break
-            task.evaluate()
         self._inner = inner
 
     def measure(self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64]) -> None:

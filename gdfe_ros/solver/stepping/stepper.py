@@ -102,10 +102,12 @@ class Stepper:
         if march.inverted:
             text = f"folded or inverted elements, least volume ratio {march.state.summary.min_det:.3g}; {UNFOLD}"
             march = changed(march, converged=False, message=f"{march.message}; {text}".lstrip("; "))
-        summary, tried = march.state.summary, tried and not march.sound
-        if (summary.converged, summary.message) != (march.converged, march.message):
-            summary = changed(summary, converged=march.converged, message=march.message)
-        return changed(march, state=march.state.with_(summary=summary, suspect=suspect, tried=tried))
+        end, tried = march.state, tried and not march.sound
+        if (end.summary.converged, end.summary.message) != (march.converged, march.message):
+            end = end.with_(summary=changed(end.summary, converged=march.converged, message=march.message))
+        if (end.suspect, end.tried) != (suspect, tried):
+            end = end.with_(suspect=suspect, tried=tried)
+        return march if end is march.state else changed(march, state=end)
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m]; the handles stay where they are commanded.

@@ -122,7 +122,9 @@ class Actuation:
     @property
     def resolution(self) -> float:
         """To what share of the body's size descents must go for contact forces to be known; infinite without any."""
-        return max(FINEST, min((contact.resolution for contact in self.contacts), default=np.inf) / self._body.size)
+        if not self.contacts:
+            return np.inf
+        return max(FINEST, min(contact.resolution for contact in self.contacts) / self._body.size)
 
     @property
     def flaw(self) -> str:
