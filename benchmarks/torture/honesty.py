@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.torture.case import Case, Finding, Group
-from benchmarks.torture.slender_bodies import SLENDER_BODIES
+from benchmarks.torture.slender_bodies import FINGERS, SLENDER_BODIES, fork
 from gdfe_ros.scene import Scene, load_scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
@@ -64,6 +64,13 @@ def _bar(size: tuple[float, float, float], cells: tuple[int, int, int], sag: flo
 
 LINKS = "".join(f", {{material: hard, where: {{box: {{x: [{x}, {x + 0.04}]}}}}}}" for x in (0.0, 0.06, 0.12))
 LAYER = ", {material: hard, where: {box: {z: [-1, -0.0045]}}}"
+FORKS = {
+    "fork, right": (6.61e-05, 0.0032531, 0.003651),
+    "fork, middle": (0.0030709, 0.0057028, 0.000865),
+    "fork, left": (0.0057699, 0.0043487, 0.0032474),
+    "fork, far right": (0.0016613, 0.0009639, 0.0058196),
+}
+"""By how much [m] the cables of a fork are shortened in one step."""
 STOCKY = ("bend5", "twist90", "two_material_bar")
 STREAMS: Mapping[str, Stream] = {
     "bar 1:10": Stream(partial(_bar, (0.4, 0.04, 0.04), (40, 2, 2), 0.38), 50, 10),
@@ -80,6 +87,10 @@ STREAMS: Mapping[str, Stream] = {
         for name in ("tendon_finger", "gripper", "bending_tube", "pneunet", "three_chamber_arm")
     },
     **{name: Stream(scene, 50, 5) for name, scene in SLENDER_BODIES.items()},
+    **{
+        f"{name} in one step": Stream(partial(fork, dict(zip(FINGERS, pulls, strict=True))), 1, 1)
+        for name, pulls in FORKS.items()
+    },
     **{name: Stream(partial(load_scene, name), 50, 6) for name in STOCKY},
     "plate 1:100, fine": Stream(partial(_bar, (0.1, 0.1, 0.001), (100, 100, 1), 0.65), 100, 3),
 }

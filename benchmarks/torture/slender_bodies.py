@@ -96,6 +96,38 @@ def chain() -> Scene:
     return _scene(mesh, mesh.vertices[:, 0] == 0.0, -1.0, links)
 
 
+FORK = """
+name: fork
+mesh: {{embedded: {mesh}}}
+materials: {{soft: {{law: neo_hookean, young: 1.0e6, poisson: 0.45}}}}
+regions: [{{material: soft}}]
+handles: {{base: {{where: {{set: {clamp}}}, fixed: true}}}}
+actuators:
+{cables}
+solver: {{max_iterations: 5000}}
+program:
+  duration: 1.0
+  actuators: {{{pulls}}}
+"""
+FINGERS = {"left": -0.016, "middle": 0.0, "right": 0.016}
+"""Where the fingers of a fork lie across it [m]."""
+
+
+def fork(shortened: Mapping[str, float]) -> Scene:
+    """Return three fingers of forty times their thickness that are one body, with cables shortened by so much [m]."""
+    whole = bar((0.2, 0.036, 0.006), (50, 18, 2))
+    x, y, _ = np.floor(whole.vertices[whole.cells].mean(axis=1) / [0.004, 0.002, 0.003]).astype(int).T
+    mesh = keep_cells(whole, (x < 6) | (y < -7) | (y >= 7) | (y == -1) | (y == 0))
+    kept = HexMesh(mesh.vertices, mesh.cells, {}, {CLAMP: np.flatnonzero(mesh.vertices[:, 0] == 0.0)})
+    points = (0.004, 0.04, 0.08, 0.12, 0.16, 0.198)
+    cables = "\n".join(
+        f"  {name}: {{cable: {{points: {[[x, y, 0.002] for x in points]}, command: shortening}}}}"
+        for name, y in FINGERS.items()
+    )
+    pulls = ", ".join(f"{name}: [{{time: 1.0, value: {value}}}]" for name, value in shortened.items())
+    return scene_from_text(FORK.format(mesh=pack_mesh(kept), clamp=CLAMP, cables=cables, pulls=pulls))
+
+
 SLENDER_BODIES: Mapping[str, Callable[[], Scene]] = {
     "ring": ring,
     "helix": helix,

@@ -39,8 +39,8 @@ _VALUES = (
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """What a tree may be made of besides plain values."""
 
-_ADDED = {"ends", "ways"}
-"""Parts of a `Tangent` that archives of earlier states do not have: there were no springs in it."""
+_ADDED = {"ends", "ways", "exact"}
+"""Parts of a `Tangent` that archives of earlier states do not have."""
 
 
 class TreeError(ValueError):

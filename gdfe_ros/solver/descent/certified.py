@@ -79,7 +79,8 @@ class CertifiedMinimiser(TangentMinimiser):
                 return Descended(used, went.cut)
             found = self._ask(task, target)
             self._distance = found.distance
-            if found.known and found.distance <= min(target, CONTRACTION * before):
+            near = found.known and found.distance <= min(target, CONTRACTION * before)
+            if near and self.tangent.exact:
                 return Descended(used, cut=False)
             if used >= limit or (used > 0 and past(task.deadline)):
                 return Descended(used, cut=True)
@@ -87,9 +88,12 @@ class CertifiedMinimiser(TangentMinimiser):
             if self._unknown > MOST_UNKNOWN:
                 self.lost = True
                 return Descended(used, cut=False)
-            if found.definite and not found.known:
+            if near or (found.definite and not found.known):
+                # Soft motions that what was added to a tangent has stiffened hide from a few products with it.
                 self._take(task)
-                continue
+                found = self._probed(task) if near and not self.tangent.exact else found
+                if found.definite:
+                    continue
             step = found.step if found.known else self._away(found.step)
             if not self._follow(task, step):
                 return Descended(used, cut=False)
@@ -104,6 +108,16 @@ class CertifiedMinimiser(TangentMinimiser):
             self._shortfall = max(self._shortfall, found.distance / before)
         self._work += found.products
         return found
+
+    def _probed(self, task: Task) -> Estimate:
+        """Look for a direction of negative curvature at a state that no force leads away from, as at a saddle."""
+        self._product.begin(task)
+        gradient = task.active.workspace.gradient
+        probe, answer = np.random.default_rng(0).standard_normal(len(gradient)), np.empty_like(gradient)
+        self._level.solve(probe, answer)
+        found = estimate(self._product, probe, answer, self._level.solve, 0.0)
+        self._distance, self._unknown, self._work = np.inf, self._unknown + 1, self._work + found.products
+        return found._replace(step=-found.step) if gradient @ found.step > 0.0 else found
 
     def _away(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a step along a direction (3 r,) of negative curvature that is long enough to leave it."""

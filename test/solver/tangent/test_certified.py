@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is called converged, where a tangent that was stiffened, or a saddle, would have it so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.torture.honesty import FORKS, PROMISE
+from benchmarks.torture.slender_bodies import FINGERS, fork
+from gdfe_ros import Simulation
+from gdfe_ros.constraints import Pose
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.simulation import Command
+
+COLUMN = """
+name: column
+mesh: {bar: {size: [0.4, 0.008, 0.006], cells: [100, 2, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.45}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
+solver: {max_iterations: 5000}
+"""
+
+
+@pytest.mark.parametrize("name", FORKS)
+def test_a_fork_that_is_drawn_in_one_step_is_near_or_says_that_it_is_not(name: str) -> None:
+    """Draw three fingers at once, so far that tangents are stiffened: within the promise, or not converged."""
+    scene = fork(dict(zip(FINGERS, FORKS[name], strict=True)))
+    simulation, fine = Simulation(scene), Simulation(scene, settings=replace(scene.solver, tolerance=1e-8))
+    result = next(simulation.play(1))
+    if not result.converged:
+        assert np.isinf(result.residual)
+        return
+    fine.set_positions(result.positions)
+    true = next(fine.play(1))
+    assert true.converged, true.message
+    error = np.linalg.norm(result.positions - true.positions, axis=1).max() / simulation.mesh.size
+    assert error <= PROMISE * simulation.settings.tolerance
+
+
+@pytest.mark.parametrize("shorter", [1e-3, 4e-3])
+def test_a_column_does_not_stay_at_its_saddle(shorter: float) -> None:
+    """Press a straight column far beyond its buckling load in one step: it ends where one goes that is not straight."""
+    at_once, aside = Simulation(scene_from_text(COLUMN)), Simulation(scene_from_text(COLUMN))
+    aside.step(Command({"tip": Pose((-shorter, 0.0, 0.02))}))
+    shortened = Command({"tip": Pose((-shorter, 0.0, 0.0))})
+    result, bent = at_once.step(shortened), aside.step(shortened)
+    assert (result.converged, bent.converged) == (True, True)
+    assert result.energy == pytest.approx(bent.energy, rel=1e-3)
