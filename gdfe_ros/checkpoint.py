@@ -14,7 +14,7 @@ import hashlib
 import io
 import json
 import zipfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ _DAMAGED = (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError, OSErr
 def save_state(simulation: Simulation) -> bytes:
     """Return the state of a simulation, which does not change."""
     arrays: dict[str, NDArray[Any]] = {}
-    tree = to_tree(simulation.snapshot(), arrays)
+    tree = to_tree(replace(simulation.snapshot(), scene=""), arrays)
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr("head.json", json.dumps({"format": FORMAT, **_origin(simulation)}))
@@ -72,7 +72,7 @@ def load_state(simulation: Simulation, data: bytes) -> None:
         snapshot = from_tree(tree, arrays)
     except (*_DAMAGED, zipfile.zlib.error) as error:
         raise GdfeError(f"the state is damaged: {error!r}") from error
-    simulation.restore(snapshot)
+    simulation.restore(replace(snapshot, scene=simulation.scene.source))
 
 
 def _array(data: bytes) -> NDArray[Any]:

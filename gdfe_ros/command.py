@@ -18,6 +18,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.state import Snapshot
 
 FARTHEST = 1000.0
 """Body lengths, and turns, beyond which a pose is refused."""
@@ -118,6 +119,18 @@ class Orders:
             _require_pose(f"body {name!r}: the pose", pose)
             self._require_near(f"body {name!r} is put", pose)
         return places
+
+    def require_own(self, snapshot: Snapshot) -> None:
+        """Refuse a snapshot of another scene, whose forces are not those of this one where it looks the same.
+
+        Raises:
+            CommandError: materials, dynamics or anything else in its text differ.
+        """
+        if snapshot.scene != self._scene.source:
+            raise CommandError(
+                f"the snapshot is one of another scene than {self._scene.name!r}, or of one with another text; "
+                "remedy: restore it where it was taken, or begin from its shape with set_positions"
+            )
 
     def _require_near(self, what: str, pose: Pose) -> None:
         far = math.hypot(*pose.translation) / self._scene.mesh.size

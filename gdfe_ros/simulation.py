@@ -109,11 +109,14 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """Return all that changes, as a value; `restore` goes back to it."""
-        return Snapshot(state=self._state, time=self.time, targets=self.targets, commands=self.commands)
+        given = {"targets": self.targets, "commands": self.commands, "scene": self.scene.source}
+        return Snapshot(state=self._state, time=self.time, **given)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go to a snapshot of a simulation of the same scene."""
-        self._state = self._stepper.completed(snapshot.state)
+        """Go to a snapshot of a simulation of the same scene; that of another one is a `CommandError`."""
+        state = self._stepper.completed(snapshot.state)
+        self._orders.require_own(snapshot)
+        self._state = state
         self.time, self.result = snapshot.time, None
         self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)
 
@@ -197,8 +200,7 @@ class Simulation:
     def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
         """Have every iteration of the ``energy`` policy seen: energy [J], size of its terms [J], whether it begins.
 
-        Inside a descent the energy must not rise; a change of pressures or shares begins another one. The ``relative``
-        policy has no energy and calls nothing.
+        Inside a descent the energy must not rise; new pressures or scales begin another one. `relative` calls nothing.
         """
         self._stepper.equilibrium.observe(observer)
 
@@ -293,8 +295,6 @@ class Simulation:
         from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
 
         points = self._orders.probes(probes)
-        names = self.actuator_names if actuators is None else actuators
-        columns = jacobian(
-            self._stepper, self._state, points, [self._orders.actuator(name) for name in names], interrupted=interrupted
-        )
+        chosen = [self._orders.actuator(name) for name in (self.actuator_names if actuators is None else actuators)]
+        columns = jacobian(self._stepper, self._state, points, chosen, interrupted=interrupted)
         return np.stack(columns, axis=2) if columns else np.zeros((len(points), 3, 0))

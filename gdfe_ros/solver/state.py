@@ -289,11 +289,12 @@ class Snapshot:
     Attributes:
         state: of the body.
         time: simulation time [s].
-        targets: commanded poses, by handle.
-        commands: of actuators and loads, before rate limits.
+        targets, commands: poses by handle; values by actuator and load, before rate limits.
+        scene: text of the scene that it is of.
     """
 
     state: State
     time: float
     targets: Mapping[str, Pose]
     commands: Mapping[str, float]
+    scene: str = ""

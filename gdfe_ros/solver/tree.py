@@ -39,8 +39,8 @@ _VALUES = (
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """What a tree may be made of besides plain values."""
 
-_ADDED = {"ends", "ways", "exact"}
-"""Parts of a `Tangent` that archives of earlier states do not have."""
+_ADDED = {Tangent: {"ends", "ways", "exact"}, states.Snapshot: {"scene"}}
+"""Parts that archives of earlier states do not have, by class."""
 
 
 class TreeError(ValueError):
@@ -93,6 +93,6 @@ def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
     kind = _CLASSES[tree["class"]]
     given = {name: from_tree(item, arrays) for name, item in tree["fields"].items()}
     names = {item.name for item in fields(kind)} - ({"operators"} if kind is states.State else set())
-    if (set(given) ^ names) - (_ADDED if kind is Tangent else set()):
+    if (set(given) ^ names) - _ADDED.get(kind, set()):
         raise TreeError(f"{kind.__name__} has other parts: {sorted(set(given) ^ names)}")
     return kind(**given, operators=None) if kind is states.State else kind(**given)

@@ -30,4 +30,4 @@ def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
         summary=changed(old.summary, converged=False),
         ledger=changed(old.ledger, failure=None),
     )
-    return replace(moving, state=state)
+    return replace(moving, state=state, scene=fresh.scene)

@@ -205,9 +205,11 @@ def test_a_step_too_short_is_made_up_for_by_the_next(moving: Callable, short: fl
 
 
 def test_a_snapshot_of_another_scene_is_refused(moving: Callable) -> None:
-    """Restore one of another body, and one of the same body without dynamics: what differs is named."""
+    """Restore one of another body, and one of the same body without dynamics: of another modulus."""
     bar = moving(handles=HELD)
     with pytest.raises(CommandError, match="one of another scene: its vertices are"):
         bar.restore(moving(handles=HELD, mesh__bar__cells=[4, 1, 1]).snapshot())
     with pytest.raises(CommandError, match="its terms are"):
         bar.restore(moving(handles=HELD, dynamics=None).snapshot())
+    with pytest.raises(CommandError, match="one of another scene than"):
+        bar.restore(moving(handles=HELD, materials__rubber__young=2.0e6).snapshot())
