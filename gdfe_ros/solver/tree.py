@@ -39,7 +39,7 @@ _VALUES = (
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """What a tree may be made of besides plain values."""
 
-_ADDED = {Tangent: {"ends", "ways", "exact"}, states.Snapshot: {"scene"}}
+_ADDED = {Tangent: {"ends", "ways", "softest"}, states.Snapshot: {"scene"}}
 """Parts that archives of earlier states do not have, by class."""
 
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -80,7 +82,7 @@ class CertifiedMinimiser(TangentMinimiser):
             found = self._ask(task, target)
             self._distance = found.distance
             near = found.known and found.distance <= min(target, CONTRACTION * before)
-            if near and self.tangent.exact:
+            if near and self.tangent.softest:
                 return Descended(used, cut=False)
             if used >= limit or (used > 0 and past(task.deadline)):
                 return Descended(used, cut=True)
@@ -91,7 +93,7 @@ class CertifiedMinimiser(TangentMinimiser):
             if near or (found.definite and not found.known):
                 # Soft motions that what was added to a tangent has stiffened hide from a few products with it.
                 self._take(task)
-                found = self._probed(task) if near and not self.tangent.exact else found
+                found = self._probed(task) if near and not self.tangent.softest else found
                 if found.definite:
                     continue
             step = found.step if found.known else self._away(found.step)
@@ -103,20 +105,28 @@ class CertifiedMinimiser(TangentMinimiser):
         self._product.begin(task)
         work = task.active.workspace
         before = quasi_newton.largest(work.step)
-        found = estimate(self._product, work.gradient, work.step, self._level.solve, target)
+        least = self.tangent.softest or 1.0
+        found = estimate(self._product, work.gradient, work.step, self._level.solve, target, least=least)
         if found.known and before > 0.0:
             self._shortfall = max(self._shortfall, found.distance / before)
         self._work += found.products
         return found
 
     def _probed(self, task: Task) -> Estimate:
-        """Look for a direction of negative curvature at a state that no force leads away from, as at a saddle."""
+        """Look for soft motions, and for negative curvature, from a right-hand side that has all motions in it.
+
+        At a saddle no force leads to them.
+        """
         self._product.begin(task)
         gradient = task.active.workspace.gradient
         probe, answer = np.random.default_rng(0).standard_normal(len(gradient)), np.empty_like(gradient)
         self._level.solve(probe, answer)
         found = estimate(self._product, probe, answer, self._level.solve, 0.0)
-        self._distance, self._unknown, self._work = np.inf, self._unknown + 1, self._work + found.products
+        self._work += found.products
+        if found.known:
+            self.tangent = replace(self.tangent, softest=found.least)
+        else:
+            self._distance, self._unknown = np.inf, self._unknown + 1
         return found._replace(step=-found.step) if gradient @ found.step > 0.0 else found
 
     def _away(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -41,6 +41,7 @@ class Estimate(NamedTuple):
         known: the step is known well enough for the distance to hold.
         definite: no direction of negative curvature was met.
         products: of the tangent that were needed.
+        least: Ritz value that was met.
     """
 
     step: NDArray[np.float64]
@@ -48,6 +49,7 @@ class Estimate(NamedTuple):
     known: bool
     definite: bool
     products: int
+    least: float
 
 
 def estimate(
@@ -57,6 +59,7 @@ def estimate(
     precondition: Apply,
     target: float,
     *,
+    least: float = 1.0,
     most: int = MOST_PRODUCTS,
 ) -> Estimate:
     """Solve K d = -gradient (3 r,) until what is left of d is a small share of it, or of ``target`` [m].
@@ -67,6 +70,7 @@ def estimate(
         preconditioned: H g [m].
         precondition: writes H times its first argument to its second.
         target: distance that matters.
+        least: eigenvalue of H K that is known to be there, at most 1.
         most: products after which it is given up.
     """
     residual, step, z = -gradient, np.zeros_like(gradient), -preconditioned
@@ -74,26 +78,26 @@ def estimate(
     diagonal: list[float] = []
     beside: list[float] = []
     length = ratio = 0.0
-    least, first = 1.0, weight
+    first = weight
     if not weight > 0.0:
-        return Estimate(step, 0.0, True, True, 0)
+        return Estimate(step, 0.0, True, True, 0, least)
     for count in range(1, most + 1):
         image = product(direction)
         curvature = float(direction @ image)
         if not curvature > 0.0:
-            return Estimate(direction, np.inf, False, False, count)
+            return Estimate(direction, np.inf, False, False, count, least)
         diagonal.append(curvature / weight + (ratio / length if length else 0.0))
         length = weight / curvature
         step += length * direction
         residual -= length * image
         precondition(residual, z)
         before, weight = weight, float(residual @ z)
-        earlier, least = least, min(1.0, float(eigvalsh_tridiagonal(np.array(diagonal), np.array(beside))[0]))
+        earlier, least = least, min(least, float(eigvalsh_tridiagonal(np.array(diagonal), np.array(beside))[0]))
         left, far = largest(z) / least, largest(step)
         steady = count >= LEAST_PRODUCTS and least >= STEADY * earlier
         if (steady and left <= LEFT * max(far, target)) or not weight > ROUNDING * first:
-            return Estimate(step, far + left, True, True, count)
+            return Estimate(step, far + left, True, True, count, least)
         ratio = weight / before
         beside.append(np.sqrt(ratio) / length)
         direction = z + ratio * direction
-    return Estimate(step, np.inf, False, True, most)
+    return Estimate(step, np.inf, False, True, most, least)

@@ -40,7 +40,8 @@ class Tangent:
         blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
         motion: (3 b, 3 q) how the vertices of handles with a free axis follow the rigid rows.
         shift: share of the constant matrix that was added to make it so.
-        exact: nothing was added to it or taken from it: the body was stable there.
+        softest: least stiffness of a motion over that which it gives it, where it was taken: 1 where nothing was added
+            to it, 0 where it is not known.
         ends, ways: of the springs between parts that touch, as `Springs` has them.
         spent: iterations and products since it was taken, beyond what each solve has free.
     """
@@ -51,7 +52,7 @@ class Tangent:
     ends: NDArray[np.int32] = field(default_factory=lambda: Springs.none().ends)
     ways: NDArray[np.float64] = field(default_factory=lambda: Springs.none().ways)
     spent: int = 0
-    exact: bool = False
+    softest: float = 0.0
 
 
 class TangentLevel:
@@ -98,7 +99,7 @@ class TangentLevel:
         stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
         added, springs = [term.tangents(x) for term in self._terms], self._springs(x)._asdict()
         tangent, shift = self._assembly.blocks([stiffness, *added]) + self._even + damping * self._constant, 0.0
-        if self._load(Tangent(blocks=tangent, motion=motion, exact=not damping, **springs)):
+        if self._load(Tangent(blocks=tangent, motion=motion, softest=float(not damping), **springs)):
             return self._loaded
         tangent = self._assembly.blocks([without_negative(stiffness), *added])
         tangent += self._even + damping * self._constant
