@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
@@ -23,7 +24,8 @@ POINT = np.dtype(
     + [(name, "<i4") for name in ("slips", "vertex", "contact", "other")]
 )
 """A point that touches: where it is [m], the normal out of what it touches, the gap [m], the force along the normal and
-by friction [N], 1 where it slips, its vertex, -1 of a rigid body's corner, the place of its contact's name, and the
+by friction [N], 1 where it slips, its vertex, of a skin's point that which carries most of it, -1 of a rigid body's
+corner, the place of its contact's name, and the
 vertex that it touches, -1 where that is none of the body."""
 
 
@@ -34,6 +36,8 @@ class ContactSensor:
     Attributes:
         name: of the sensor.
         vertices: (k,) int32 of its faces.
+        numbers: (p,) int32 of its points among those of a skin that touch; none where faces do.
+        points: these, as cells carry them.
 
     Example:
         >>> simulation = Simulation(load_scene("my_finger.yaml"))  # with sensors: {tip: {where: {face: x+}}}
@@ -43,10 +47,14 @@ class ContactSensor:
 
     name: str
     vertices: NDArray[np.int32]
+    numbers: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    points: Embedding | None = None
 
     def centre(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean (3,) [m] of the sensor's vertices out of all at ``positions`` (n, 3) [m]."""
-        return positions[self.vertices].mean(axis=0)
+        """Return the mean (3,) [m] of its vertices and points where all vertices are at ``positions`` (n, 3) [m]."""
+        if self.points is None:
+            return positions[self.vertices].mean(axis=0)
+        return np.concatenate([positions[self.vertices], self.points.at(positions)]).mean(axis=0)
 
     def wrench(self, result: StepResult) -> NDArray[np.float64]:
         """Return force [N] and moment [N m] about the sensor's present centre (6,) that all it touches exerts on it."""
@@ -55,6 +63,8 @@ class ContactSensor:
             if not len(touch.vertices):  # nothing touches, or what does is no part of the elastic body
                 continue
             mine = np.isin(touch.vertices, self.vertices)
+            if len(touch.points):
+                mine = np.where(touch.points < 0, mine, np.isin(touch.points, self.numbers))
             forces = touch.forces[mine]
             total[:3] += forces.sum(axis=0)
             total[3:] += np.cross(touch.places[mine] - centre, forces).sum(axis=0)

@@ -56,6 +56,7 @@ def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Tor
     rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
     mesh, materials = scene.mesh, tuple(scene.materials.values())
     options = {"filling": mesh.filling, "self_contact": scene.self_contact, "torsion": torsion, "size": mesh.size}
+    options["skin"] = mesh.touching
     return Body.build(rest, mesh.cells, materials, scene.cell_material, handles, **options)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.subset import join
+from gdfe_ros.mesh.touching import Touching
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,4 +62,10 @@ def assemble(parts: Mapping[str, Part]) -> HexMesh:
     skin = None
     if any(mesh.skin is not None for mesh in meshes):
         skin = Outside.joined([mesh.outside for mesh in meshes], vertices, cells)
-    return replace(join(*meshes), skin=skin, parts=numbered)
+    touching = [
+        (mesh.touching, first_vertex, first_cell)
+        for mesh, first_vertex, first_cell in zip(meshes, vertices, cells, strict=False)
+        if mesh.touching is not None
+    ]
+    touching = Touching.joined(touching) if touching else None
+    return replace(join(*meshes), skin=skin, touching=touching, parts=numbered)

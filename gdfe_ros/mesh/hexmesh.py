@@ -18,6 +18,7 @@ from gdfe_ros.mesh.outside import Outside
 
 if TYPE_CHECKING:
     from gdfe_ros.mesh.assembly import Part
+    from gdfe_ros.mesh.touching import Touching
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class HexMesh:
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
         filling: how far the cells are filled with material; None: wholly.
         skin: what is shown instead of the cells' outer faces; None: these.
+        touching: points of skins that touch instead of the faces of the cells under them; None: faces do everywhere.
         parts: the meshes that this one was put together from, by name; empty where it is one.
 
     Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` looks at
@@ -47,6 +49,7 @@ class HexMesh:
     vertex_sets: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
     filling: Filling | None = None
     skin: Outside | None = None
+    touching: Touching | None = None
     parts: Mapping[str, Part] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -103,6 +103,25 @@ def carry_skin(
     corners = vertices[cells]
     edge = float(np.linalg.norm(corners[:, [1, 3, 4]] - corners[:, :1], axis=2).mean())
     points, triangles = refine(points, triangles, edge)
+    best, weights = hang(vertices, cells, points)
+    if np.einsum("ti,ti->", points[triangles[:, 0]], np.cross(*(points[triangles[:, i]] for i in (1, 2)))) < 0.0:
+        triangles = triangles[:, ::-1]
+    carriers = np.ascontiguousarray(cells[best], dtype=np.int32)
+    owners = best[triangles[:, 0]].astype(np.int32)
+    return Outside(triangles.astype(np.int32), owners, carriers, weights)
+
+
+def hang(
+    vertices: NDArray[np.float64], cells: NDArray[np.int32], points: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return the cell (k,) that carries each of some points (k, 3) [m], and the weights (k, 8) of its corners.
+
+    That is the cell that a point lies in, or is nearest to. Of a mesh as of `carry_skin`.
+
+    Raises:
+        MeshError: points lie too far outside of the cells.
+    """
+    corners = vertices[cells]
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(cells)))
     near = near.reshape(len(points), -1)
     best, place = near[:, 0].copy(), np.full((len(points), 3), np.inf)
@@ -114,11 +133,7 @@ def carry_skin(
     far = ~(beyond <= REACH)
     if far.any():
         raise MeshError("skin", [_too_far(points, far, corners[best], place)])
-    if np.einsum("ti,ti->", points[triangles[:, 0]], np.cross(*(points[triangles[:, i]] for i in (1, 2)))) < 0.0:
-        triangles = triangles[:, ::-1]
-    carriers = np.ascontiguousarray(cells[best], dtype=np.int32)
-    owners = best[triangles[:, 0]].astype(np.int32)
-    return Outside(triangles.astype(np.int32), owners, carriers, trilinear_weights(place))
+    return best, trilinear_weights(place)
 
 
 def _too_far(

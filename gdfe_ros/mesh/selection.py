@@ -206,11 +206,34 @@ def select_skin(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
         case Box() | Sphere():
             chosen = _inside(mesh, points, where)
         case _:
-            raise MeshError(
-                "the selection does not fit the skin",
-                ["ids, sets and meshes by name are of cells, not of a skin; allowed: face, box, sphere"],
-            )
+            raise _of_cells()
     return mesh.skin.faces[chosen[mesh.skin.faces].all(axis=1)]
+
+
+def select_touching(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+    """Return which of the points that touch for a mesh's skin are selected (perhaps none), sorted.
+
+    A face is a side of the skin's own bounding box.
+
+    Raises:
+        MeshError: as of `select_skin`.
+    """
+    if isinstance(where, Within):
+        part = part_of(mesh, where.part)
+        before = [each.mesh.touching for each in mesh.parts.values() if each.first_vertex < part.first_vertex]
+        first = sum(len(touching.corners) for touching in before if touching is not None)
+        count = 0 if part.mesh.touching is None else len(part.mesh.touching.corners)
+        own = np.arange(count) if where.where is None or not count else select_touching(part.mesh, where.where)
+        return (own + first).astype(np.int32)
+    points = mesh.touching.at(mesh.vertices)
+    match where:
+        case Face(side):
+            ends = mesh.outside.at(mesh.vertices)
+            return _ids(_at_end(np.concatenate([points, ends]), side, FACE_SLACK * mesh.size)[: len(points)])
+        case Box() | Sphere():
+            return _ids(_inside(mesh, points, where))
+        case _:
+            raise _of_cells()
 
 
 def _on_side(mesh: HexMesh, side: Side) -> NDArray[np.bool_]:
@@ -258,6 +281,13 @@ def _cells_within(mesh: HexMesh, vertices: NDArray[np.int32]) -> NDArray[np.int3
     chosen = np.zeros(mesh.n_vertices, dtype=bool)
     chosen[vertices] = True
     return _ids(chosen[mesh.cells].all(axis=1))
+
+
+def _of_cells() -> MeshError:
+    return MeshError(
+        "the selection does not fit the skin",
+        ["ids, sets and meshes by name are of cells, not of a skin; allowed: face, box, sphere"],
+    )
 
 
 def _unknown_set(mesh: HexMesh, name: str) -> MeshError:

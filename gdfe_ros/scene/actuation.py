@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to actuators, attached masses, loads, probes and contact sensors."""
+"""From a scene file's sound parts to actuators, attached masses, loads and probes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,6 @@ from gdfe_ros.actuators import (
     embed,
 )
 from gdfe_ros.actuators.load import corner_areas
-from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
@@ -115,16 +114,6 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str
         part, point = (place.mesh, place.at) if isinstance(place, PlaceModel) else (None, place)
         found[name] = _embedded(mesh, part, [point], ("probes", name), report)
     return {name: point for name, point in found.items() if point is not None}
-
-
-def build_sensors(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str, ContactSensor]:
-    """Return the contact sensors whose faces can be found."""
-    found = {}
-    for name, model in draft.sensors.items() if mesh is not None else ():
-        quads = select(select_faces, mesh, model.where, ("sensors", name, "where"), "boundary face", report)
-        if quads is not None:
-            found[name] = ContactSensor(name=name, vertices=np.unique(quads).astype(np.int32))
-    return found
 
 
 def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tuple[Load, ...]) -> dict[str, float]:

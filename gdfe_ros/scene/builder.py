@@ -25,6 +25,12 @@ from gdfe_ros.scene.report import NO_VALUE, Report, suggest
 from gdfe_ros.scene.schema import Draft, HandleModel, KeyframeModel, PointModel, ProgramModel
 from gdfe_ros.scene.where_schema import WhereModel
 
+_TESTED = {
+    "cell": "cell centroids",
+    "point of the skin": "points about half a cell's edge apart",
+}
+"""What of a body a place is compared with, if not its vertices."""
+
 
 def build_materials(draft: Draft, report: Report) -> dict[str, Material]:
     """Return the materials that can be made, by name."""
@@ -232,7 +238,7 @@ def select(
     own = mesh.parts[where.mesh].mesh if where.mesh is not None else mesh
     name = f"mesh {where.mesh!r} in its own frame" if where.mesh is not None else "the mesh"
     extent = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip("xyz", *own.bounds, strict=True))
-    points = "cell centroids" if noun == "cell" else "vertices"
+    points = _TESTED.get(noun, "vertices")
     given = where.model_dump(exclude_none=True)
     report.add(path, f"no {noun} is there; {name} spans {extent} [m] and {points} are tested", value=given)
     return None

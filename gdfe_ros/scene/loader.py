@@ -101,7 +101,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     attached = actuation.build_masses(draft, mesh, probes, _names(document, "probes"), report)
     masses = (*attached, *(item.attached for item in rigid))
     loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
-    sensors = actuation.build_sensors(draft, mesh, report)
+    sensors = touchable.build_sensors(draft, mesh, report)
     self_contact = touchable.build_self_contact(draft, mesh, report)
     program = None
     if draft.program is not None:

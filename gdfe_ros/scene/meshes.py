@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -79,8 +78,8 @@ def _body(
     if skin is None:
         return mesh
     try:
-        outside, carried[paths[1]] = skin.build(mesh)
-        return replace(mesh, skin=outside)
+        lined, carried[paths[1]] = skin.build(mesh)
+        return lined
     except MeshError as error:
         for defect in error.defects:
             report.add((*paths[1], *skin.place), defect)

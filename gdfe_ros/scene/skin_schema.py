@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `skin` of a scene file: a surface that the cells carry and that is shown in their place."""
+"""The key `skin` of a scene file: a surface that the cells carry, and that is shown and may touch for them."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.outside import Outside, carry_skin
+from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.packing import pack_surface, unpack_surface
+from gdfe_ros.mesh.touching import is_closed, touch_by_skin
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice
 from gdfe_ros.scene.paths import FilePath
@@ -22,22 +24,26 @@ SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, rem
 class SkinModel(Choice):
     """A triangle surface that the cells carry, shown for their faces; chambers and loads of cut cells act on it."""
 
-    options: ClassVar[tuple[str, ...]] = ("scale",)
+    options: ClassVar[tuple[str, ...]] = ("scale", "contact")
 
     file: FilePath | None = Field(None, description="STL, OBJ, PLY or OFF file, placed as the body at rest")
     embedded: str | None = Field(None, description="a surface as a recorded scene carries it")
     scale: Annotated[float, SCALE] | None = None
+    contact: bool | None = Field(
+        None,
+        description="touches obstacles and rigid bodies, not the cells' faces; default: where cells are cut",
+    )
 
     @property
     def place(self) -> tuple[str, ...]:
         """Key path of what describes the surface, from this entry on, for errors."""
         return (self.chosen[0],)
 
-    def build(self, mesh: HexMesh) -> tuple[Outside, dict[str, Any]]:
-        """Return the surface on the cells, and the entry that carries it without a file.
+    def build(self, mesh: HexMesh) -> tuple[HexMesh, dict[str, Any]]:
+        """Return the mesh with the surface on its cells, and the entry that carries it without a file.
 
         Raises:
-            MeshError: it cannot be read, or lies beside the body.
+            MeshError: it cannot be read, lies beside the body, or cannot touch for it.
         """
         if self.embedded is not None:
             points, triangles = unpack_surface(self.embedded)
@@ -45,5 +51,11 @@ class SkinModel(Choice):
             points, triangles, defects = examine_surface(self.file, scale=self.scale, closed=False)
             if defects:
                 raise MeshError(f"surface {self.file}", defects)
-        skin = carry_skin(mesh.vertices, mesh.cells, points, triangles)
-        return skin, {"embedded": pack_surface(points, triangles)}
+        entry = {"embedded": pack_surface(points, triangles)}
+        if self.contact is not None:
+            entry["contact"] = self.contact
+        lined = replace(mesh, skin=carry_skin(mesh.vertices, mesh.cells, points, triangles))
+        touches = self.contact
+        if touches is None:  # an open one is shown; what is to touch it is refused with the remedy
+            touches = mesh.filling is not None and is_closed(triangles)
+        return touch_by_skin(lined, points, triangles) if touches else lined, entry

@@ -16,6 +16,7 @@ from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.touching import outline
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.relative.shape_factor import calibration_remarks
@@ -91,7 +92,8 @@ def unsolvable(
         *((("actuators", name), text) for name, text in held.items()),
         (("dynamics",), _inertia(materials, policy) if dynamics is not None else ""),
         (("bodies",), _still(handles) if dynamics is None else _inside(handles, mesh)),
-        (cut, _beside(handles, actuators, self_contact, policy) if cut else ""),
+        (cut, _beside(handles, actuators, self_contact, policy, mesh) if cut else ""),
+        (("self_contact",), _by_skin(mesh) if self_contact is not None and not cut else ""),
     ]
     return [(key, text) for key, text in found if text]
 
@@ -164,23 +166,52 @@ def _inside(handles: Sequence[Handle], mesh: HexMesh | None) -> str:
     found = list(overlaps(placed))
     if mesh is not None:
         rigid = [one for one in placed if isinstance(one.thing, RigidBody)]
-        found += [inside_surface(one, mesh.vertices, mesh.boundary.quads) for one in rigid]
+        surface = outline(mesh.boundary.quads, mesh.touching, mesh.vertices)
+        found += [inside_surface(one, *surface) for one in rigid]
     return "; ".join(text for text in found if text)
 
 
 def _beside(
-    handles: Sequence[Handle], actuators: Sequence[Actuator], self_contact: SelfContact | None, policy: Policy
+    handles: Sequence[Handle],
+    actuators: Sequence[Actuator],
+    self_contact: SelfContact | None,
+    policy: Policy,
+    mesh: HexMesh | None,
 ) -> str:
     """Say what acts on faces of cells, which lie beside the surface where cells are cut; empty where nothing does."""
-    names = [item.name for item in actuators if isinstance(item, Chamber) and item.points is None]
-    names += [handle.name for handle in handles if isinstance(handle, Obstacle)]
-    names += ["self_contact"] * (self_contact is not None)
-    if policy is Policy.ENERGY and not names:
-        return ""
     if policy is not Policy.ENERGY:
         return "the policy 'relative' does not weight cells that are cut; remedy: cells: whole, or policy: energy"
+    bare = _touch_by_cut_faces(mesh)
+    names = [item.name for item in actuators if isinstance(item, Chamber) and item.points is None]
+    touched = [handle.name for handle in handles if bare and isinstance(handle, Obstacle)]
+    names += [*touched, *(["self_contact"] if self_contact is not None else [])]
+    if not names:
+        return ""
     text = f"{', '.join(names)} would act on the faces of cut cells, up to a cell outside of the surface"
+    if touched and self_contact is None:
+        return (
+            f"{text}; remedy: `skin: {{file: ...}}` with the mesh's closed surface, which touches then, or cells: whole"
+        )
     return f"{text}; remedy: cells: whole"
+
+
+def _touch_by_cut_faces(mesh: HexMesh | None) -> bool:
+    """Tell whether a mesh with cut cells, or one of several, has no skin that touches for its faces."""
+    if mesh is None:
+        return False
+    meshes = [part.mesh for part in mesh.parts.values()] or [mesh]
+    return any(each.filling is not None and each.touching is None for each in meshes)
+
+
+def _by_skin(mesh: HexMesh | None) -> str:
+    """Say that a skin cannot touch another part of the body; empty where none is asked to touch."""
+    if mesh is None or mesh.touching is None:
+        return ""
+    names = [f"meshes.{name}.skin" for name, part in mesh.parts.items() if part.mesh.touching is not None]
+    return (
+        f"parts of the body touch each other by the faces of their cells, not by {', '.join(names) or 'skin'}, which "
+        "has contact: true; remedy: leave out that key, then faces touch everything, or self_contact"
+    )
 
 
 def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:

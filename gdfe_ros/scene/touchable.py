@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to what can touch: obstacles, rigid bodies, the body's own surface."""
+"""From a scene file's sound parts to what can touch, and feel: obstacles, rigid bodies, the body's surface, sensors."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints.obstacle import Obstacle, TriangleMesh
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.constraints.self_contact import SelfContact
+from gdfe_ros.contacts import ContactSensor
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, select_faces
+from gdfe_ros.mesh.selection import select_touching
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.report import NO_VALUE, Report
 from gdfe_ros.scene.schema import Draft
+from gdfe_ros.scene.where_schema import WhereModel
 
 SMALLEST, LARGEST = 1e-3, 1e3
 """Size of a mesh that is an obstacle, over the body's, beyond which its unit was mistaken."""
@@ -71,3 +77,28 @@ def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Report) -> Se
     if model.where is not None:
         quads = select(select_faces, mesh, model.where, ("self_contact", "where"), "boundary face", report)
     return None if quads is None else SelfContact(quads=quads, friction=model.friction)
+
+
+def build_sensors(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str, ContactSensor]:
+    """Return the contact sensors whose faces, or points of a skin that touches, can be found."""
+    found = {}
+    for name, model in draft.sensors.items() if mesh is not None else ():
+        sensor = _sensor(name, mesh, model.where, report)
+        if sensor is not None:
+            found[name] = sensor
+    return found
+
+
+def _sensor(name: str, mesh: HexMesh, where: WhereModel, report: Report) -> ContactSensor | None:
+    path, touching = ("sensors", name, "where"), mesh.touching
+    part = mesh.parts.get(where.mesh)
+    if touching is None or (where.mesh is not None and (part is None or part.mesh.touching is None)):
+        quads = select(select_faces, mesh, where, path, "boundary face", report)
+        return None if quads is None else ContactSensor(name=name, vertices=np.unique(quads).astype(np.int32))
+    numbers = select(select_touching, mesh, where, path, "point of the skin", report)
+    if numbers is None:
+        return None
+    quads = select_faces(mesh, where.build())
+    bare = quads[~np.isin(quads[:, 0], touching.vertices)]
+    points = Embedding(touching.corners[numbers], touching.weights[numbers])
+    return ContactSensor(name=name, vertices=np.unique(bare).astype(np.int32), numbers=numbers, points=points)

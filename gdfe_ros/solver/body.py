@@ -18,6 +18,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.across import cells_across
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
+from gdfe_ros.mesh.touching import Touching
 from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 from gdfe_ros.solver.settings import Torsion
@@ -41,6 +42,7 @@ class Body:
         unknowns: what is free.
         size: what tolerances are shares of [m]: `HexMesh.size`.
         self_contact: which faces may touch each other; None for none.
+        skin: points that touch instead of faces; None where faces do everywhere.
     """
 
     rest: NDArray[np.float64]
@@ -53,6 +55,7 @@ class Body:
     unknowns: Unknowns
     size: float
     self_contact: SelfContact | None = None
+    skin: Touching | None = None
 
     @classmethod
     def build(
@@ -67,6 +70,7 @@ class Body:
         *,
         torsion: Torsion = Torsion.CELL,
         size: float | None = None,
+        skin: Touching | None = None,
     ) -> Body:
         """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8), filled as far as told.
 
@@ -87,6 +91,7 @@ class Body:
             number_unknowns(rest, cells, handles),
             float(np.linalg.norm(np.ptp(rest[: cells.max() + 1], axis=0))) if size is None else size,
             self_contact,
+            skin,
         )
 
     @cached_property

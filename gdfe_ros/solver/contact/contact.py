@@ -14,8 +14,9 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap, law
 from gdfe_ros.solver.contact.contact_term import FAINT, PENALTY, ContactTerm
-from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PRESS, SHEAR, STRIDE, VERTICES
-from gdfe_ros.solver.contact.surface import SHAPE, Corners, Surface
+from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRESS, SHEAR, STRIDE, VERTICES, WEIGHTS
+from gdfe_ros.solver.contact.skin import Skin
+from gdfe_ros.solver.contact.surface import SHAPE, TURNED, Corners, Surface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -24,8 +25,6 @@ from gdfe_ros.solver.terms.term import Saved
 
 ENTRY = 1e-3
 """Distance over the body's size beyond which a point is outside; what comes in from there does so through a plane."""
-TURNED = 6.0
-"""By how much farther a point of a rigid body may move than the vertices that it is, and against another one."""
 REACH = 0.05
 """Distance, over the body's size, beyond which a vertex is left out until the body has moved as far."""
 
@@ -172,7 +171,8 @@ class Contact(ContactTerm):
         gap.distances(places, head, form.kind, gaps, normals)
         steepness = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)  # less than 1 at a mesh' edges
         return Touch(
-            vertices=self._points.carriers[on, 0] if self.on_body else np.zeros(0, dtype=np.int32),
+            vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
+            points=self._points.points[on] if isinstance(self._points, Skin) else np.zeros(0, dtype=np.int32),
             places=places + origin,
             normals=normals / steepness[:, None],
             gaps=gaps,
@@ -197,7 +197,7 @@ class Contact(ContactTerm):
 
     def _ways(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return by how much each chosen point moves away from what it touches by motions of `couplings` (k, c)."""
-        ways = self._points.weights[self._chosen, : self._points.carriers.shape[1]]
+        ways = self._points.weights[self._chosen]
         if not isinstance(self._touched, RigidBody):
             return ways
         places = self._in_frame(self._points.at(positions)[self._chosen])
@@ -226,7 +226,7 @@ class Contact(ContactTerm):
         if self._seen is None:
             return np.inf
         longest = largest_distance(positions, self._seen)
-        return TURNED * longest if isinstance(self._touched, RigidBody) or not self.on_body else longest
+        return longest * max(TURNED if isinstance(self._touched, RigidBody) else 1.0, self._points.reach)
 
     def _take_none(self) -> None:
         self._chosen = self._faces = np.zeros(0, dtype=np.int64)
@@ -250,7 +250,8 @@ class Contact(ContactTerm):
         integers[VERTICES : VERTICES + len(chosen) * integers[gap.CARRIERS]] = points.carriers[chosen].ravel()
         rows, press = self._rows(), saved["press"][chosen]
         rows[:, gap.PENALTY], rows[:, PRESS] = self._penalty[chosen], press
-        rows[:, gap.WEIGHTS : gap.PLANE], rows[:, gap.PLANE :] = points.weights[chosen], planes[chosen]
+        rows[:, WEIGHTS : WEIGHTS + points.weights.shape[1]] = points.weights[chosen]
+        rows[:, PLANE:] = planes[chosen]
         rows[:, SHEAR : SHEAR + 3] = saved["shear"][chosen] @ self._axes.T
         anchors = saved["anchor"][chosen]
         rows[:, ANCHOR : ANCHOR + 3] = np.where(np.isnan(anchors), starts[chosen], anchors)

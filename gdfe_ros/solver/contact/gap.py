@@ -13,8 +13,8 @@ from gdfe_ros.solver.contact.grid import SURE, grid_distance
 
 AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
 """Where rotation, origin [m], the form's numbers, the coefficient and s_a (4, 3) [1/m] lie, and where points begin."""
-PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, STRIDE = 0, 1, 2, 5, 8, 11, 12, 16, 20
-"""Of each point: k [N/m], l [N], t [N] (3,), anchor [m] (3,) in the frame, normal (3,), offset [m], weights (4,), and
+PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, STRIDE = 0, 1, 2, 5, 8, 11, 12, 20, 24
+"""Of each point: k [N/m], l [N], t [N] (3,), anchor [m] (3,) in the frame, normal (3,), offset [m], weights (8,), and
 the plane n . q = d through which it came in (n, d) in the frame, of which n is zero where it did not."""
 KIND, COUNT, CARRIERS, BODY, VERTICES = 0, 1, 2, 3, 7
 """Where the form's kind, the number of points, of vertices that carry each, and the four of the frame (-1 where it is

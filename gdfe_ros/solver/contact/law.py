@@ -10,9 +10,10 @@ The gap of a vertex is its distance from the obstacle, less its ``offset``: by h
 average than distances interpolated from their corners would tell. About a ball, where faces are chords, that halves
 the error of gaps that are taken at vertices alone; a vertex itself never comes nearer than that.
 
-A point is a vertex, or hangs on four vertices that a rigid body is; the frame of what is touched is given, or that of
-such a body. Its four vertices are corners of a box about its centre of mass c, and with the signs s_a of these corners
-over four times its half edges R = sum_a x_a s_a^T, c = mean x_a: both are linear in the positions, and so forces are.
+A point is a vertex, or hangs on the eight of a cell that carries a skin, or on four that a rigid body is; the frame of
+what is touched is given, or that of such a body. Its four vertices are corners of a box about its centre of mass c, and
+with the signs s_a of these corners over four times its half edges R = sum_a x_a s_a^T, c = mean x_a: both are linear in
+the positions, and so forces are.
 """
 
 from __future__ import annotations

@@ -10,13 +10,14 @@ from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
+from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.surface import Surface
 
 
 def contacts_of(body: Body) -> list[ContactTerm]:
     """Return contacts of a body with obstacles, of rigid ones with these and each other, of the body with itself."""
     touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
-    surface, found = Surface.of(body) if touched else None, []
+    surface, found = (Surface if body.skin is None else Skin).of(body) if touched else None, []
     for thing in touched:
         found.append(Contact(thing.name, thing, body, surface, thing.friction))
     for rigid in (thing for thing in touched if isinstance(thing, RigidBody)):

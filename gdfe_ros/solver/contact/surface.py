@@ -17,14 +17,17 @@ SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in SIGNS])
 """(4, 4) weights of a face's corners at each of its Gauss points."""
 
+TURNED = 6.0
+"""By how much farther a point of a rigid body may move than the vertices that it is, and against another one."""
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The boundary of a body without the faces that handles drive.
+    """The boundary of a body without the faces that handles drive, or that a skin touches for.
 
     Attributes:
         carriers: (k, 1) int32 vertices that are not driven, sorted.
-        weights: (k, 4) of which the first is one.
+        weights: (k, 1) which are one.
         areas: (k,) [m^2] at rest, each one's share of the surface.
         quads: (q, 4) int32 vertices of the faces.
         gauss: (q, 4) [m^2] at rest, the share of each Gauss point.
@@ -41,17 +44,26 @@ class Surface:
     @classmethod
     def of(cls, body: Body) -> Surface:
         """Return the surface of a body."""
-        quads = boundary_faces(body.cells).quads
-        driven = np.zeros(len(body.rest), dtype=bool)
-        for handle in body.handles:
-            driven[handle.vertices] = not (handle.free or handle.turning)
+        quads, driven = boundary_faces(body.cells).quads, driven_vertices(body)
+        if body.skin is not None:
+            quads = quads[~np.isin(quads[:, 0], body.skin.vertices)]
         quads = quads[~driven[quads].all(axis=1)]
         shares = corner_areas(body.rest, quads)
         spread = np.bincount(quads.ravel(), weights=shares.ravel(), minlength=len(body.rest))
         vertices = np.flatnonzero((spread > 0.0) & ~driven).astype(np.int32)
         gauss = np.linalg.solve(SHAPE.T, shares.T).T
-        weights = np.tile([1.0, 0.0, 0.0, 0.0], (len(vertices), 1))
-        return cls(vertices[:, None], weights, spread[vertices], quads.astype(np.int32), gauss, spread)
+        weights = np.ones((len(vertices), 1))
+        return Surface(vertices[:, None], weights, spread[vertices], quads.astype(np.int32), gauss, spread)
+
+    @property
+    def vertices(self) -> NDArray[np.int32]:
+        """The vertex that each point is (k,)."""
+        return self.carriers[:, 0]
+
+    @property
+    def reach(self) -> float:
+        """How much farther a point may move than the vertices that carry it."""
+        return 1.0
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where the points are (k, 3) [m]."""
@@ -68,6 +80,14 @@ class Surface:
         return np.flatnonzero(chosen[self.quads].any(axis=1))
 
 
+def driven_vertices(body: Body) -> NDArray[np.bool_]:
+    """Tell which vertices (n,) handles drive in all directions."""
+    driven = np.zeros(len(body.rest), dtype=bool)
+    for handle in body.handles:
+        driven[handle.vertices] = not (handle.free or handle.turning)
+    return driven
+
+
 @dataclass(frozen=True, eq=False)
 class Corners:
     """Points that move with a rigid body.
@@ -79,6 +99,7 @@ class Corners:
 
     carriers: NDArray[np.int32]
     weights: NDArray[np.float64]
+    reach = TURNED
 
     @classmethod
     def of(cls, rigid: RigidBody) -> Corners:

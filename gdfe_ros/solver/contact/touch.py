@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Touch:
-    """The vertices that touch an obstacle, or another part of the body.
+    """The vertices, or points of a skin, that touch an obstacle, or another part of the body.
 
     Attributes:
-        vertices: (k,) int32.
+        vertices: (k,) int32; of points of a skin, that which carries most of each.
         places: (k, 3) [m].
         normals: (k, 3) out of the obstacle.
         gaps: (k,) [m] from each vertex to the obstacle: where the mean gap of the faces counts, a vertex that touches
@@ -22,6 +22,8 @@ class Touch:
         presses: (k,) [N] along the normal.
         shears: (k, 3) [N] by friction, on the body.
         slips: (k,) whether a vertex slips, or is free to.
+        points: (k,) int32 which of the points of a skin that touch these are, -1 for a vertex; none where nothing
+            touches by a skin.
         others: (k,) int32 vertices of the body that these touch most; none where it is an obstacle that they touch.
     """
 
@@ -32,6 +34,7 @@ class Touch:
     presses: NDArray[np.float64]
     shears: NDArray[np.float64]
     slips: NDArray[np.bool_]
+    points: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     others: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
 
     @property

@@ -12,6 +12,7 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import OverlapError
 from gdfe_ros.mesh.faces import boundary_faces
+from gdfe_ros.mesh.touching import outline
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_now
 from gdfe_ros.solver.descent.history import History
@@ -62,8 +63,9 @@ def require_free(body: Body, state: State, names: Collection[str]) -> None:
         OverlapError: every overlap, how deep, and the remedy.
     """
     placed = placed_now(body.handles, state.poses, state.positions)
-    found, quads = list(overlaps(placed, names)), boundary_faces(body.cells).quads
-    found += [inside_surface(one, state.positions, quads) for one in placed if one.thing.name in names]
+    surface = outline(boundary_faces(body.cells).quads, body.skin, state.positions)
+    found = list(overlaps(placed, names))
+    found += [inside_surface(one, *surface) for one in placed if one.thing.name in names]
     if any(found):
         raise OverlapError("; ".join(text for text in found if text))
 

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The surface of a body that touches by its skin, as contact sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.surface import Surface, driven_vertices
+
+HELD = 0.5
+"""Share of a point that handles drive from which on it is theirs, as their faces are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skin(Surface):
+    """Points of a skin that cells carry, and the vertices of meshes that touch by their faces.
+
+    Attributes:
+        carriers: (k, 8) int32 corners of the cell that carries each point; of a vertex, eight times itself.
+        weights: (k, 8) of these; of a vertex, the first is one.
+        areas: (k,) [m^2] at rest, of a vertex its share of the faces; of a skin's points infinite: what is taken over
+            faces does not act on them.
+        points: (k,) int32 number of each among those of the mesh that touch; -1 for a vertex.
+        driven: (n,) bool vertices that handles drive.
+    """
+
+    points: NDArray[np.int32]
+    driven: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, body: Body) -> Skin:
+        """Return the surface of a body that has points of a skin, without what handles drive."""
+        skin, driven, bare = body.skin, driven_vertices(body), Surface.of(body)
+        held = (np.abs(skin.weights) * driven[skin.corners]).sum(axis=1) / np.abs(skin.weights).sum(axis=1)
+        kept = np.flatnonzero(held < HELD)
+        count = len(bare.carriers)
+        return cls(
+            carriers=np.concatenate([np.repeat(bare.carriers, 8, axis=1), skin.corners[kept]]),
+            weights=np.concatenate([np.eye(1, 8).repeat(count, axis=0), skin.weights[kept]]),
+            areas=np.concatenate([bare.areas, np.full(len(kept), np.inf)]),
+            quads=bare.quads,
+            gauss=bare.gauss,
+            spread=bare.spread,
+            points=np.concatenate([np.full(count, -1), kept]).astype(np.int32),
+            driven=driven,
+        )
+
+    @property
+    def vertices(self) -> NDArray[np.int32]:
+        """The vertex that carries most of each point (k,)."""
+        most = np.abs(self.weights).argmax(axis=1)
+        return self.carriers[np.arange(len(most)), most]
+
+    @property
+    def reach(self) -> float:
+        """How much farther a point may move than the vertices that carry it: points beside their cell do."""
+        return max(1.0, float(np.abs(self.weights).sum(axis=1).max(initial=0.0)))
+
+    def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where the points are (k, 3) [m]."""
+        return np.einsum("ka,kai->ki", self.weights, positions[self.carriers])
+
+    def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how stiff the constant matrix' diagonal (n,) [N/m] makes the points (k,).
+
+        A point gives way as its free carriers do together, and where several share one they share its stiffness: all of
+        them together are no stiffer than it.
+        """
+        squares = np.where(self.driven[self.carriers], 0.0, self.weights**2)
+        alone = 1.0 / (squares / diagonal[self.carriers]).sum(axis=1)
+        asked = np.zeros_like(diagonal)
+        np.add.at(asked, self.carriers, alone[:, None] * squares)
+        crowd = np.where(squares > 0.0, (asked / diagonal)[self.carriers], 0.0).max(axis=1)
+        return alone / np.maximum(crowd, 1.0)
+
+    def about(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return which faces have one of some points, if these are vertices."""
+        return super().about(points[self.points[points] < 0])

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The points by which a skin touches: on it, as many as cells resolve, at what is sharp, on both sides of walls."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.assembly import Part, assemble
+from gdfe_ros.mesh.generators import bar
+from gdfe_ros.mesh.outside import carry_skin
+from gdfe_ros.mesh.touching import outline, touch_by_skin
+from gdfe_ros.mesh.voxels import Cells, fill_surface
+
+RNG = np.random.default_rng(5)
+RADIUS = 0.05
+
+
+def lined(surface: trimesh.Trimesh, cell: float, cells: Cells = Cells.CUT, mesh: HexMesh | None = None) -> HexMesh:
+    """Return a mesh that touches by a surface, the cells filled by it if no mesh is given."""
+    points, triangles = np.asarray(surface.vertices), np.asarray(surface.faces)
+    mesh = mesh or fill_surface(points, triangles, cell=cell, cells=cells)
+    skin = carry_skin(mesh.vertices, mesh.cells, points, triangles)
+    return touch_by_skin(HexMesh(mesh.vertices, mesh.cells, filling=mesh.filling, skin=skin), points, triangles)
+
+
+@pytest.mark.parametrize("cells", list(Cells))
+def test_points_are_on_the_skin_and_no_more_than_vertices(cells: Cells) -> None:
+    """Take balls of 5120 and of 81 920 triangles: points on them, no more than vertices of faces, where they were."""
+    counts = []
+    for detail in (4, 6):
+        mesh = lined(trimesh.creation.icosphere(detail, RADIUS), RADIUS / 6.0, cells)
+        at_rest = mesh.touching.at(mesh.vertices)
+        np.testing.assert_allclose(np.linalg.norm(at_rest, axis=1), RADIUS, rtol=2e-3)
+        assert 0.4 * len(np.unique(mesh.surface())) < len(at_rest) <= len(np.unique(mesh.surface()))
+        matrix, shift = RNG.normal(size=(3, 3)), RNG.normal(size=3)
+        np.testing.assert_allclose(
+            mesh.touching.at(mesh.vertices @ matrix + shift), at_rest @ matrix + shift, atol=1e-12
+        )
+        counts.append(len(at_rest))
+    assert counts[1] == pytest.approx(counts[0], rel=0.1)
+
+
+def test_a_cylinder_reaches_to_its_radius_with_an_error_of_second_order() -> None:
+    """Look at a cut cylinder from all sides: it reaches to its radius, four times as near on half cells."""
+    rod = trimesh.creation.cylinder(RADIUS, 4.0 * RADIUS, sections=400)
+    turn = np.linspace(0.0, 2.0 * np.pi, 720)
+    views = np.column_stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)])
+    misses = []
+    for count in (6, 12):
+        mesh = lined(rod, 2.0 * RADIUS / count)
+        reach = (mesh.touching.at(mesh.vertices) @ views.T).max(axis=0) / RADIUS
+        assert reach.max() < 1.0 + 1e-6
+        misses.append(1.0 - reach.min())
+    assert misses[0] < 0.03
+    assert misses[0] / misses[1] > 3.0
+
+
+def test_corners_and_edges_touch() -> None:
+    """Line a box that no grid line bounds: its eight corners are points, and its edges have some."""
+    size = np.array([0.10, 0.053, 0.047])
+    mesh = lined(trimesh.creation.box(size), 0.01)
+    places = mesh.touching.at(mesh.vertices)
+    outer = (np.abs(np.abs(places) - 0.5 * size) < 1e-9).sum(axis=1)
+    assert (outer == 3).sum() == 8
+    assert (outer == 2).sum() > 4 * (10 + 5 + 4) * 0.6
+    assert (outer > 0).all()
+
+
+def test_both_sides_of_a_wall_touch() -> None:
+    """Line a wall thinner than its cells: points on both sides, none of them in the middle."""
+    half = 0.002
+    mesh = lined(trimesh.creation.box((0.06, 0.06, 2.0 * half)), 0.005)
+    across = mesh.touching.at(mesh.vertices)[:, 2]
+    np.testing.assert_allclose(np.abs(across), half, atol=1e-9)
+    assert (across > 0.0).sum() == pytest.approx((across < 0.0).sum(), rel=0.1)
+
+
+def test_a_fine_part_of_a_graded_mesh_has_points_at_its_cells() -> None:
+    """Line a bar whose cells are twice as long at one end as at the other: as many points as vertices."""
+    mesh = bar([0.10, 0.02, 0.02], [20, 4, 4])
+    share = mesh.vertices[:, 0] / 0.10
+    graded = HexMesh(mesh.vertices - np.outer(0.04 * share * (1.0 - share), [1.0, 0.0, 0.0]), mesh.cells)
+    box = trimesh.creation.box((0.10, 0.02, 0.02)).apply_translation([0.05, 0.0, 0.0])
+    assert len(lined(box, 0.0, mesh=graded).touching.corners) == len(np.unique(graded.surface()))
+
+
+def test_several_meshes_keep_their_points() -> None:
+    """Put a lined ball and a bare bar side by side, the ball turned: its points move along, its faces are left out."""
+    ball = lined(trimesh.creation.icosphere(4, RADIUS), RADIUS / 4.0)
+    block, turn = bar([0.05, 0.05, 0.05], [3, 3, 3]), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    at = np.array([0.3, 0.0, 0.0])
+    both = assemble({"bar": Part(block, np.zeros(3), np.eye(3)), "ball": Part(ball, at, turn)})
+    wanted = ball.touching.at(ball.vertices) @ turn.T + at
+    np.testing.assert_allclose(both.touching.at(both.vertices), wanted, atol=1e-12)
+    points, quads = outline(both.surface(), both.touching, both.vertices)
+    bare = len(block.surface())
+    assert quads[:bare].max() < block.n_vertices
+    np.testing.assert_allclose(np.linalg.norm(points[quads[bare:]] - at, axis=2), RADIUS, rtol=2e-3)
+
+
+def test_open_skins_and_skins_of_a_part_are_refused() -> None:
+    """Leave out a triangle, and line a bar at one end only: what is open, where, and the remedy."""
+    ball = trimesh.creation.icosphere(3, RADIUS)
+    whole = lined(ball, RADIUS / 4.0)
+    with pytest.raises(MeshError, match=r"needs a closed skin, and 3 edges.*\(.*\) m; remedy: close the holes"):
+        touch_by_skin(whole, np.asarray(ball.vertices), np.asarray(ball.faces)[1:])
+    rod = bar([0.2, 0.02, 0.02], [20, 2, 2])
+    end = trimesh.creation.box((0.02, 0.02, 0.02)).apply_translation([0.01, 0.0, 0.0])
+    with pytest.raises(MeshError, match=r"\d+ cells at the boundary have no part of the skin.*0.195.*whole body"):
+        lined(end, 0.0, mesh=rod)

@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes that touch by a skin: rods that roll, sensors, several meshes, rigid bodies, bags, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.contacts import contact_points
+from gdfe_ros.errors import SceneError
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene.scene import Scene
+
+RADIUS, LENGTH = 0.01, 0.03
+SLOPE = np.radians(20.0)
+ROD = """
+name: rod
+mesh: {{voxels: {{surface: rod.stl, cell: {cell}, cells: {cells}}}}}
+{skin}
+materials: {{soft: {{law: neo_hookean, young: 5.0e5, poisson: 0.4, density: 1000}}}}
+regions: [{{material: soft}}]
+handles: {handles}
+obstacles: {{floor: {{plane: [0, 0, 1], at: [0, 0, -0.01005], friction: 0.6}}}}
+{more}
+"""
+ROLLS = f"""
+loads: {{weight: {{gravity: [0, {9.81 * np.sin(SLOPE)}, {-9.81 * np.cos(SLOPE)}]}}}}
+dynamics: {{scheme: bdf2, step: 0.01}}
+"""
+HELD = "{top: {where: {box: {z: [0.0065, 1]}}}}"
+CONTACT = "skin: {file: rod.stl, contact: true}"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder with a round rod along x, one that is open, and a box of its size."""
+    rod = trimesh.creation.cylinder(RADIUS, LENGTH, sections=64)
+    rod.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
+    rod.export(tmp_path / "rod.stl")
+    trimesh.Trimesh(rod.vertices, rod.faces[1:]).export(tmp_path / "open.stl")
+    trimesh.creation.box((LENGTH, 2 * RADIUS, 2 * RADIUS)).export(tmp_path / "box.stl")
+    return tmp_path
+
+
+def load(
+    folder: Path,
+    skin: str = "skin: {file: rod.stl}",
+    *,
+    cells: str = "cut",
+    cell: float = RADIUS / 3.0,
+    handles: str = HELD,
+    more: str = "",
+    **options: object,
+) -> Scene:
+    """Load the rod above its floor."""
+    (folder / "rod.yaml").write_text(ROD.format(cell=cell, cells=cells, skin=skin, handles=handles, more=more))
+    return load_scene(folder / "rod.yaml", **options)
+
+
+def press(simulation: Simulation, depth: float, *, aside: float = 0.0):
+    """Press the rod's top down, perhaps aside, and return the result."""
+    result = simulation.step(Command(handles={"top": Pose((0.0, aside, -depth))}))
+    assert result.converged, result.message
+    return result
+
+
+def test_a_cut_rod_rolls_and_a_staircase_does_not(folder: Path) -> None:
+    """Release rods on a slope: the skin rolls 70 to 105 % of a round one's way, the staircase stays where it is."""
+    ways = {}
+    for name, skin, cells in (("skin", "skin: {file: rod.stl}", "cut"), ("faces", "", "whole")):
+        simulation = Simulation(load(folder, skin, cells=cells, cell=RADIUS / 4.0, handles="{}", more=ROLLS))
+        middle = simulation.mesh.vertices[:, 1].mean()
+        for _ in range(25):
+            assert simulation.step().converged
+        ways[name] = simulation.positions[:, 1].mean() - middle
+    rolled = 0.5 * (2.0 / 3.0) * 9.81 * np.sin(SLOPE) * 0.25**2
+    assert 0.7 < ways["skin"] / rolled < 1.05
+    assert abs(ways["faces"]) < 0.05 * rolled
+
+
+def test_a_rod_rests_at_its_radius(folder: Path) -> None:
+    """Lower a cut rod onto the floor: nothing touches 0.2 % of its radius above, something 1 % below."""
+    simulation = Simulation(load(folder))
+    for depth, touches in ((-0.002, False), (0.01, True)):
+        pushed = press(simulation, 0.00005 + depth * RADIUS).contacts["floor"].presses
+        assert (len(pushed) > 0) == touches
+
+
+def test_wrenches_sensors_and_points_are_one(folder: Path) -> None:
+    """Press and drag a rod: handle, obstacle, the sum of points, and sensors on both halves agree."""
+    halves = {"left": {"box": {"x": [-1, 0]}}, "right": {"box": {"x": [1e-9, 1]}}}
+    overrides = {"sensors": {name: {"where": where} for name, where in halves.items()}, "solver.tolerance": 1e-8}
+    scene = load(folder, overrides=overrides)
+    simulation = Simulation(scene)
+    press(simulation, 0.0008)
+    result = press(simulation, 0.0008, aside=0.0004)
+    wrench, touch = result.reactions["floor"], result.contacts["floor"]
+    assert wrench[2] > 0.1
+    assert wrench[1] < -0.01
+    np.testing.assert_allclose(result.reactions["top"][:3], -wrench[:3], atol=1e-6)
+    points = contact_points(result.contacts)
+    assert (points["vertex"] >= 0).all()
+    felt = touch.forces.sum(axis=0)
+    arms = touch.places - [0.0, 0.0, -0.01005]
+    np.testing.assert_allclose(wrench, np.concatenate([felt, np.cross(arms, touch.forces).sum(axis=0)]), atol=1e-9)
+    sensors = [scene.sensors[name].wrench(result)[:3] for name in halves]
+    np.testing.assert_allclose(sum(sensors), wrench[:3], atol=1e-9)
+    assert all(sensor[2] > 0.3 * wrench[2] for sensor in sensors)
+    assert (np.linalg.norm(touch.shears, axis=1) <= 0.6 * touch.presses * (1.0 + 1e-6)).all()
+
+
+def test_faces_sides_and_lost_sensors(folder: Path) -> None:
+    """Place sensors at a side of the skin, where no point is, and by ids: found, or refused with what is there."""
+    scene = load(folder, overrides={"sensors": {"end": {"where": {"face": "x+"}}}})
+    centre = scene.sensors["end"].centre(scene.mesh.vertices)
+    np.testing.assert_allclose(centre, [0.5 * LENGTH, 0.0, 0.0], atol=0.1 * RADIUS)
+    for where, expected in (
+        ({"sphere": {"center": [0, 0, 0], "radius": 0.001}}, "no point of the skin is there.*half a cell"),
+        ({"vertices": [1, 2]}, "not of a skin; allowed: face, box, sphere"),
+    ):
+        with pytest.raises(SceneError, match=rf"sensors\.end\.where[\s\S]*{expected}"):
+            load(folder, overrides={"sensors": {"end": {"where": where}}})
+
+
+def test_what_a_handle_holds_touches_nothing(folder: Path) -> None:
+    """Push the floor up to the plate that holds the rod's lower half: nothing touches; the other half does."""
+    scene = load(folder, handles="{low: {where: {box: {z: [-1, 0]}}}}")
+    simulation = Simulation(scene, terms=())
+    assert simulation.step(Command(handles={"floor": Pose((0.0, 0.0, 0.001))})).contacts["floor"].presses.size == 0
+    result = Simulation(load(folder)).step(Command(handles={"floor": Pose((0.0, 0.0, 0.001))}))
+    assert result.contacts["floor"].presses.sum() > 0.1
+
+
+def test_a_bag_a_checkpoint_and_the_file_give_the_same_bits(folder: Path) -> None:
+    """Take a rod that rolls from its own text, and from a checkpoint: the same positions to the bit."""
+    scene = load(folder, handles="{}", more=ROLLS)
+    (folder / "rod.stl").unlink()
+    first, again = Simulation(scene), Simulation(scene_from_text(scene.source))
+    for _ in range(3):
+        np.testing.assert_array_equal(first.step().positions, again.step().positions)
+    third = Simulation(scene)
+    load_state(third, save_state(first))
+    assert first.result.contacts["floor"].presses.size
+    for _ in range(2):
+        np.testing.assert_array_equal(first.step().positions, third.step().positions)
+
+
+def test_rigid_bodies_lie_on_the_skin(folder: Path) -> None:
+    """Lay a box on a rod whose corner cells it would be in: it is taken, and rests on the skin with its weight."""
+    box = {"size": [0.02, 0.03, 0.004]}
+    more = {"bodies": {"lid": {"box": box, "density": 2000, "at": [0, 0, 0.01205], "friction": 0.5}}}
+    more |= {
+        "obstacles": None,
+        "loads": {"weight": {"gravity": [0, 0, -9.81]}},
+        "dynamics": {"scheme": "bdf2", "step": 0.01},
+    }
+    more["dynamics"]["damping"] = {"mass": 20.0}
+    scene = load(folder, handles="{low: {where: {box: {z: [-1, -0.0065]}}}}", overrides=more)
+    simulation = Simulation(scene)
+    for _ in range(40):
+        result = simulation.step()
+        assert result.converged, result.message
+    weight = 2000 * 0.02 * 0.03 * 0.004 * 9.81
+    assert result.contacts["lid"].forces.sum(axis=0)[2] == pytest.approx(-weight, rel=0.02)
+    assert abs(simulation.handle_pose("lid").translation[2]) < 0.05 * RADIUS
+
+
+MESHES = """
+name: two
+meshes:
+  rod:
+    voxels: {surface: rod.stl, cell: 0.004, cells: cut}
+    skin: {file: rod.stl}
+    at: [0, 0.03, 0]
+    rotation_deg: [0, 0, 90]
+  bar: {bar: {size: [0.03, 0.02, 0.02], cells: [3, 2, 2]}, at: [0, -0.03, 0]}
+materials: {soft: {law: neo_hookean, young: 5.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles:
+  rod: {where: {mesh: rod, box: {z: [0.0065, 1]}}}
+  bar: {where: {mesh: bar, face: z+}}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.01], friction: 0.6}}
+solver: {tolerance: 1.0e-7}
+sensors:
+  rod: {where: {mesh: rod}}
+  bar: {where: {mesh: bar, face: z-}}
+  all: {where: {box: {z: [-1, 0]}}}
+"""
+
+
+def test_of_several_meshes_each_touches_by_what_it_has(folder: Path) -> None:
+    """Press a rod with a skin and a bar without one: each sensor feels its own, and one over both all of it."""
+    (folder / "two.yaml").write_text(MESHES)
+    scene = load_scene(folder / "two.yaml")
+    down = Pose((0.0, 0.0, -0.0005))
+    result = Simulation(scene).step(Command(handles={"rod": down, "bar": down}))
+    assert result.converged, result.message
+    felt = {name: sensor.wrench(result)[2] for name, sensor in scene.sensors.items()}
+    assert min(felt.values()) > 0.05
+    assert felt["rod"] == pytest.approx(-result.reactions["rod"][2], abs=1e-3)
+    assert felt["bar"] == pytest.approx(-result.reactions["bar"][2], abs=1e-3)
+    assert felt["all"] == pytest.approx(result.reactions["floor"][2], rel=1e-9)
+    touch = result.contacts["floor"]
+    assert set(touch.vertices[touch.points < 0]) <= set(scene.sensors["bar"].vertices)
+
+
+@pytest.mark.parametrize(
+    ("skin", "cells", "more", "expected"),
+    [
+        ("skin: {contact: true}", "cut", "", r"skin .*give exactly one of file, embedded"),
+        ("skin: {file: open.stl, contact: true}", "cut", "", r"skin\.file.*contact needs a closed skin, and 3 edges"),
+        ("skin: {file: open.stl}", "cut", "", r"floor would act on the faces of cut.*remedy: `skin: .*closed surface"),
+        ("", "cut", "", r"floor would act on the faces of cut.*remedy: `skin: .*closed surface"),
+        ("skin: {file: rod.stl, contact: false}", "cut", "", r"floor would act on the faces of cut"),
+        (CONTACT, "whole", "self_contact: {}", r"self_contact.*not by skin, which.*remedy: leave out that key.*"),
+        ("skin: {file: rod.stl}", "cut", "self_contact: {}", r"self_contact would act on the faces.*cells: whole"),
+    ],
+)
+def test_bad_input_is_refused(folder: Path, skin: str, cells: str, more: str, expected: str) -> None:
+    """Ask for contact on no skin, an open one, with self-contact: each is told with its key and remedy."""
+    with pytest.raises(SceneError, match=f"(?s:.*){expected}"):
+        load(folder, skin, cells=cells, cell=RADIUS / 6.0, more=more)
+
+
+def test_an_open_skin_is_still_shown_where_nothing_touches(folder: Path) -> None:
+    """Load an open skin on cut cells without obstacles, and a closed one on whole cells: neither touches."""
+    scene = load(folder, "skin: {file: open.stl}", overrides={"obstacles": None})
+    assert (scene.mesh.skin is not None, scene.mesh.touching) == (True, None)
+    scene = load(folder, cells="whole", cell=RADIUS / 6.0)
+    assert (scene.mesh.skin is not None, scene.mesh.touching) == (True, None)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact of a skin's points: a ball beside CalculiX, slopes in closed form, forces and moments to rounding."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from benchmarks.skin_contact import CALCULIX, press_ball
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.solver.contact.contact import Contact
+
+SLAB = """
+name: slab
+mesh: {{bar: {{size: [0.10, 0.06, 0.02], cells: [5, 3, 1]}}}}
+skin: {{file: slab.stl, contact: true}}
+materials: {{soft: {{law: neo_hookean, young: 5.0e5, poisson: 0.4, density: 1000}}}}
+regions: [{{material: soft}}]
+handles: {{}}
+obstacles: {{slope: {{plane: [0, 0, 1], at: [0, 0, -0.01], friction: {friction}}}}}
+loads: {{weight: {{gravity: [{along}, 0, {down}]}}}}
+dynamics: {{scheme: bdf2, step: 0.01}}
+{more}
+"""
+ANGLE = np.radians(30.0)
+
+
+def slab(folder: Path, friction: float, more: str = "") -> Simulation:
+    """Return a slab on a slope that touches by a skin, which is its own surface."""
+    box = trimesh.creation.box((0.10, 0.06, 0.02)).apply_translation([0.05, 0.0, 0.0])
+    box.export(folder / "slab.stl")
+    weight = {"along": 9.81 * np.sin(ANGLE), "down": -9.81 * np.cos(ANGLE)}
+    (folder / "slab.yaml").write_text(SLAB.format(friction=friction, more=more, **weight))
+    return Simulation(load_scene(folder / "slab.yaml"))
+
+
+def test_a_ball_between_plates_is_calculix_ball() -> None:
+    """Press a cut ball: within 5 % of CalculiX at 12 cells over the diameter, and nearer than at 8."""
+    coarse, fine = (press_ball(count, "skin") for count in (8, 12))
+    for share, wanted in CALCULIX.items():
+        assert fine[share] == pytest.approx(wanted, rel=0.05)
+        assert abs(fine[share] - wanted) < 0.5 * abs(coarse[share] - wanted)
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.4])
+def test_a_slab_slides_as_coulomb_says(tmp_path: Path, friction: float) -> None:
+    """Release a slab on a slope: g (sin - mu cos) once it has settled."""
+    simulation, places = slab(tmp_path, friction), []
+    for _ in range(40):
+        assert simulation.step().converged
+        places.append(simulation.positions[:, 0].mean())
+    acceleration = np.polyfit(0.01 * np.arange(20), places[20:], 2)[0] * 2.0
+    assert acceleration == pytest.approx(9.81 * (np.sin(ANGLE) - friction * np.cos(ANGLE)), rel=0.01)
+
+
+def test_a_slab_sticks_without_creeping(tmp_path: Path) -> None:
+    """Leave a slab on a rough slope: once it rests it moves by less than a nanometre in a tenth of a second."""
+    simulation = slab(tmp_path, 0.8, "solver: {tolerance: 1.0e-7}")
+    for _ in range(150):
+        simulation.step()
+    before = simulation.positions.copy()
+    for _ in range(10):
+        result = simulation.step()
+    assert np.abs(simulation.positions - before).max() < 1e-9
+    assert not result.contacts["slope"].slips[result.contacts["slope"].presses > 0.0].all()
+
+
+def test_what_a_skin_pushes_is_what_the_body_feels(tmp_path: Path) -> None:
+    """Press a turned floor aside into a slab: forces on vertices have the wrench's force and moment, to rounding."""
+    simulation = slab(
+        tmp_path, 0.5, "bodies: {lid: {box: {size: [0.04, 0.04, 0.01]}, density: 2000, at: [0.05, 0, 0.015]}}"
+    )
+    for _ in range(8):
+        simulation.step(Command(handles={"slope": Pose((0.001, 0.0, 0.0004), (0.01, 0.01, 0.0))}))
+    terms = [term for term in simulation._stepper.actuation.contacts if type(term) is Contact]
+    state = simulation._state
+    for term in terms:
+        simulation._stepper.actuation.begin(state.commands, state.terms, state.positions, state.poses, state, ratio=0.0)
+        forces = np.zeros_like(state.positions)
+        term.add_forces(state.positions, forces)
+        wrench, count = term.wrench(state.positions), simulation.mesh.n_vertices
+        assert np.abs(wrench).max() > 0.1
+        arms = state.positions[:count] - term._origin
+        felt = np.concatenate([forces[:count].sum(axis=0), np.cross(arms, forces[:count]).sum(axis=0)])
+        np.testing.assert_allclose(felt, wrench, rtol=1e-9, atol=1e-9)
+        if len(forces) > count and term.name == "lid":
+            np.testing.assert_allclose(forces[count:].sum(axis=0), -wrench[:3], atol=1e-9)
+
+
+def test_forces_are_the_slope_of_the_energy(tmp_path: Path) -> None:
+    """Differ the energy of a pressed skin on a rigid body along random motions: its forces; no tangent is negative."""
+    more = "bodies: {lid: {box: {size: [0.04, 0.04, 0.01]}, density: 2000, at: [0.05, 0, 0.015], friction: 0.5}}"
+    simulation = slab(tmp_path, 0.5, more)
+    for _ in range(8):
+        simulation.step(Command(handles={"slope": Pose((0.001, 0.0, 0.0004))}))
+    state, rng = simulation._state, np.random.default_rng(2)
+    actuation = simulation._stepper.actuation
+    actuation.begin(state.commands, state.terms, state.positions, state.poses, state, ratio=0.0)
+    for term in actuation.contacts:
+        if type(term) is not Contact:
+            continue
+        way = rng.normal(size=state.positions.shape)
+        way[simulation.mesh.n_vertices :] = 0.0  # the lid stays rigid
+        x = state.positions + 1e-6 * way
+        slopes = np.zeros_like(x)
+        term.potential(x, term.reals, term.integers, slopes, np.zeros(1))
+        energies = [
+            term.potential(x + sign * 1e-8 * way, term.reals, term.integers, np.zeros_like(x), np.zeros(1))
+            for sign in (1.0, -1.0)
+        ]
+        assert np.abs(slopes).max() > 0.01
+        assert (energies[0] - energies[1]) / 2e-8 == pytest.approx(
+            (slopes * way).sum(), abs=1e-5 * np.linalg.norm(slopes)
+        )
+        tangents = term.tangents(x)
+        assert tangents.shape[1] == 3 * term.couplings().shape[1]
+        assert np.linalg.eigvalsh(tangents).min() > -1e-6 * np.abs(tangents).max()
