@@ -114,6 +114,7 @@ class OwnContact(ContactTerm):
         moved = positions - last
         far = float(np.abs(moved - moved[self._vertices].mean(axis=0)).max(initial=0.0))
         self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
+        self.missed = 0.0
         entered = self._entered(positions)
         found = self.surface.look(last, last, self._reach, self._sunk)
         self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face < 0)).any())
@@ -150,7 +151,8 @@ class OwnContact(ContactTerm):
         shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
         miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
         deepest = -float(found.gap[self._chosen].min(initial=0.0))
-        return max(miss, self._judge(change, forces, penalties), deepest)
+        self.missed = max(miss, deepest)
+        return max(self.missed, self._judge(change, forces, penalties))
 
     def hasten(self) -> None:
         """Extrapolate the multipliers from their last updates, if there were several.

@@ -30,6 +30,8 @@ FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 COARSER = (30.0, 3.0)
 """Distance over the resolution of contact forces at which the first descents end, where finer ones follow: each update
 brings multipliers ten times nearer."""
+ROUGH = 0.3
+"""Of what pairs of a surface missed at the last update: the way that may be left of the next descent."""
 SCALE_SLACK = 10.0
 """Change of an hourglass scale, over the tolerance, that leaves the positions within it."""
 WARM_SLACK = 10.0
@@ -163,6 +165,8 @@ class Solve:
         for count in range(0 if self._hopeless else MOST_UPDATES):
             coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
             fine, left = coarser * self._actuation.resolution, limit - self.iterations
+            rough = ROUGH * self._actuation.missed > fine
+            fine = max(fine, ROUGH * self._actuation.missed)
             aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(tolerance, fine)}
             went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
@@ -173,7 +177,7 @@ class Solve:
             if failed or not updates or self._hopeless:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
-            last = inner == tolerance or status["ended"] != End.NONE
+            last = (inner == tolerance and not rough) or status["ended"] != End.NONE
             quiet = self._settled and went.iterations == 0
             self._settled = self._update(active, still=went.iterations == 0) and last
             if self._settled and (quiet or not self._minimiser.certified):

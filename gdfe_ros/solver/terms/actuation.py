@@ -129,6 +129,11 @@ class Actuation:
         return "; ".join(text for term in self.contacts if (text := term.flaw(positions)))
 
     @property
+    def missed(self) -> float:
+        """By how much pairs of the surface missed at the last update, over the body's size."""
+        return max((contact.missed for contact in self.contacts), default=0.0) / self._body.size
+
+    @property
     def buried(self) -> bool:
         """Whether what `flaw` saw lies deep in something, not only beyond the bound."""
         return any(term.buried for term in self.contacts)
