@@ -54,8 +54,9 @@ def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Tor
     handles = [handle.seen_from(origin) for handle in scene.handles]
     rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
     rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
-    mesh, materials = scene.mesh, tuple(scene.materials.values())
-    options = {"filling": mesh.filling, "self_contact": scene.self_contact, "torsion": torsion, "size": mesh.size}
+    mesh, materials, touching = scene.mesh, tuple(scene.materials.values()), scene.self_contact
+    options = {"filling": mesh.filling, "torsion": torsion, "size": mesh.size}
+    options["self_contact"] = touching and touching.seen_from(origin)
     options["skin"] = mesh.touching
     return Body.build(rest, mesh.cells, materials, scene.cell_material, handles, **options)
 

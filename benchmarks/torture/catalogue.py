@@ -10,6 +10,7 @@ from benchmarks.torture import (
     honesty,
     laws,
     meshes,
+    pokes,
     scales,
     scenes,
     snaps,
@@ -26,6 +27,7 @@ def all_cases(*, walk_steps: int = walks.STEPS) -> list[Case]:
     found = [case for group in groups for case in group.cases()]
     found += [*walks.cases(walk_steps), *actuation.cases(), *snaps.cases(), *scenes.cases(), *honesty.cases()]
     found += touches.cases(min(touches.POKES, walk_steps))
+    found += pokes.cases(min(pokes.POKES, walk_steps))
     names = [case.id for case in found]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

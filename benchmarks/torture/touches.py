@@ -62,7 +62,7 @@ def _driver(thing: Mapping[str, Any], **more: Any) -> Driver:
     return Driver(scene_from_text(BODY, overrides={"obstacles": {"thing": dict(thing)}, **more}))
 
 
-def _released(driver: Driver, away: Pose = UP) -> Finding:
+def released(driver: Driver, away: Pose = UP) -> Finding:
     """Take the thing away: the body must go back to rest, and no step may call it settled while it lies inside."""
     if driver.simulation.scene.dynamics is None:
         for _ in range(RELEASES):
@@ -90,7 +90,7 @@ def _inside(form: dict[str, Any], reach: float, friction: float, motion: bool) -
         driver.step(dt=0.005)
     first = driver.results[0]
     untouched = not motion and first.converged and not first.contacts["thing"].vertices.size
-    found = _released(driver)
+    found = released(driver)
     return replace(found, flaws=(*found.flaws, "what it began in, it does not touch")) if untouched else found
 
 
@@ -99,7 +99,7 @@ def _through(form: dict[str, Any], steps: int, friction: float) -> Finding:
     driver = _driver({**form, "at": [0.06, 0.004, 0.06], "friction": friction})
     for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
         driver.step(Pose((0.0, 0.0, -0.16 * share)), name="thing")
-    return _released(driver, DOWN)
+    return released(driver, DOWN)
 
 
 def _edge(turn: list[float], friction: float) -> Finding:
@@ -108,7 +108,7 @@ def _edge(turn: list[float], friction: float) -> Finding:
     driver = _driver({**thing, "friction": friction})
     for way in ((0.0, 0.0, -0.01), (0.0, 0.0, -0.015), (0.01, -0.005, -0.015), (0.02, 0.005, -0.01)):
         driver.step(Pose(way), name="thing")
-    return _released(driver)
+    return released(driver)
 
 
 def _contrast(ratio: float, half: dict[str, list[float]]) -> Finding:
@@ -120,7 +120,7 @@ def _contrast(ratio: float, half: dict[str, list[float]]) -> Finding:
     driver = _driver({"sphere": {"radius": 0.02}, "at": [0.06, 0.004, HEIGHT + 0.021], "friction": 0.5}, **hard)
     for depth in (0.004, 0.008):
         driver.step(Pose((0.0, 0.0, -depth)), name="thing")
-    return _released(driver)
+    return released(driver)
 
 
 def _poked(friction: float, pokes: int) -> Finding:
@@ -130,7 +130,7 @@ def _poked(friction: float, pokes: int) -> Finding:
     for _ in range(pokes):
         place = random.uniform([-0.03, -0.04, -0.17], [0.07, 0.04, -0.08])
         driver.step(Pose(tuple(place), tuple(random.uniform(-2.0, 2.0, 3))), name="thing")
-    return _released(driver)
+    return released(driver)
 
 
 def _knocked(friction: float, knocks: int) -> Finding:
@@ -141,7 +141,7 @@ def _knocked(friction: float, knocks: int) -> Finding:
         place, turn = random.uniform([-0.02, -0.02, -0.03], [0.03, 0.02, -0.02]), random.uniform(-0.5, 0.5, 3)
         for share in np.sin(np.linspace(0.0, np.pi, PARTS + 1)[1:]):
             driver.step(Pose(tuple(share * place), tuple(share * turn)), name="thing", dt=0.005)
-    return _released(driver)
+    return released(driver)
 
 
 def cases(pokes: int = POKES) -> list[Case]:

@@ -76,7 +76,8 @@ def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Report) -> Se
     quads = mesh.surface()
     if model.where is not None:
         quads = select(select_faces, mesh, model.where, ("self_contact", "where"), "boundary face", report)
-    return None if quads is None else SelfContact(quads=quads, friction=model.friction)
+    parts = {name: part.first_vertex for name, part in mesh.parts.items()}
+    return None if quads is None else SelfContact(quads=quads, friction=model.friction, parts=parts)
 
 
 def build_sensors(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str, ContactSensor]:

@@ -51,6 +51,7 @@ class Solution:
         cut: the limit or the deadline ended it.
         diverged: the energy has no lower bound.
         exhausted: it is as near as double precision allows: a shorter way would not lead nearer.
+        buried: surfaces are deep in each other, not only beyond the bound.
         lost: how far the equilibrium is could not be known: a shorter way may lead nearer, but not a much shorter one.
         began: (n, 3) where the solve began [m].
         balance: of an equilibrium; None where it is none, or has no energy.
@@ -65,6 +66,7 @@ class Solution:
     diverged: bool = False
     exhausted: bool = False
     lost: bool = False
+    buried: bool = False
     began: NDArray[np.float64]
     balance: Balance | None = None
     tolerance: float

@@ -126,12 +126,13 @@ def among(starts, values, row, value):
 
 
 @kernel
-def nearest_faces(x, last, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap):
+def nearest_faces(x, last, sunk, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap):
     """Find of each vertex the nearest face that it can touch.
 
     Args:
         x: (n, 3) [m].
         last: (n, 3) [m] where nothing had entered anything.
+        sunk: (k,) which vertices had all the same: those come out through the nearest face.
         pairs: (p,) places of vertices among the surface's.
         faces: (p,) of faces that may be nearest.
         surface: the topology of a `OwnSurface`.
@@ -178,7 +179,7 @@ def nearest_faces(x, last, pairs, faces, surface, areas, normals, reach, distanc
                 continue
             # Round an edge: what is nearest is the edge itself.
             m0, m1, m2, height = d0 / away, d1 / away, d2 / away, away
-        if height < -surface.depth and not was_before(last, quads, f, vertex, w):
+        if height < -surface.depth and not (sunk[i] or was_before(last, quads, f, vertex, w)):
             continue
         distance[i], face[i], gap[i] = away, f, height
         normal[i, 0], normal[i, 1], normal[i, 2] = m0, m1, m2

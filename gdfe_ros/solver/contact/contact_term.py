@@ -34,6 +34,10 @@ class ContactTerm(Term):
         on_body: whether it is the elastic body that touches an obstacle.
         resolution: to what distance [m] descents must go for the forces to be known.
         share: of its forces that act all the time, where a scheme lets them act at the end of steps.
+        missed: by how much [m] pairs of a surface missed their gaps and slips at the last update of a solve.
+        gives_up: whether solves end where they are hopeless, since smaller steps may do better.
+        buried: what `flaw` saw lies deep in something, not only beyond the bound.
+        hopeless: what was apart has come so deep into each other that it is not found any more.
     """
 
     potential: ClassVar[Callable[..., float]]
@@ -42,6 +46,7 @@ class ContactTerm(Term):
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
         self._body, self.resolution, self.share = body, np.inf, 1.0
+        self.missed, self.gives_up, self.hopeless, self.buried = 0.0, False, False, False
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return nothing: contact stores nothing."""

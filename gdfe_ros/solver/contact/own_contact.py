@@ -14,6 +14,7 @@ from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
 from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
+from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
 from gdfe_ros.solver.contact.pair_touch import across, touching_vertices
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
@@ -23,10 +24,17 @@ from gdfe_ros.solver.terms.term import Saved
 
 REACH, FARTHEST = 0.02, 0.25
 """Distance, over the body's size, within which faces are looked for beside twice of what a step moves, and the most."""
+ROUNDING = 1e-9
+"""Share of the largest shear that friction holds, below which a pair sticks."""
 PLAIN = 2
 """Updates of multipliers in a solve before they are extrapolated."""
 DEEPEST = 1e-4
 """How deep, over the body's size, a vertex may be at the end of a step that counts as converged."""
+BURIED = 1e-3
+"""How deep, over the body's size, a vertex may be at the end of a step that counts for anything."""
+CLEAR = 1.5
+"""Over how deep vertices lie at the beginning of a solve: the way within which faces are looked for then."""
+SEPARATE = "remedy: go back to where it was sound and come in smaller steps, or draw them apart"
 SAME_SIDE = 0.5
 """Cosine between the normals of what a vertex touched and of what it is nearest to now, above which its forces stay."""
 
@@ -45,7 +53,8 @@ class OwnContact(ContactTerm):
     kernel, potential = law.pair_entry, staticmethod(law.pair_energy)
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
-        self.surface = OwnSurface(body, meant.quads)
+        self.surface, self._meant = OwnSurface(body, meant.quads), meant
+        self._inside = Inside(body, self.surface.topology)
         self._vertices, self._quads = self.surface.topology.vertices, self.surface.topology.quads
         count = len(self._vertices)
         reals = np.zeros(law.HEAD + law.STRIDE * count)
@@ -54,7 +63,8 @@ class OwnContact(ContactTerm):
         self._yielding = np.zeros(len(body.rest))
         self._chosen, self._on = np.zeros(0, dtype=np.int64), False
         self._last: State | None = None
-        self._reach, self._deepest = 0.0, 0.0
+        self._reach, self._bound = 0.0, DEEPEST * body.size
+        self._sunk = np.zeros(count, dtype=np.bool_)
         none = np.zeros((count, 3))
         self._free = {
             "press": np.zeros(count), "shear": none, "normal": none, "slips": np.ones(count),
@@ -94,8 +104,8 @@ class OwnContact(ContactTerm):
         return {**self._free, "lost": np.zeros(1)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
-        """Take where everything was."""
-        self._last = last
+        """Take where everything was when it was sound last."""
+        self._last = last if last is None else last.anchor or last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Take the multipliers of the last step, turned on with the faces."""
@@ -104,7 +114,10 @@ class OwnContact(ContactTerm):
         moved = positions - last
         far = float(np.abs(moved - moved[self._vertices].mean(axis=0)).max(initial=0.0))
         self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
-        found = self.surface.look(last, last, self._reach)
+        self.missed = 0.0
+        entered = self._entered(positions)
+        found = self.surface.look(last, last, self._reach, self._sunk)
+        self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face < 0)).any())
         kept = saved["slips"] == 0.0
         face = np.where(kept, saved["face"], found.face).astype(np.int64)
         some = saved["face"] >= 0.0
@@ -119,7 +132,7 @@ class OwnContact(ContactTerm):
         before, after = (_axes(x, self._quads[found.face[on]]) for x in (last, positions))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._pack(found, last)
-        self._on, self._deepest, rows = bool(self._press.any()), 0.0, self._rows()
+        self._on, rows = bool(self._press.any()), self._rows()
         self._expect(rows[:, law.PRESS], rows[:, law.PENALTY])
 
     def update(self, positions: NDArray[np.float64]) -> float:
@@ -127,16 +140,19 @@ class OwnContact(ContactTerm):
         rows, chosen, self._updated = self._rows(), self._chosen, self._updated + 1
         self._held = self._multipliers()
         miss, change, forces, penalties = law.update_pairs(positions, self.reals, self.integers)
-        press, gaps, pushed = rows[:, law.PRESS].copy(), self._forces(positions)[0], rows[:, law.PRESS] > 0.0
+        gaps, _, _, _, slid = self._forces(positions)
+        press, pushed = rows[:, law.PRESS].copy(), rows[:, law.PRESS] > 0.0
         self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
         given_up = press / rows[:, law.PENALTY]
-        found = self.surface.look(positions, self._from, self._reach)
+        found = self.surface.look(positions, self._from, self._reach, self._sunk)
+        self._follow(found, positions, slid)
         self._pack(found, positions)
         kept = pushed & (self._press[chosen] > 0.0)
         shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
         miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
-        self._deepest = max(0.0, -float(found.gap[self._chosen].min(initial=0.0)))
-        return max(miss, self._judge(change, forces, penalties), self._deepest)
+        deepest = -float(found.gap[self._chosen].min(initial=0.0))
+        self.missed = max(miss, deepest)
+        return max(self.missed, self._judge(change, forces, penalties))
 
     def hasten(self) -> None:
         """Extrapolate the multipliers from their last updates, if there were several.
@@ -156,7 +172,8 @@ class OwnContact(ContactTerm):
         """Tell whether anything has come to touch that did not."""
         if self._on:
             return False
-        found = self.surface.look(positions, self._from, self._reach)
+        self.hopeless = self.gives_up and bool((self._entered(positions) > self.surface.topology.depth).any())
+        found = self.surface.look(positions, self._from, self._reach, self._sunk)
         self._pack(found, positions)
         self._on = bool((found.gap[self._chosen] < 0.0).any())
         return self._on
@@ -202,11 +219,51 @@ class OwnContact(ContactTerm):
             slips=saved["slips"][on] > 0.0,
         )
 
-    def flaw(self) -> str:
-        """Say how deep surfaces are in each other at the end of a solve; empty where that is within the bound."""
-        if self._deepest <= DEEPEST * self._body.size:
+    def flaw(self, positions: NDArray[np.float64]) -> str:
+        """Say what lies inside of what, how deep and where; empty where that is within the bound.
+
+        Every vertex is looked at, whether it was among the pairs of the solve or not.
+        """
+        depths, cells = self._inside.depths(positions, self._bound)
+        deepest = int(depths.argmax())
+        self.buried = bool(depths[deepest] > BURIED * self._body.size)
+        if not depths[deepest] > 0.0:
             return ""
-        return f"surfaces of the body enter each other by {self._deepest:.3g} m; smaller steps lead nearer"
+        vertex, meant = self._vertices[deepest], self._meant
+        own, other = meant.owner(vertex), meant.owner(self._body.cells[cells[deepest], 0])
+        place = ", ".join(f"{value:.4g}" for value in positions[vertex] + meant.origin)
+        where = f"{depths[deepest]:.3g} m inside of {'itself' if own == other else other}"
+        return f"{own} lies {where}, deepest at [{place}] m; {SEPARATE}"
+
+    def _entered(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how deep (k,) [m] vertices are by now, farther than is looked, in what they were outside of before.
+
+        Those that were inside of something before are noted: they come out through the face that is nearest.
+        """
+        within = min(REACH * self._body.size, self.surface.topology.depth)
+        depths = self._inside.depths(positions, within)[0]
+        self._sunk = np.zeros(len(depths), dtype=np.bool_)
+        if not depths.any():
+            return depths
+        before = self._inside.depths(self._from, self._bound)[0]
+        self._sunk = before > 0.0
+        self._reach = max(self._reach, CLEAR * float(before.max()))
+        return np.where(self._sunk, 0.0, depths)
+
+    def _follow(self, found: Nearest, x: NDArray[np.float64], slid: NDArray[np.float64]) -> None:
+        """Have friction act where pairs that slip are by now; how far they have slid, (k, 3) [m], stays.
+
+        It would act where they were when the solve began otherwise, and the next solve, from here, would move on.
+        """
+        rows, chosen = self._rows(), self._chosen
+        limit = self.reals[law.FRICTION] * rows[:, law.PRESS]
+        shear = np.linalg.norm(rows[:, law.SHEAR : law.HOLD], axis=1)
+        on = (limit > 0.0) & (shear > (1.0 - ROUNDING) * limit) & (found.face[chosen] >= 0)
+        slips = chosen[on]
+        face, weights = found.face[slips], found.weights[slips]
+        self._hold[slips], self._hold_weights[slips] = face, weights
+        places = np.einsum("ka,kai->ki", weights, x[self._quads[face]])
+        self._offset[slips] = x[self._vertices[slips]] - places - slid[on]
 
     def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
         """Take the pairs that were found at ``x`` (n, 3) [m], with the multipliers of those that go on."""

@@ -106,7 +106,9 @@ class OwnSurface:
             rim=RIM * shortest,
         )
 
-    def look(self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float) -> Nearest:
+    def look(
+        self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, sunk: NDArray[np.bool_] | None = None
+    ) -> Nearest:
         """Return the nearest face of each vertex that it can touch within a distance.
 
         What lies deep behind a face touches it only where it was in front of it before: the other side of a wall has
@@ -116,8 +118,10 @@ class OwnSurface:
             x: (n, 3) [m].
             last: (n, 3) [m] where nothing had entered anything.
             reach: [m].
+            sunk: (k,) which vertices were inside of something before; None for none.
         """
         surface = self.topology
+        sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
         count, points, quads = len(surface.vertices), x[surface.vertices], surface.quads
         centres = x[quads].mean(axis=1)
         radius = float(np.sqrt(np.square(x[quads] - centres[:, None]).sum(axis=2).max()))
@@ -129,7 +133,7 @@ class OwnSurface:
         weights, normal, gap = np.zeros((count, 4)), np.zeros((count, 3)), np.full(count, np.inf)
         pairs, faces = np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])
         found = (distance, face, weights, normal, gap)
-        nearest_faces(x, last, pairs, faces, surface, areas, normals, reach, *found)
+        nearest_faces(x, last, sunk, pairs, faces, surface, areas, normals, reach, *found)
         return Nearest(face, weights, normal, gap)
 
 
@@ -139,13 +143,15 @@ def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _near(body: Body, quads: NDArray[np.int32]) -> sparse.csr_matrix:
     """Return the vertices (q, n) of the cells that share one with the cell of each face."""
-    cells, boundary = body.cells, boundary_faces(body.cells)
+    boundary = boundary_faces(body.cells)
     owner = {tuple(quad): cell for quad, cell in zip(boundary.quads.tolist(), boundary.cells.tolist(), strict=True)}
-    own = np.array([owner[tuple(quad)] for quad in quads.tolist()])
+    return vertices_about(body.cells, np.array([owner[tuple(quad)] for quad in quads.tolist()]), len(body.rest))
+
+
+def vertices_about(cells: NDArray[np.int32], chosen: NDArray[np.int64], count: int) -> sparse.csr_matrix:
+    """Return which of ``count`` vertices (k, n) are of cells that share one with each of the ``chosen`` (k,)."""
     rows = np.repeat(np.arange(len(cells)), 8)
-    incidence = sparse.csr_matrix(
-        (np.ones(cells.size, np.int32), (rows, cells.ravel())), shape=(len(cells), len(body.rest))
-    )
-    near = (incidence[own] @ incidence.T @ incidence).tocsr()
+    incidence = sparse.csr_matrix((np.ones(cells.size, np.int32), (rows, cells.ravel())), shape=(len(cells), count))
+    near = (incidence[chosen] @ incidence.T @ incidence).tocsr()
     near.sort_indices()
     return near

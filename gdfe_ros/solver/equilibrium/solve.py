@@ -30,6 +30,8 @@ FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 COARSER = (30.0, 3.0)
 """Distance over the resolution of contact forces at which the first descents end, where finer ones follow: each update
 brings multipliers ten times nearer."""
+ROUGH = 0.3
+"""Of what pairs of a surface missed at the last update: the way that may be left of the next descent."""
 SCALE_SLACK = 10.0
 """Change of an hourglass scale, over the tolerance, that leaves the positions within it."""
 WARM_SLACK = 10.0
@@ -38,6 +40,7 @@ WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
 """Least iterations of a step that continues a motion, and of one that does not: with a stream of small commands the
 work is even from step to step and the error stays far below the tolerance, which alone would let it build up. The third
 is for a driven body while the history is not full: it does not know the softest modes yet, which forces move most."""
+TOO_DEEP = "what was apart came so deep into each other that it would not be kept apart"
 COLD_AIM = 0.2
 """Share of the tolerance at which a solve aims that continues no motion: its history does not know the softest modes
 yet, and steps become short before it has arrived."""
@@ -160,10 +163,13 @@ class Solve:
         if self._resumed is not None:
             inner, least = max(self._resumed.tolerance, tolerance), max(0, least - self._resumed.iterations)
             active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
-        self._settled, self.iterations = not updates, 0
-        for count in range(MOST_UPDATES):
+        self._settled, self.iterations, self._cut, self._inner = not updates, 0, False, inner
+        self._hopeless = self._actuation.hopeless
+        for count in range(0 if self._hopeless else MOST_UPDATES):
             coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
             fine, left = coarser * self._actuation.resolution, limit - self.iterations
+            rough = ROUGH * self._actuation.missed > fine
+            fine = max(fine, ROUGH * self._actuation.missed)
             aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(tolerance, fine)}
             went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
@@ -171,10 +177,11 @@ class Solve:
             runaway = ended is End.RUNAWAY or (ended is not End.NONE and bool(status["blocked"]))
             failed = went.cut or runaway or self._minimiser.lost
             updates |= not failed and self._actuation.reached(active.workspace.x)
-            if failed or not updates:
+            self._hopeless = self._actuation.hopeless
+            if failed or not updates or self._hopeless:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
-            last = inner == tolerance or ended is not End.NONE
+            last = (inner == tolerance and not rough) or ended is not End.NONE
             quiet = self._settled and went.iterations == 0
             self._settled = self._update(active, still=went.iterations == 0) and last
             if self._settled and (quiet or not self._minimiser.certified):
@@ -201,7 +208,8 @@ class Solve:
         self.measure(active, stored, least)
         positions = work.x.copy()
         slides, turns = active.rigid_motion()
-        converged, residual, message = self._verdict(active)
+        flaw = self._actuation.flaw(positions)
+        converged, residual, message = self._verdict(active, flaw)
         outside = work.outside if self._actuation.terms else None
         summary = Summary(
             converged=converged,
@@ -240,6 +248,7 @@ class Solve:
             cut=self._cut and not converged,
             exhausted=active.ended is End.EXHAUSTED and not converged,
             lost=self._minimiser.lost and not converged,
+            buried=self._actuation.buried,
             began=self._prediction.positions,
             balance=self._actuation.balance(positions, problem.commands) if energetic else None,
             run=run,
@@ -265,12 +274,21 @@ class Solve:
         """Tell whether hourglass scales follow the strain."""
         return self._softening and len(active.softening) > 0
 
-    def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
-        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""
+    def _verdict(self, active: ActiveSet, flaw: str) -> tuple[bool, float, str]:
+        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong.
+
+        With a ``flaw`` it is none that may stand.
+        """
+        if flaw or self._hopeless:
+            found = self._unflawed(active) if not self._hopeless else (False, np.inf, TOO_DEEP)
+            return False, found[1], "; ".join(text for text in (flaw, found[2]) if text)
+        return self._unflawed(active)
+
+    def _unflawed(self, active: ActiveSet) -> tuple[bool, float, str]:
+        """Return the same of what has no flaw."""
         tolerance, residual = self.problem.tolerance, self._minimiser.residual(active) / self._aim
         if residual <= tolerance and self._settled and (self._warm or not self._cut):
-            flaw = self._actuation.flaw
-            return not flaw, residual, flaw
+            return True, residual, ""
         if self._cut:
             late = past(self.problem.deadline)
             reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"

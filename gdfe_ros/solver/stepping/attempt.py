@@ -14,7 +14,7 @@ SHORTEST_LOST = 1.0 / 4.0
 """Share of a command below which an increment is not halved again where its equilibrium cannot be told."""
 SHORTEST_JUMP = 1.0 / 32.0
 """Share of a way that is not cut further for a jump: enough to tell that smaller steps do not prevent it."""
-FOLDS = "elements would fold or turn inside out"
+FOLDS, ENTERS = "elements would fold or turn inside out", "surfaces would enter each other"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,8 +42,8 @@ class Attempt:
 
     @property
     def sound(self) -> bool:
-        """Whether no element is folded or inverted."""
-        return self.solution.min_det > 0.0
+        """Whether no element is folded or inverted, and no surface deep inside of another."""
+        return self.solution.min_det > 0.0 and not self.solution.buried
 
     @property
     def snapped(self) -> bool:
@@ -74,4 +74,5 @@ class Attempt:
             return inflated(self.unstable, self.began.commands, way.aim[1])
         if self.solution.diverged and not way.folded:
             return message
-        return f"{FOLDS} beyond {way.done:.3g} of the way to the command; {message}".rstrip("; ")
+        what = ENTERS if self.solution.buried and self.solution.min_det > 0.0 else FOLDS
+        return f"{what} beyond {way.done:.3g} of the way to the command; {message}".rstrip("; ")

@@ -126,10 +126,24 @@ class Actuation:
             return np.inf
         return max(FINEST, min(contact.resolution for contact in self.contacts) / self._body.size)
 
+    def flaw(self, positions: NDArray[np.float64]) -> str:
+        """Say why ``positions`` (n, 3) [m] that a solve found cannot stand; empty where they can."""
+        return "; ".join(text for term in self.contacts if (text := term.flaw(positions)))
+
     @property
-    def flaw(self) -> str:
-        """Why what the last solve found cannot stand; empty where it can."""
-        return "; ".join(text for term in self.contacts if (text := term.flaw()))
+    def missed(self) -> float:
+        """By how much pairs of the surface missed at the last update, over the body's size."""
+        return max((contact.missed for contact in self.contacts), default=0.0) / self._body.size
+
+    @property
+    def buried(self) -> bool:
+        """Whether what `flaw` saw lies deep in something, not only beyond the bound."""
+        return any(term.buried for term in self.contacts)
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether a solve has come to where it cannot keep apart what was apart before it."""
+        return any(term.hopeless for term in self.contacts)
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether a descent came upon what a term had left out."""

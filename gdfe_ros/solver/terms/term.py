@@ -165,8 +165,8 @@ class Term:
             return 0.0
         return float(terms_energy(positions, TermTable.of(self), np.zeros_like(positions), np.zeros(1)))
 
-    def flaw(self) -> str:
-        """Say why what a solve found cannot stand, though nothing moves any more; empty where it can."""
+    def flaw(self, positions: NDArray[np.float64]) -> str:
+        """Say why positions (n, 3) [m] that a solve found cannot stand, though nothing moves; empty where they can."""
         return ""
 
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:

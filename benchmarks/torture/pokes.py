@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Group 10, at random: things that press on a coarse body anywhere, edges across edges, meshes into each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from benchmarks.torture.bodies import Driver, distance
+from benchmarks.torture.case import Case, Finding, Group
+from benchmarks.torture.touches import BOUND, FRICTIONS, UP, released
+from gdfe_ros.constraints import Pose
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.contact.inside import Inside
+from gdfe_ros.solver.contact.own_contact import DEEPEST
+from gdfe_ros.solver.settings import Policy
+
+POKES, PRESSES = 84, 42
+"""Of each thing with each friction, a thousand in all; of meshes into each other."""
+COARSE = """
+name: poked
+mesh: {bar: {size: [0.10, 0.05, 0.05], cells: [4, 2, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}}
+solver: {tolerance: 1.0e-6, max_iterations: 2000}
+"""
+BLOCKS = """
+name: blocks
+meshes:
+  low: {bar: {size: [0.05, 0.05, 0.05], cells: [2, 1, 2]}}
+  high: {bar: {size: [0.05, 0.05, 0.05], cells: [1, 2, 2]}, at: [0, 0, 0.051]}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {low: {where: {mesh: low, face: z-}, fixed: true}, high: {where: {mesh: high, face: z+}}}
+"""
+ABOVE, HEIGHT = 0.2, 0.025
+"""Where a thing waits over the body's middle, and where the body ends [m]."""
+DEEP = 0.012
+"""Of a poke, at most [m]: half a cell."""
+RETURNS = 4
+"""Steps in which meshes that were drawn apart must have come home."""
+FORMS: dict[str, tuple[dict[str, Any], float]] = {
+    "spheres": ({"sphere": {"radius": 0.015}}, 0.015),
+    "boxes": ({"box": {"size": [0.03, 0.03, 0.03]}}, 0.015),
+    "capsules": ({"capsule": {"radius": 0.008, "length": 0.04}}, 0.008),
+}
+"""Things, and how far they reach from their middle across [m]."""
+Spot = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Where a thing's middle is over the spot that it touches, in which direction it comes, and its rotation vector."""
+
+
+def _anywhere(reach: float, random: np.random.Generator) -> Spot:
+    """Return a spot on one of the free faces, and any turn."""
+    side = int(random.integers(5))
+    way = np.array([[0, 0, -1], [0, 0, 1], [0, -1, 0], [0, 1, 0], [-1, 0, 0]], dtype=float)[side]
+    spot = random.uniform([-0.02, -0.025, -0.025], [0.05, 0.025, 0.025])
+    spot = np.where(way != 0.0, -way * [0.05, 0.025, 0.025], spot)
+    return spot - reach * way, way, random.uniform(-1.5, 1.5, 3)
+
+
+def _edge_across_edge(reach: float, random: np.random.Generator) -> Spot:
+    """Return a place at which an edge of a box crosses one of the body's two upper edges at right angles, nearly."""
+    side = random.choice([-1.0, 1.0])
+    way = np.array([0.0, -side, -1.0]) / np.sqrt(2.0)
+    spot = np.array([random.uniform(-0.03, 0.045), side * 0.025, HEIGHT])
+    # An edge of the box lies along (0, 1, -side): turned by 45 degrees about x, then about the way.
+    edge = np.array([0.0, side, -1.0]) / np.sqrt(2.0)
+    faces = np.column_stack([(np.array([1.0, 0.0, 0.0]) - way) / np.sqrt(2.0), edge, np.zeros(3)])
+    faces[:, 2] = np.cross(faces[:, 0], faces[:, 1])
+    angle = np.arccos(np.clip(0.5 * (np.trace(faces) - 1.0), -1.0, 1.0))
+    skew = np.array([faces[2, 1] - faces[1, 2], faces[0, 2] - faces[2, 0], faces[1, 0] - faces[0, 1]])
+    turn = angle / (2.0 * np.sin(angle)) * skew + random.uniform(-0.1, 0.1, 3)
+    return spot - np.sqrt(2.0) * reach * way, way, turn
+
+
+def _poked(form: dict[str, Any], reach: float, friction: float, pokes: int, where: Callable[..., Spot]) -> Finding:
+    """Press a thing into the body anywhere, in one step; then drag it aside or take it away; over and over."""
+    thing = {**form, "at": [0.0, 0.0, ABOVE], "friction": friction}
+    driver, random = (
+        Driver(scene_from_text(COARSE, overrides={"obstacles": {"thing": thing}})),
+        np.random.default_rng(3),
+    )
+    for _ in range(pokes):
+        middle, way, turn = where(reach, random)
+        place = middle + random.uniform(0.0, DEEP) * way - [0.0, 0.0, ABOVE]
+        driver.step(Pose(tuple(place), tuple(turn)), name="thing")
+        if random.random() < 0.5:
+            drag = np.cross(way, random.normal(size=3))
+            driver.step(Pose(tuple(place + 0.01 * drag / np.linalg.norm(drag)), tuple(turn)), name="thing")
+        else:
+            driver.step(UP, name="thing")
+    return released(driver)
+
+
+def _pressed(friction: float, presses: int) -> Finding:
+    """Move a coarse block by more than a cell into another, and turn it, in single steps; then draw it off."""
+    driver = Driver(scene_from_text(BLOCKS, overrides={"self_contact": {"friction": friction}}))
+    simulation, random, depth = driver.simulation, np.random.default_rng(3), 0.0
+    inside = Inside(simulation._stepper.body, simulation._stepper.actuation.contacts[-1].surface.topology)
+    for _ in range(presses):
+        place = random.uniform([-0.02, -0.02, -0.06], [0.02, 0.02, 0.0])
+        result = driver.step(Pose(tuple(place), tuple(random.uniform(-0.4, 0.4, 3))), name="high")
+        found = inside.depths(simulation._state.positions, 0.0)[0].max() / simulation.mesh.size
+        depth = max(depth, float(found)) if result.converged else depth
+    for height in np.linspace(0.1, 0.0, RETURNS):
+        result = driver.step(Pose((0.0, 0.0, height)), name="high")
+    error = distance(result.positions, simulation.mesh.vertices, simulation.mesh.size)
+    said = tuple(dict.fromkeys(each.message for each in driver.results if each.message))
+    flaws = (f"settled {depth:.2g} of its size inside of another mesh",) if depth > DEEPEST else ()
+    return Finding(tuple(driver.results), error, driver.rise, said, flaws)
+
+
+def cases(pokes: int = POKES) -> list[Case]:
+    """Return the cases; so many pokes each, and half as many of meshes into each other."""
+    case = partial(Case, group=Group.CONTACT, policy=Policy.ENERGY, law="neo-hookean", bound=BOUND)
+    found = []
+    for friction in FRICTIONS:
+        more = f", coarse, friction {friction:g}"
+        for name, (form, reach) in FORMS.items():
+            found.append(case(name=name + more, run=partial(_poked, form, reach, friction, pokes, _anywhere)))
+        run = partial(_poked, *FORMS["boxes"], friction, pokes, _edge_across_edge)
+        found.append(case(name=f"edges across edges{more}", run=run))
+        presses = max(1, pokes * PRESSES // POKES)
+        found.append(replace(case(name=f"mesh into mesh{more}", run=partial(_pressed, friction, presses)), bound=1e-3))
+    return found

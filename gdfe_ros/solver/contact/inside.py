@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which vertices of a surface lie inside of cells that are not about them, and how deep, whatever pairs there were."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import inlined, internal, kernel
+from gdfe_ros.mesh.faces import boundary_faces, vertex_pieces
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.closest import among, closest_on, point_on
+from gdfe_ros.solver.contact.own_surface import Topology, vertices_about
+
+MOST_STEPS = 25
+"""Of Newton's method in a cell."""
+EXACT = 1e-9
+"""How far beyond a cell's faces its coordinates, from 0 to 1, still count as inside."""
+MOST_BINS = 4
+"""Over the number of vertices: bins of the grid in which they are found."""
+
+
+class Inside:
+    """What of a surface lies inside of the body.
+
+    Args:
+        body: the discretised body.
+        surface: faces that may touch each other, and their vertices.
+    """
+
+    def __init__(self, body: Body, surface: Topology) -> None:
+        cells, faces = body.cells, boundary_faces(body.cells)
+        pieces = vertex_pieces(cells, len(body.rest))
+        near = vertices_about(cells, np.arange(len(cells)), len(body.rest))
+        chosen = {tuple(quad) for quad in surface.quads.tolist()}
+        touchable = np.array([tuple(quad) in chosen for quad in faces.quads.tolist()])
+        order = np.argsort(pieces[faces.quads[:, 0]], kind="stable")
+        quads, count = faces.quads[order], int(pieces.max()) + 1
+        starts = np.searchsorted(pieces[quads[:, 0]], np.arange(count + 1)).astype(np.int64)
+        self._skin = (surface.vertices, np.ascontiguousarray(quads, dtype=np.int32), touchable[order], starts)
+        self._cells = (cells, pieces[cells[:, 0]].astype(np.int64), near.indptr.astype(np.int64))
+        self._near = near.indices.astype(np.int64)
+
+    def depths(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return how deep [m] each vertex of the surface is (k,), and in which cell (k,).
+
+        Zero and -1 where it is not inside of a cell, or nearer to the outside than ``bound`` [m]. What lies nearest to
+        faces that do not take part may lie there.
+
+        Args:
+            x: (n, 3) [m].
+            bound: [m].
+        """
+        count = len(self._skin[0])
+        depth, cell = np.zeros(count), np.full(count, -1, dtype=np.int64)
+        if np.isfinite(x).all():
+            find_inside(x, *self._skin, *self._cells, self._near, bound, depth, cell)
+        return depth, cell
+
+
+@inlined
+def corner_shape(corner, u, v, w):
+    """Return the shape function of a corner of a cell (VTK's order) at its coordinates, and its slopes."""
+    a = u if corner in (1, 2, 5, 6) else 1.0 - u
+    b = v if corner in (2, 3, 6, 7) else 1.0 - v
+    c = w if corner >= 4 else 1.0 - w
+    da = 1.0 if corner in (1, 2, 5, 6) else -1.0
+    db = 1.0 if corner in (2, 3, 6, 7) else -1.0
+    dc = 1.0 if corner >= 4 else -1.0
+    return a * b * c, da * b * c, a * db * c, a * b * dc
+
+
+@internal
+def within_cell(x, cells, e, px, py, pz):
+    """Tell whether a point [m] lies in a cell."""
+    u, v, w = 0.5, 0.5, 0.5
+    for _ in range(MOST_STEPS):
+        r0, r1, r2 = px, py, pz
+        a00, a01, a02, a10, a11, a12, a20, a21, a22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for corner in range(8):
+            q = cells[e, corner]
+            s, du, dv, dw = corner_shape(corner, u, v, w)
+            r0, r1, r2 = r0 - s * x[q, 0], r1 - s * x[q, 1], r2 - s * x[q, 2]
+            a00, a01, a02 = a00 + du * x[q, 0], a01 + dv * x[q, 0], a02 + dw * x[q, 0]
+            a10, a11, a12 = a10 + du * x[q, 1], a11 + dv * x[q, 1], a12 + dw * x[q, 1]
+            a20, a21, a22 = a20 + du * x[q, 2], a21 + dv * x[q, 2], a22 + dw * x[q, 2]
+        c0, c1, c2 = a11 * a22 - a12 * a21, a12 * a20 - a10 * a22, a10 * a21 - a11 * a20
+        det = a00 * c0 + a01 * c1 + a02 * c2
+        if det == 0.0:
+            return False
+        d0, d1 = a02 * a21 - a01 * a22, a00 * a22 - a02 * a20
+        e0, e1 = a01 * a12 - a02 * a11, a02 * a10 - a00 * a12
+        d2, e2 = a01 * a20 - a00 * a21, a00 * a11 - a01 * a10
+        u1 = (c0 * r0 + d0 * r1 + e0 * r2) / det
+        v1 = (c1 * r0 + d1 * r1 + e1 * r2) / det
+        w1 = (c2 * r0 + d2 * r1 + e2 * r2) / det
+        u, v, w = clamp(u + u1), clamp(v + v1), clamp(w + w1)
+        if abs(u1) + abs(v1) + abs(w1) < 0.1 * EXACT:
+            return min(u, v, w) > -EXACT and max(u, v, w) < 1.0 + EXACT
+    return False
+
+
+@inlined
+def clamp(value):
+    """Return a coordinate of a cell that is not far beyond it."""
+    return min(max(value, -0.5), 1.5)
+
+
+@internal
+def depth_below(x, quads, touchable, first, last, vertex, bound):
+    """Return how far [m] the nearest of faces ``first`` to ``last`` is from a vertex that is none of their corners.
+
+    It is 0 where that is less than ``bound``, or where the nearest face takes no part.
+    """
+    px, py, pz = x[vertex, 0], x[vertex, 1], x[vertex, 2]
+    least, takes_part = np.inf, False
+    for f in range(first, last):
+        below, own = 0.0, False
+        for axis in range(3):
+            p = px if axis == 0 else (py if axis == 1 else pz)
+            low, high = np.inf, -np.inf
+            for a in range(4):
+                own |= quads[f, a] == vertex
+                low, high = min(low, x[quads[f, a], axis]), max(high, x[quads[f, a], axis])
+            below += max(0.0, low - p, p - high) ** 2
+        if own or below >= least * least:
+            continue
+        u, v = closest_on(x, quads, f, px, py, pz)
+        c0, c1, c2 = point_on(x, quads, f, u, v)
+        away = math.sqrt((px - c0) ** 2 + (py - c1) ** 2 + (pz - c2) ** 2)
+        if away < least:
+            least, takes_part = away, touchable[f]
+            if least < bound:
+                return 0.0
+    return least if takes_part else 0.0
+
+
+@internal
+def sorted_into_bins(x, vertices, low, edge, n0, n1, n2):
+    """Return where each bin of a grid begins among vertices, and their places by bin."""
+    count = len(vertices)
+    where, starts, order = np.empty(count, np.int64), np.zeros(n0 * n1 * n2 + 1, np.int64), np.empty(count, np.int64)
+    for k in range(count):
+        v = vertices[k]
+        i = min(int((x[v, 0] - low[0]) / edge), n0 - 1)
+        j = min(int((x[v, 1] - low[1]) / edge), n1 - 1)
+        where[k] = (i * n1 + j) * n2 + min(int((x[v, 2] - low[2]) / edge), n2 - 1)
+        starts[where[k] + 1] += 1
+    for b in range(n0 * n1 * n2):
+        starts[b + 1] += starts[b]
+    place = starts.copy()
+    for k in range(count):
+        order[place[where[k]]] = k
+        place[where[k]] += 1
+    return starts, order
+
+
+@kernel
+def find_inside(x, vertices, quads, touchable, quad_starts, cells, pieces, near_starts, near, bound, depth, cell):
+    """Find of vertices the cells in which they lie, and how deep below the faces of its piece.
+
+    Args:
+        x: (n, 3) [m], finite.
+        vertices: (k,) of the surface.
+        quads: (q, 4) all boundary faces, piece by piece.
+        touchable: (q,) which of them take part.
+        quad_starts: (p + 1,) where those of each piece begin.
+        cells: (m, 8).
+        pieces: (m,) of the cells.
+        near_starts: (m + 1,) where those about each cell begin among ``near``.
+        near: vertices of the cells about each cell, ascending.
+        bound: [m] below which a depth is none.
+        depth: (k,) [m] is written where a vertex is inside.
+        cell: (k,) likewise.
+    """
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for v in vertices:
+        for axis in range(3):
+            low[axis], high[axis] = min(low[axis], x[v, axis]), max(high[axis], x[v, axis])
+    boxes, edge = np.empty((len(cells), 2, 3)), 0.0
+    for e in range(len(cells)):
+        for axis in range(3):
+            least, most = np.inf, -np.inf
+            for a in range(8):
+                least, most = min(least, x[cells[e, a], axis]), max(most, x[cells[e, a], axis])
+            boxes[e, 0, axis], boxes[e, 1, axis] = least, most
+            edge = max(edge, most - least)
+    if not edge > 0.0:
+        return
+    s0, s1, s2 = (high[0] - low[0]) / edge, (high[1] - low[1]) / edge, (high[2] - low[2]) / edge
+    crowd = (s0 + 1.0) * (s1 + 1.0) * (s2 + 1.0) / (MOST_BINS * len(vertices))
+    coarser = max(1.0, crowd)  # of a surface that is scattered wide
+    edge, n0, n1, n2 = edge * coarser, int(s0 / coarser) + 1, int(s1 / coarser) + 1, int(s2 / coarser) + 1
+    starts, order = sorted_into_bins(x, vertices, low, edge, n0, n1, n2)
+    for e in range(len(cells)):
+        i0, i1 = max(0, int((boxes[e, 0, 0] - low[0]) / edge)), min(n0 - 1, int((boxes[e, 1, 0] - low[0]) / edge))
+        j0, j1 = max(0, int((boxes[e, 0, 1] - low[1]) / edge)), min(n1 - 1, int((boxes[e, 1, 1] - low[1]) / edge))
+        k0, k1 = max(0, int((boxes[e, 0, 2] - low[2]) / edge)), min(n2 - 1, int((boxes[e, 1, 2] - low[2]) / edge))
+        for i in range(i0, i1 + 1):
+            for j in range(j0, j1 + 1):
+                row = (i * n1 + j) * n2
+                for at in range(starts[row + k0], starts[row + k1 + 1]):
+                    k = order[at]
+                    v = vertices[k]
+                    p0, p1, p2 = x[v, 0], x[v, 1], x[v, 2]
+                    if p0 < boxes[e, 0, 0] or p0 > boxes[e, 1, 0] or p1 < boxes[e, 0, 1] or p1 > boxes[e, 1, 1]:
+                        continue
+                    if p2 < boxes[e, 0, 2] or p2 > boxes[e, 1, 2] or among(near_starts, near, e, v):
+                        continue
+                    if within_cell(x, cells, e, p0, p1, p2):
+                        first, last = quad_starts[pieces[e]], quad_starts[pieces[e] + 1]
+                        found = depth_below(x, quads, touchable, first, last, v, bound)
+                        if found > depth[k]:
+                            depth[k], cell[k] = found, e
