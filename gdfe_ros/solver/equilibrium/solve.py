@@ -17,6 +17,7 @@ from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.elements.pressures import Pressures
 from gdfe_ros.solver.equilibrium.predictor import Prediction
+from gdfe_ros.solver.equilibrium.verdict import MOST_UPDATES, verdict
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.reactions import handle_reactions
@@ -28,8 +29,7 @@ from gdfe_ros.solver.terms.actuation import Actuation
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 """Tolerance of the first descent where multipliers are updated, and by how much each further one is tightened."""
 COARSER = (30.0, 3.0)
-"""Distance over the resolution of contact forces at which the first descents end, where finer ones follow: each update
-brings multipliers ten times nearer."""
+"""Distance over the resolution of contact forces at which the first descents end: each update brings these nearer."""
 ROUGH = 0.3
 """Of what pairs of a surface missed at the last update: the way that may be left of the next descent."""
 SCALE_SLACK = 10.0
@@ -40,12 +40,9 @@ WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
 """Least iterations of a step that continues a motion, and of one that does not: with a stream of small commands the
 work is even from step to step and the error stays far below the tolerance, which alone would let it build up. The third
 is for a driven body while the history is not full: it does not know the softest modes yet, which forces move most."""
-TOO_DEEP = "what was apart came so deep into each other that it would not be kept apart"
 COLD_AIM = 0.2
 """Share of the tolerance at which a solve aims that continues no motion: its history does not know the softest modes
 yet, and steps become short before it has arrived."""
-MOST_UPDATES = 60
-"""Of pressures, multipliers and scales in one solve; what has not settled by then swings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +162,10 @@ class Solve:
             active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
         self._settled, self.iterations, self._cut, self._inner = not updates, 0, False, inner
         self._hopeless = self._actuation.hopeless
-        for count in range(0 if self._hopeless else MOST_UPDATES):
+        if self._hopeless:
+            task.evaluate()
+            return
+        for count in range(MOST_UPDATES):
             coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
             fine, left = coarser * self._actuation.resolution, limit - self.iterations
             rough = ROUGH * self._actuation.missed > fine
@@ -275,37 +275,20 @@ class Solve:
         return self._softening and len(active.softening) > 0
 
     def _verdict(self, active: ActiveSet, flaw: str) -> tuple[bool, float, str]:
-        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong.
-
-        With a ``flaw`` it is none that may stand.
-        """
-        if flaw or self._hopeless:
-            found = self._unflawed(active) if not self._hopeless else (False, np.inf, TOO_DEEP)
-            return False, found[1], "; ".join(text for text in (flaw, found[2]) if text)
-        return self._unflawed(active)
-
-    def _unflawed(self, active: ActiveSet) -> tuple[bool, float, str]:
-        """Return the same of what has no flaw."""
-        tolerance, residual = self.problem.tolerance, self._minimiser.residual(active) / self._aim
-        if residual <= tolerance and self._settled and (self._warm or not self._cut):
-            return True, residual, ""
+        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""
+        stopped = ""
         if self._cut:
             late = past(self.problem.deadline)
-            reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
-            far = float(active.status["distance"]) / self._body.size
-            text = (
-                f"{reason}: how far from equilibrium is not known yet, the last step was {far:.3g} of the body's size"
-            )
-            return False, np.inf, f"{text}; the next step goes on from here"
-        if residual <= tolerance:
-            text = "pressures, commanded lengths and volumes, or hourglass scales have not settled"
-            return False, residual, f"{text} in {MOST_UPDATES} updates, though the positions hardly move any more"
-        if not np.isfinite(residual):
-            text = "how far from equilibrium is not known: the body is at the edge of its stability"
-            return False, residual, f"{text}; smaller steps, or other commands, lead past it"
-        reason = "no further descent is possible at the precision of the energy"
-        message = f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
-        return False, residual, message
+            stopped = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
+        return verdict(
+            residual=self._minimiser.residual(active) / self._aim,
+            tolerance=self.problem.tolerance,
+            settled=self._settled and (self._warm or not self._cut),
+            stopped=stopped,
+            last=float(active.status["distance"]) / self._body.size,
+            flaw=flaw,
+            hopeless=self._hopeless,
+        )
 
     def _unfinished(self, active: ActiveSet) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0
