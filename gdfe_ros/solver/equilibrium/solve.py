@@ -161,8 +161,7 @@ class Solve:
             inner, least = max(self._resumed.tolerance, tolerance), max(0, least - self._resumed.iterations)
             active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
         self._settled, self.iterations, self._cut, self._inner = not updates, 0, False, inner
-        self._hopeless = self._actuation.hopeless
-        if self._hopeless:
+        if self._actuation.hopeless:
             task.evaluate()
             return
         for count in range(MOST_UPDATES):
@@ -177,8 +176,7 @@ class Solve:
             runaway = ended is End.RUNAWAY or (ended is not End.NONE and bool(status["blocked"]))
             failed = went.cut or runaway or self._minimiser.lost
             updates |= not failed and self._actuation.reached(active.workspace.x)
-            self._hopeless = self._actuation.hopeless
-            if failed or not updates or self._hopeless:
+            if failed or not updates or self._actuation.hopeless:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
             last = (inner == tolerance and not rough) or ended is not End.NONE
@@ -287,7 +285,7 @@ class Solve:
             stopped=stopped,
             last=float(active.status["distance"]) / self._body.size,
             flaw=flaw,
-            hopeless=self._hopeless,
+            hopeless=self._actuation.hopeless,
         )
 
     def _unfinished(self, active: ActiveSet) -> Unfinished:

@@ -42,9 +42,5 @@ def _unflawed(residual: float, tolerance: float, settled: bool, stopped: str, la
     if not math.isfinite(residual):
         text = "how far from equilibrium is not known: the body is at the edge of its stability"
         return False, residual, f"{text}; smaller steps, or other commands, lead past it"
-    text = "no further descent is possible at the precision of the energy"
-    return (
-        False,
-        residual,
-        f"{text}: about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}",
-    )
+    text = f"about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
+    return False, residual, f"no further descent is possible at the precision of the energy: {text}"
