@@ -3,27 +3,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.minimiser import Minimiser, Task
+from gdfe_ros.solver.descent.minimiser import Task
 from gdfe_ros.solver.descent.workspace import LONG_MEMORY, End, Problem
 from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.elements.pressures import Pressures
+from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Prediction
-from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
-from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.terms.actuation import Actuation
 
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 """Tolerance of the first descent where multipliers are updated, and by how much each further one is tightened."""
@@ -46,22 +41,6 @@ COLD_AIM = 0.2
 yet, and steps become short before it has arrived."""
 MOST_UPDATES = 60
 """Of pressures, multipliers and scales in one solve; what has not settled by then swings."""
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """What all solves of a body share: the body, what acts on it, its handles, and what descends in its potential.
-
-    ``level`` holds the tangents that precondition a slender body; None where the constant matrix does. Without
-    ``softening`` hourglass scales stay: a change of them would make or take energy.
-    """
-
-    body: Body
-    actuation: Actuation
-    handles: HandleMotions
-    minimiser: Minimiser
-    level: TangentLevel | None = None
-    softening: bool = True
 
 
 class Solve:
@@ -162,11 +141,12 @@ class Solve:
             active.workspace.recent[...], status["seen"] = self._resumed.recent, self._resumed.seen
         self._settled, self.iterations, self._cut, self._inner = not updates, 0, False, inner
         self._hopeless = self._actuation.hopeless
+        if self._hopeless:
+            task.evaluate()
         for count in range(0 if self._hopeless else MOST_UPDATES):
             coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
             fine, left = coarser * self._actuation.resolution, limit - self.iterations
-            rough = ROUGH * self._actuation.missed > fine
-            fine = max(fine, ROUGH * self._actuation.missed)
+            fine, rough = max(fine, ROUGH * self._actuation.missed), ROUGH * self._actuation.missed > fine
             aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(tolerance, fine)}
             went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
@@ -205,8 +185,9 @@ class Solve:
         self.measure(active, stored, least)
         positions = work.x.copy()
         slides, turns = active.rigid_motion()
-        flaw = self._actuation.flaw(positions)
-        converged, residual, message = self._verdict(active, flaw)
+        converged, residual, message = self._verdict(active)
+        if flaw := self._actuation.flaw(positions):
+            converged, message = False, f"{flaw}; {message}".rstrip("; ")
         outside = work.outside if self._actuation.terms else None
         summary = Summary(
             converged=converged,
@@ -271,18 +252,10 @@ class Solve:
         """Tell whether hourglass scales follow the strain."""
         return self._softening and len(active.softening) > 0
 
-    def _verdict(self, active: ActiveSet, flaw: str) -> tuple[bool, float, str]:
-        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong.
-
-        With a ``flaw`` it is none that may stand.
-        """
-        if flaw or self._hopeless:
-            found = self._unflawed(active) if not self._hopeless else (False, np.inf, TOO_DEEP)
-            return False, found[1], "; ".join(text for text in (flaw, found[2]) if text)
-        return self._unflawed(active)
-
-    def _unflawed(self, active: ActiveSet) -> tuple[bool, float, str]:
-        """Return the same of what has no flaw."""
+    def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
+        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""
+        if self._hopeless:
+            return False, np.inf, TOO_DEEP
         tolerance, residual = self.problem.tolerance, self._minimiser.residual(active) / self._aim
         if residual <= tolerance and self._settled and (self._warm or not self._cut):
             return True, residual, ""
