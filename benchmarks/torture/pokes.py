@@ -15,7 +15,6 @@ from benchmarks.torture.case import Case, Finding, Group
 from benchmarks.torture.touches import BOUND, FRICTIONS, UP, released
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_contact import DEEPEST
 from gdfe_ros.solver.settings import Policy
 
@@ -101,7 +100,7 @@ def _pressed(friction: float, presses: int) -> Finding:
     """Move a coarse block by more than a cell into another, and turn it, in single steps; then draw it off."""
     driver = Driver(scene_from_text(BLOCKS, overrides={"self_contact": {"friction": friction}}))
     simulation, random, depth = driver.simulation, np.random.default_rng(3), 0.0
-    inside = Inside(simulation._stepper.body, simulation._stepper.actuation.contacts[-1].surface.topology)
+    inside = simulation._stepper.actuation.contacts[-1].inside
     for _ in range(presses):
         place = random.uniform([-0.02, -0.02, -0.06], [0.02, 0.02, 0.0])
         result = driver.step(Pose(tuple(place), tuple(random.uniform(-0.4, 0.4, 3))), name="high")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import inlined, internal, kernel
+from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.mesh.faces import boundary_faces, vertex_pieces
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import among, closest_on, point_on
@@ -18,6 +19,7 @@ MOST_STEPS = 25
 """Of Newton's method in a cell."""
 EXACT = 1e-9
 """How far beyond a cell's faces its coordinates, from 0 to 1, still count as inside."""
+SEPARATE = "remedy: go back to where it was sound and come in smaller steps, or draw them apart"
 MOST_BINS = 4
 """Over the number of vertices: bins of the grid in which they are found."""
 
@@ -28,9 +30,11 @@ class Inside:
     Args:
         body: the discretised body.
         surface: faces that may touch each other, and their vertices.
+        meant: whose they are.
     """
 
-    def __init__(self, body: Body, surface: Topology) -> None:
+    def __init__(self, body: Body, surface: Topology, meant: SelfContact) -> None:
+        self._meant = meant
         cells, faces = body.cells, boundary_faces(body.cells)
         pieces = vertex_pieces(cells, len(body.rest))
         near = vertices_about(cells, np.arange(len(cells)), len(body.rest))
@@ -58,6 +62,18 @@ class Inside:
         if np.isfinite(x).all():
             find_inside(x, *self._skin, *self._cells, self._near, bound, depth, cell)
         return depth, cell
+
+    def told(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
+        """Return how deep [m] the deepest vertex is, and say in what and where; arguments as in `depths`."""
+        depths, cells = self.depths(x, bound)
+        deepest = int(depths.argmax())
+        if not depths[deepest] > 0.0:
+            return 0.0, ""
+        vertex, meant = self._skin[0][deepest], self._meant
+        own, other = meant.owner(vertex), meant.owner(self._cells[0][cells[deepest], 0])
+        place = ", ".join(f"{value:.4g}" for value in x[vertex] + meant.origin)
+        where = f"{depths[deepest]:.3g} m inside of {'itself' if own == other else other}"
+        return float(depths[deepest]), f"{own} lies {where}, deepest at [{place}] m; {SEPARATE}"
 
 
 @inlined

@@ -16,7 +16,7 @@ from gdfe_ros.solver.contact import pair_law as law
 from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
-from gdfe_ros.solver.contact.pair_touch import across, touching_vertices
+from gdfe_ros.solver.contact.pair_touch import across, frames, touching_vertices
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
@@ -34,7 +34,6 @@ BURIED = 1e-3
 """How deep, over the body's size, a vertex may be at the end of a step that counts for anything."""
 CLEAR = 1.5
 """Over how deep vertices lie at the beginning of a solve: the way within which faces are looked for then."""
-SEPARATE = "remedy: go back to where it was sound and come in smaller steps, or draw them apart"
 SAME_SIDE = 0.5
 """Cosine between the normals of what a vertex touched and of what it is nearest to now, above which its forces stay."""
 
@@ -53,8 +52,8 @@ class OwnContact(ContactTerm):
     kernel, potential = law.pair_entry, staticmethod(law.pair_energy)
 
     def __init__(self, meant: SelfContact, body: Body) -> None:
-        self.surface, self._meant = OwnSurface(body, meant.quads), meant
-        self._inside = Inside(body, self.surface.topology)
+        self.surface = OwnSurface(body, meant.quads)
+        self.inside = Inside(body, self.surface.topology, meant)
         self._vertices, self._quads = self.surface.topology.vertices, self.surface.topology.quads
         count = len(self._vertices)
         reals = np.zeros(law.HEAD + law.STRIDE * count)
@@ -63,8 +62,7 @@ class OwnContact(ContactTerm):
         self._yielding = np.zeros(len(body.rest))
         self._chosen, self._on = np.zeros(0, dtype=np.int64), False
         self._last: State | None = None
-        self._reach, self._bound = 0.0, DEEPEST * body.size
-        self._sunk = np.zeros(count, dtype=np.bool_)
+        self._reach, self._sunk = 0.0, np.zeros(count, dtype=np.bool_)
         none = np.zeros((count, 3))
         self._free = {
             "press": np.zeros(count), "shear": none, "normal": none, "slips": np.ones(count),
@@ -114,14 +112,13 @@ class OwnContact(ContactTerm):
         moved = positions - last
         far = float(np.abs(moved - moved[self._vertices].mean(axis=0)).max(initial=0.0))
         self._reach = min(REACH * size + 2.0 * far, FARTHEST * size)
-        self.missed = 0.0
-        entered = self._entered(positions)
+        self.missed, entered = 0.0, self._entered(positions)
         found = self.surface.look(last, last, self._reach, self._sunk)
         self.hopeless = self.gives_up and bool(((entered > 0.0) & (found.face < 0)).any())
         kept = saved["slips"] == 0.0
         face = np.where(kept, saved["face"], found.face).astype(np.int64)
         some = saved["face"] >= 0.0
-        axes = _axes(positions, self._quads[saved["face"][some].astype(np.int64)])
+        axes = frames(positions, self._quads[saved["face"][some].astype(np.int64)])
         self._press, self._shear, self._normal = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
         self._mixing, self._updated = Anderson(), 0
         self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
@@ -129,7 +126,7 @@ class OwnContact(ContactTerm):
         self._offset = last[self._vertices] - np.einsum("ka,kai->ki", self._hold_weights, last[self._quads[face]])
         self._offset[kept] = np.einsum("kij,kj->ki", axes[kept[some]], saved["offset"][kept])
         on = found.face >= 0
-        before, after = (_axes(x, self._quads[found.face[on]]) for x in (last, positions))
+        before, after = (frames(x, self._quads[found.face[on]]) for x in (last, positions))
         found.normal[on] = np.einsum("kij,klj,kl->ki", after, before, found.normal[on])
         self._pack(found, last)
         self._on, rows = bool(self._press.any()), self._rows()
@@ -172,10 +169,11 @@ class OwnContact(ContactTerm):
         """Tell whether anything has come to touch that did not."""
         if self._on:
             return False
-        self.hopeless = self.gives_up and bool((self._entered(positions) > self.surface.topology.depth).any())
         found = self.surface.look(positions, self._from, self._reach, self._sunk)
         self._pack(found, positions)
         self._on = bool((found.gap[self._chosen] < 0.0).any())
+        if self._on and self.gives_up:
+            self.hopeless = self._entered(positions).max() > self.surface.topology.depth
         return self._on
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
@@ -187,7 +185,7 @@ class OwnContact(ContactTerm):
         slips |= ~(presses > 0.0)
         face, weights = self._hold[chosen], self._hold_weights[chosen]
         face, weights = np.where(slips, self._face, face), np.where(slips[:, None], self._weights, weights)
-        quads, axes = self._quads[face], _axes(positions, self._quads[face])
+        quads, axes = self._quads[face], frames(positions, self._quads[face])
         places = np.einsum("ka,kai->ki", weights, positions[quads])
         offset = positions[self._vertices[chosen]] - places
         offset[~slips] = rows[~slips, law.OFFSET : law.OFFSET + 3]
@@ -206,7 +204,7 @@ class OwnContact(ContactTerm):
         if not len(on):
             return NOTHING
         quads = self._quads[saved["face"][on].astype(np.int64)]
-        shears = np.einsum("kij,kj->ki", _axes(state.positions, quads), saved["shear"][on])
+        shears = np.einsum("kij,kj->ki", frames(state.positions, quads), saved["shear"][on])
         return touching_vertices(
             state.positions,
             origin,
@@ -224,16 +222,9 @@ class OwnContact(ContactTerm):
 
         Every vertex is looked at, whether it was among the pairs of the solve or not.
         """
-        depths, cells = self._inside.depths(positions, self._bound)
-        deepest = int(depths.argmax())
-        self.buried = bool(depths[deepest] > BURIED * self._body.size)
-        if not depths[deepest] > 0.0:
-            return ""
-        vertex, meant = self._vertices[deepest], self._meant
-        own, other = meant.owner(vertex), meant.owner(self._body.cells[cells[deepest], 0])
-        place = ", ".join(f"{value:.4g}" for value in positions[vertex] + meant.origin)
-        where = f"{depths[deepest]:.3g} m inside of {'itself' if own == other else other}"
-        return f"{own} lies {where}, deepest at [{place}] m; {SEPARATE}"
+        depth, text = self.inside.told(positions, DEEPEST * self._body.size)
+        self.buried = depth > BURIED * self._body.size
+        return text
 
     def _entered(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how deep (k,) [m] vertices are by now, farther than is looked, in what they were outside of before.
@@ -241,11 +232,11 @@ class OwnContact(ContactTerm):
         Those that were inside of something before are noted: they come out through the face that is nearest.
         """
         within = min(REACH * self._body.size, self.surface.topology.depth)
-        depths = self._inside.depths(positions, within)[0]
+        depths = self.inside.depths(positions, within)[0]
         self._sunk = np.zeros(len(depths), dtype=np.bool_)
         if not depths.any():
             return depths
-        before = self._inside.depths(self._from, self._bound)[0]
+        before = self.inside.depths(self._from, DEEPEST * self._body.size)[0]
         self._sunk = before > 0.0
         self._reach = max(self._reach, CLEAR * float(before.max()))
         return np.where(self._sunk, 0.0, depths)
@@ -255,14 +246,12 @@ class OwnContact(ContactTerm):
 
         It would act where they were when the solve began otherwise, and the next solve, from here, would move on.
         """
-        rows, chosen = self._rows(), self._chosen
-        limit = self.reals[law.FRICTION] * rows[:, law.PRESS]
+        rows, chosen, limit = self._rows(), self._chosen, self.reals[law.FRICTION] * self._rows()[:, law.PRESS]
         shear = np.linalg.norm(rows[:, law.SHEAR : law.HOLD], axis=1)
         on = (limit > 0.0) & (shear > (1.0 - ROUNDING) * limit) & (found.face[chosen] >= 0)
         slips = chosen[on]
-        face, weights = found.face[slips], found.weights[slips]
-        self._hold[slips], self._hold_weights[slips] = face, weights
-        places = np.einsum("ka,kai->ki", weights, x[self._quads[face]])
+        self._hold[slips], self._hold_weights[slips] = found.face[slips], found.weights[slips]
+        places = np.einsum("ka,kai->ki", found.weights[slips], x[self._quads[found.face[slips]]])
         self._offset[slips] = x[self._vertices[slips]] - places - slid[on]
 
     def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
@@ -309,12 +298,3 @@ class OwnContact(ContactTerm):
 
     def _rows(self) -> NDArray[np.float64]:
         return self.reals[law.HEAD : law.HEAD + law.STRIDE * len(self._chosen)].reshape(-1, law.STRIDE)
-
-
-def _axes(x: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]; the axes are columns."""
-    a, b, c, d = np.moveaxis(x[quads], 1, 0)
-    along, normal = b + c - a - d, np.cross(c - a, d - b)
-    along = along / np.linalg.norm(along, axis=1)[:, None]
-    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-    return np.stack([along, np.cross(normal, along), normal], axis=2)

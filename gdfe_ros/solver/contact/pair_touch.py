@@ -75,3 +75,12 @@ def across(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
     first = np.cross(normals, axes)
     first = first / np.linalg.norm(first, axis=1)[:, None]
     return first, np.cross(normals, first)
+
+
+def frames(x: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]; the axes are columns."""
+    a, b, c, d = np.moveaxis(x[quads], 1, 0)
+    along, normal = b + c - a - d, np.cross(c - a, d - b)
+    along = along / np.linalg.norm(along, axis=1)[:, None]
+    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+    return np.stack([along, np.cross(normal, along), normal], axis=2)

@@ -21,9 +21,10 @@ from gdfe_ros.solver.descent.workspace import LONG_MEMORY, MEMORY
 from gdfe_ros.solver.distance import largest_shift
 from gdfe_ros.solver.elements.pressures import at_rest
 from gdfe_ros.solver.equilibrium.dormancy import Dormancy
+from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.equilibrium.slender import for_slender
-from gdfe_ros.solver.equilibrium.solve import Model, Solve
+from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation, assemble
 from gdfe_ros.solver.reactions import vertex_forces

@@ -13,7 +13,8 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.certified import CertifiedMinimiser
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.descent.tangent import TangentMinimiser
-from gdfe_ros.solver.equilibrium.solve import Model, Solve
+from gdfe_ros.solver.equilibrium.model import Model
+from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel

@@ -3,28 +3,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.minimiser import Minimiser, Task
+from gdfe_ros.solver.descent.minimiser import Task
 from gdfe_ros.solver.descent.workspace import LONG_MEMORY, End, Problem
 from gdfe_ros.solver.elements.fields import store_energies
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.elements.pressures import Pressures
+from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Prediction
-from gdfe_ros.solver.equilibrium.verdict import MOST_UPDATES, verdict
-from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.coupling import Coupling
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
-from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.terms.actuation import Actuation
 
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 """Tolerance of the first descent where multipliers are updated, and by how much each further one is tightened."""
@@ -43,22 +37,9 @@ is for a driven body while the history is not full: it does not know the softest
 COLD_AIM = 0.2
 """Share of the tolerance at which a solve aims that continues no motion: its history does not know the softest modes
 yet, and steps become short before it has arrived."""
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """What all solves of a body share: the body, what acts on it, its handles, and what descends in its potential.
-
-    ``level`` holds the tangents that precondition a slender body; None where the constant matrix does. Without
-    ``softening`` hourglass scales stay: a change of them would make or take energy.
-    """
-
-    body: Body
-    actuation: Actuation
-    handles: HandleMotions
-    minimiser: Minimiser
-    level: TangentLevel | None = None
-    softening: bool = True
+MOST_UPDATES = 60
+"""Of pressures, multipliers and scales in one solve; what has not settled by then swings."""
+TOO_DEEP = "what was apart came so deep into each other that it would not be kept apart"
 
 
 class Solve:
@@ -167,8 +148,7 @@ class Solve:
         for count in range(MOST_UPDATES):
             coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
             fine, left = coarser * self._actuation.resolution, limit - self.iterations
-            rough = ROUGH * self._actuation.missed > fine
-            fine = max(fine, ROUGH * self._actuation.missed)
+            fine, rough = max(fine, ROUGH * self._actuation.missed), ROUGH * self._actuation.missed > fine
             aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(tolerance, fine)}
             went = self._minimiser.descend(task, **aims, least=max(0, least - self.iterations), limit=left)
             self.iterations, self._cut = self.iterations + went.iterations, went.cut
@@ -206,8 +186,9 @@ class Solve:
         self.measure(active, stored, least)
         positions = work.x.copy()
         slides, turns = active.rigid_motion()
-        flaw = self._actuation.flaw(positions)
-        converged, residual, message = self._verdict(active, flaw)
+        converged, residual, message = self._verdict(active)
+        if flaw := self._actuation.flaw(positions):
+            converged, message = False, f"{flaw}; {message}".rstrip("; ")
         outside = work.outside if self._actuation.terms else None
         summary = Summary(
             converged=converged,
@@ -272,21 +253,30 @@ class Solve:
         """Tell whether hourglass scales follow the strain."""
         return self._softening and len(active.softening) > 0
 
-    def _verdict(self, active: ActiveSet, flaw: str) -> tuple[bool, float, str]:
+    def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
         """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""
-        stopped = ""
+        if self._actuation.hopeless:
+            return False, np.inf, TOO_DEEP
+        tolerance, residual = self.problem.tolerance, self._minimiser.residual(active) / self._aim
+        if residual <= tolerance and self._settled and (self._warm or not self._cut):
+            return True, residual, ""
         if self._cut:
             late = past(self.problem.deadline)
-            stopped = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
-        return verdict(
-            residual=self._minimiser.residual(active) / self._aim,
-            tolerance=self.problem.tolerance,
-            settled=self._settled and (self._warm or not self._cut),
-            stopped=stopped,
-            last=float(active.status["distance"]) / self._body.size,
-            flaw=flaw,
-            hopeless=self._actuation.hopeless,
-        )
+            reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
+            far = float(active.status["distance"]) / self._body.size
+            text = (
+                f"{reason}: how far from equilibrium is not known yet, the last step was {far:.3g} of the body's size"
+            )
+            return False, np.inf, f"{text}; the next step goes on from here"
+        if residual <= tolerance:
+            text = "pressures, commanded lengths and volumes, or hourglass scales have not settled"
+            return False, residual, f"{text} in {MOST_UPDATES} updates, though the positions hardly move any more"
+        if not np.isfinite(residual):
+            text = "how far from equilibrium is not known: the body is at the edge of its stability"
+            return False, residual, f"{text}; smaller steps, or other commands, lead past it"
+        reason = "no further descent is possible at the precision of the energy"
+        message = f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
+        return False, residual, message
 
     def _unfinished(self, active: ActiveSet) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0

@@ -10,7 +10,6 @@ from benchmarks.self_contact import stack
 from benchmarks.torture.bodies import distance
 from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_contact import BURIED, DEEPEST, OwnContact
 
 BLOCKS = """
@@ -33,7 +32,7 @@ def the_contact(simulation: Simulation) -> OwnContact:
 def deepest(simulation: Simulation) -> float:
     """Return how deep a vertex lies inside of another part, over the body's size."""
     term = the_contact(simulation)
-    inside = Inside(simulation._stepper.body, term.surface.topology)
+    inside = term.inside
     return float(inside.depths(simulation._state.positions, 0.0)[0].max()) / simulation.mesh.size
 
 
@@ -51,7 +50,7 @@ def test_depths_are_those_of_cubes_in_each_other(low: int, high: int, depth: flo
     term, x = the_contact(simulation), simulation.mesh.vertices.copy()
     vertices, above = term.surface.topology.vertices, x[:, 2] > 0.0
     x[above] += [0.004, 0.003, -depth - 2e-4]
-    inside = Inside(simulation._stepper.body, term.surface.topology)
+    inside = term.inside
     found, cells = inside.depths(turned(x), 0.0)
     for side in (above, ~above):
         corner = x[~side].min(axis=0)
@@ -70,7 +69,7 @@ def test_nothing_is_inside_at_rest(name: str) -> None:
     assert deepest(simulation) == 0.0
     term = the_contact(simulation)
     lost = np.full_like(simulation._state.positions, np.nan)
-    assert not Inside(simulation._stepper.body, term.surface.topology).depths(lost, 0.0)[0].any()
+    assert not term.inside.depths(lost, 0.0)[0].any()
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
