@@ -33,7 +33,7 @@ class ContactTerm(Term):
         potential: its compiled energy, in which `add_forces` finds the forces.
         on_body: whether it is the elastic body that touches an obstacle.
         resolution: to what distance [m] descents must go for the forces to be known.
-        share: of its forces that act all the time, where a scheme lets them act at the end of steps.
+        share: of its multipliers, the forces at the end of a step, that is the force over a step in motion.
     """
 
     potential: ClassVar[Callable[..., float]]
