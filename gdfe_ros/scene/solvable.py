@@ -58,10 +58,6 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     if len(rigid) > 1 and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
         text = f"{', '.join(rigid)} may not come to rest on each other with {scene.dynamics.scheme.value}"
         notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
-    touching = scene.self_contact is not None or any(isinstance(handle, Obstacle) for handle in scene.handles)
-    if touching and scene.dynamics is not None and scene.dynamics.scheme is Scheme.GENERALISED_ALPHA:
-        text = "with generalised_alpha what hits something may leave with several times its energy"
-        notes.append(f"dynamics: {text}; remedy: scheme: bdf2")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
         notes.append("meshes: they pass through each other; remedy: self_contact: {friction: 0.5}")
     return notes

@@ -146,7 +146,7 @@ class Contact(ContactTerm):
         anchor, slipping = self._free["anchor"].copy(), self._free["slips"].copy()
         anchor[self._chosen[~slips]], slipping[self._chosen] = anchors[~slips], slips
         kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + self.share * rubbed}
-        return {**self._spread(presses, -shears), **kept}
+        return {**self._spread(presses, -shears), **kept, "share": np.array([self.share])}
 
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return force [N] and moment [N m] about the origin of what is touched (6,) that it exerts on the points."""
@@ -176,8 +176,8 @@ class Contact(ContactTerm):
             places=places + origin,
             normals=normals / steepness[:, None],
             gaps=gaps,
-            presses=self.share * saved["press"][on] * steepness,
-            shears=-self.share * saved["shear"][on] @ axes.T,
+            presses=saved["share"] * saved["press"][on] * steepness,
+            shears=-saved["share"] * saved["shear"][on] @ axes.T,
             slips=saved["slips"][on] > 0.0,
         )
 

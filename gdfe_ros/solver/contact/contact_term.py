@@ -33,7 +33,7 @@ class ContactTerm(Term):
         potential: its compiled energy, in which `add_forces` finds the forces.
         on_body: whether it is the elastic body that touches an obstacle.
         resolution: to what distance [m] descents must go for the forces to be known.
-        share: of its forces that act all the time, where a scheme lets them act at the end of steps.
+        share: of its multipliers, the forces at the end of a step, that is the force over a step in motion.
         missed: by how much [m] pairs of a surface missed their gaps and slips at the last update of a solve.
         gives_up: whether solves end where they are hopeless, since smaller steps may do better.
         buried: what `flaw` saw lies deep in something, not only beyond the bound.

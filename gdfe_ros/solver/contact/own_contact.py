@@ -195,7 +195,7 @@ class OwnContact(ContactTerm):
         kept["normal"][chosen] = rows[:, law.NORMAL : law.NORMAL + 3]
         kept["face"][chosen], kept["weights"][chosen] = face, weights
         rubbed = float(np.einsum("ki,ki->", shears[slips], slid[slips]))
-        return {**kept, "lost": saved["lost"] + self.share * rubbed}
+        return {**kept, "lost": saved["lost"] + self.share * rubbed, "share": np.array([self.share])}
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
         """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]: both of each pair."""
@@ -212,8 +212,8 @@ class OwnContact(ContactTerm):
             quads,
             weights=saved["weights"][on],
             normals=saved["normal"][on],
-            presses=self.share * saved["press"][on],
-            shears=-self.share * shears,
+            presses=saved["share"] * saved["press"][on],
+            shears=-saved["share"] * shears,
             slips=saved["slips"][on] > 0.0,
         )
 

@@ -19,9 +19,8 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
-from gdfe_ros.solver.motion.inertia import NAME, kinematics_of
+from gdfe_ros.solver.motion.inertia import NAME, kinematics_of, rule_of
 from gdfe_ros.solver.motion.rigid_part import rigid_part
-from gdfe_ros.solver.motion.scheme import Rule
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
@@ -31,7 +30,7 @@ class Impacts:
 
     Args:
         body: the discretised body.
-        dynamics: the scheme; with ``newmark`` forces of contact act at the end of steps anyway.
+        dynamics: the scheme; with ``newmark`` all contacts push as `Pushes` has it.
     """
 
     def __init__(self, body: Body, dynamics: Dynamics) -> None:
@@ -47,7 +46,7 @@ class Impacts:
         last = kinematics_of(before.terms[NAME])
         if not (self._happen and touching) or last.first:
             return now
-        rule, x = Rule.of(self._dynamics, h, before.positions, last), now.positions
+        rule, x = rule_of(self._dynamics, h, before.terms[NAME]), now.positions
         impulsive, moved = np.zeros_like(x), []
         for contact in touching:
             forces = np.zeros_like(x)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,18 +13,15 @@ from scipy import sparse
 from gdfe_ros.compiled import kernel
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.rigid_part import rigid_part
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
-from gdfe_ros.solver.value import changed
 
 NAME = "(inertia)"
 """No actuator or load of a scene can be called that."""
-
-
-PUSHED = "pushed"
-"""What a state keeps of the acceleration (n, 3) [m/s^2] by contacts at its end, where the next step must not see it."""
+OPTIONAL = ("pushed", "shadow")
+"""What a state keeps only where something can touch."""
 
 
 @kernel
@@ -110,21 +108,15 @@ class Inertia(Term):
         if not saved["h"][0]:
             self.reals[0] = 0.0
             return
-        now, x = kinematics_of(saved), saved["positions"]
-        if PUSHED in saved:
-            now = changed(now, acceleration=now.acceleration - saved[PUSHED])
-        if saved["h"][0] != self._h:
-            # BDF2 starts anew: of two lengths in turn, a step before that was never made would make energy.
-            now = Kinematics.started(x, now.velocity, now.acceleration, self._h, first=True)
-        rule, damping = Rule.of(self._dynamics, self._h, x, now), self._dynamics.mass_damping
-        velocity, acceleration = self._followed(positions, x, now.velocity)
+        rule, damping = rule_of(self._dynamics, self._h, saved), self._dynamics.mass_damping
+        velocity, acceleration = self._followed(positions, saved["positions"], saved["velocity"])
         factor = rule.kappa + damping * rule.theta
         resisted = rule.kappa * rule.aim + damping * rule.theta * rule.drift
         driven = factor * positions - acceleration - damping * velocity
         self.reals[0] = factor
         aim = self.reals[1 : 1 + positions.size].reshape(-1, 3)
         aim[...] = np.where(self._driven, driven, resisted) / factor
-        self._rule, self._last = rule, x
+        self._rule, self._last = rule, saved["positions"]
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return how the vertices move now."""
@@ -156,9 +148,23 @@ class Inertia(Term):
         return given, (given - velocity) / self._h
 
 
+def rule_of(dynamics: Dynamics, h: float, saved: Saved) -> Rule:
+    """Return the rule of a step of length ``h`` [s] from what a state keeps.
+
+    Where the length changes, `bdf2` starts anew, and a step of the trapezoidal rule, which has no memory, stands in for
+    `generalised_alpha`: a step before that was never made would make energy of two lengths in turn.
+    """
+    now, x = kinematics_of(saved), saved["positions"]
+    if saved["h"][0] == h:
+        return Rule.of(dynamics, h, x, now)
+    if dynamics.scheme is Scheme.GENERALISED_ALPHA:
+        dynamics = replace(dynamics, rho_inf=1.0)
+    return Rule.of(dynamics, h, x, now.restarted(x, h))
+
+
 def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64] | None = None) -> Saved:
     """Return what a state keeps of ``kinematics`` at positions (n, 3) [m] after a step of length ``h`` [s]."""
-    arrays = {name: value for name, value in vars(kinematics).items() if name != "first"}
+    arrays = {name: value for name, value in vars(kinematics).items() if name != "first" and value is not None}
     return {
         **arrays,
         "first": np.array([float(kinematics.first)]),
@@ -169,5 +175,5 @@ def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64]
 
 def kinematics_of(saved: Saved) -> Kinematics:
     """Return the kinematics that a state keeps."""
-    arrays = {name: array for name, array in saved.items() if name not in ("positions", "h", "first", PUSHED)}
+    arrays = {name: array for name, array in saved.items() if name not in ("positions", "h", "first")}
     return Kinematics(**arrays, first=bool(saved["first"][0]))

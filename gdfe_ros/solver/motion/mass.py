@@ -8,9 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
+from scipy.sparse.linalg import SuperLU, splu
 
 from gdfe_ros.actuators.load import AttachedMass, gauss_points
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.solver.body import Body
 
 
 def mass_matrix(
@@ -40,6 +43,28 @@ def mass_matrix(
         weights = item.points.weights
         matrix += _collected(len(rest), item.points.corners, item.part * weights[:, :, None] * weights[:, None, :])
     return matrix
+
+
+class FreeMass:
+    """The mass of what handles do not drive, factored when it is first asked for.
+
+    Args:
+        body: the discretised body.
+        mass: (n, n) its mass matrix [kg].
+    """
+
+    def __init__(self, body: Body, mass: sparse.csr_matrix) -> None:
+        rigid = [handle.vertices for handle in body.handles if isinstance(handle, RigidBody)]
+        self._free, self._mass = np.concatenate([body.unknowns.free, *rigid]), mass
+        self._factor: SuperLU | None = None
+
+    def accelerated(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the acceleration (n, 3) [m/s^2] of what is free by forces (n, 3) [N]; nothing else has any."""
+        if self._factor is None:
+            self._factor = splu(self._mass[self._free][:, self._free].tocsc())
+        acceleration = np.zeros_like(forces)
+        acceleration[self._free] = self._factor.solve(forces[self._free])
+        return acceleration
 
 
 def _collected(count: int, corners: NDArray[np.int32], blocks: NDArray[np.float64]) -> sparse.csr_matrix:

@@ -87,7 +87,7 @@ def _vertices(body: Body, places: Mapping[str, Pose]) -> NDArray[np.int32]:
 def _stopped(saved: Saved, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> Saved:
     """Return what inertia keeps of vertices that have been at ``positions`` (n, 3) [m] for long."""
     kept = dict(saved)
-    for name in ("velocity", "velocity_before", "acceleration", "balanced", inertia.PUSHED):
+    for name in ("velocity", "velocity_before", "acceleration", "balanced", *inertia.OPTIONAL):
         if name in saved:
             kept[name] = saved[name].copy()
             kept[name][vertices] = 0.0

@@ -6,7 +6,8 @@ Every scheme gives acceleration and velocity at the end of a step as linear func
     a = kappa_a (x - x_a),   v = theta (x - x_v),
 
 and its balance of momentum reads M f(x) = -dE/dx with f = kappa (x - x_hat): the stationary point of
-E(x) + kappa/2 |x - x_hat|_M^2. `docs/theory/motion.md` derives them.
+E(x) + kappa/2 |x - x_hat|_M^2. Forces of contact are constant over a step and are forgotten after it: what the next
+step counts on is without them. `docs/theory/motion.md` derives both.
 """
 
 from __future__ import annotations
@@ -17,8 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
+from gdfe_ros.solver.value import changed
 
 Vectors = NDArray[np.float64]
+
+LEAD = 0.25
+"""By how much of a step's impulse `bdf2` shifts the velocity before, for contacts: less throws back what they stop."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,7 +36,9 @@ class Kinematics:
         balanced: f [m/s^2], what the forces of that moment would accelerate by.
         before: positions [m] at the end of the step before.
         velocity_before: [m/s] at the end of the step before.
-        first: no step was made yet.
+        first: no step was made yet, or none of today's length.
+        pushed: the part of the acceleration [m/s^2] that contacts give; None where nothing can touch.
+        shadow: minus the acceleration [m/s^2] that what yields to nothing has after these pushes; None as that.
     """
 
     velocity: Vectors
@@ -40,6 +47,8 @@ class Kinematics:
     before: Vectors
     velocity_before: Vectors
     first: bool = False
+    pushed: Vectors | None = None
+    shadow: Vectors | None = None
 
     @classmethod
     def started(
@@ -55,6 +64,16 @@ class Kinematics:
             velocity_before=velocity - h * acceleration,
         )
 
+    def restarted(self, positions: Vectors, h: float) -> Kinematics:
+        """Return how it goes on from positions (n, 3) [m] in steps of another length ``h`` [s].
+
+        The acceleration is what the forces give: that of a scheme may swing from one step to the next, and a step of
+        many times the length would make energy of it.
+        """
+        acceleration = self.balanced if self.pushed is None else self.balanced + self.pushed
+        fresh = self.started(positions, self.velocity, acceleration, h, first=True)
+        return changed(fresh, balanced=self.balanced, pushed=self.pushed, shadow=self.pushed)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Rule:
@@ -67,6 +86,9 @@ class Rule:
         rest: x_a (n, 3) [m].
         kappa: df/dx [1/s^2].
         aim: x_hat (n, 3) [m].
+        share: of a contact's multiplier, the force at the end of the step, that is its force all through the step.
+        answer: share of a push that is in its shadow.
+        echo: what of earlier pushes is in it (n, 3) [m/s^2].
     """
 
     theta: float
@@ -75,6 +97,9 @@ class Rule:
     rest: Vectors
     kappa: float
     aim: Vectors
+    share: float
+    answer: float = 1.0
+    echo: Vectors | float = 0.0
 
     @classmethod
     def of(cls, dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
@@ -94,6 +119,10 @@ class Rule:
         """Return f (n, 3) [m/s^2] at new positions."""
         return self.kappa * (x - self.aim)
 
+    def shadow(self, pushed: Vectors) -> Vectors:
+        """Return the shadow (n, 3) [m/s^2] of a push (n, 3) [m/s^2] and of those before it."""
+        return self.answer * pushed + self.echo
+
 
 def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
     """Return kappa [1/s^2] and theta [1/s] of a step of length ``h`` [s]: they depend on nothing else."""
@@ -104,21 +133,26 @@ def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
 
 
 def _bdf2(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
+    pushed, share = 0.0 if now.pushed is None else now.pushed, 1.0 / (1.0 + 0.5 * LEAD)
     if now.first:  # backward Euler: what would have been before may lie far above the energy that is there
-        aim = x + h * now.velocity
-        return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim)
+        aim = x + h * now.velocity - 0.5 * LEAD * h * h * pushed
+        return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim, share=share)
     theta = 1.5 / h
     drift = (4.0 * x - now.before) / 3.0
-    aim = drift + (4.0 * now.velocity - now.velocity_before) / (3.0 * theta)
-    return Rule(theta=theta, drift=drift, kappa_a=theta * theta, rest=aim, kappa=theta * theta, aim=aim)
+    velocity_before = now.velocity_before + LEAD * h * pushed
+    aim = drift + (4.0 * now.velocity - velocity_before) / (3.0 * theta)
+    return Rule(theta=theta, drift=drift, kappa_a=theta * theta, rest=aim, kappa=theta * theta, aim=aim, share=share)
 
 
 def _newmark(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
     """Average acceleration: the trapezoidal rule."""
+    acceleration, answer, echo = now.acceleration, 1.0, 0.0
+    if now.pushed is not None:
+        acceleration, answer, echo = acceleration - now.pushed, 2.0, -now.shadow
     drift = x + 0.5 * h * now.velocity
-    aim = x + h * now.velocity + 0.25 * h * h * now.acceleration
-    kappa = 4.0 / (h * h)
-    return Rule(theta=2.0 / h, drift=drift, kappa_a=kappa, rest=aim, kappa=kappa, aim=aim)
+    aim = x + h * now.velocity + 0.25 * h * h * acceleration
+    kappa, pushing = 4.0 / (h * h), {"share": 0.5, "answer": answer, "echo": echo}
+    return Rule(theta=2.0 / h, drift=drift, kappa_a=kappa, rest=aim, kappa=kappa, aim=aim, **pushing)
 
 
 def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
@@ -126,10 +160,26 @@ def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics
     rho = dynamics.rho_inf
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     beta, gamma = 0.25 * (1.0 - am + af) ** 2, 0.5 - am + af
-    kappa_a = 1.0 / (beta * h * h)
-    rest = x + h * now.velocity + h * h * (0.5 - beta) * now.acceleration
-    theta = gamma / (beta * h)
-    drift = rest - (now.velocity + h * (1.0 - gamma) * now.acceleration) / theta
+    way = _way(beta, gamma)
+    kappa_a, theta = 1.0 / (beta * h * h), gamma / (beta * h)
+    acceleration, moved, sped, echo = now.acceleration, 0.0, 0.0, 0.0
+    if now.pushed is not None:
+        late = (0.5 - way) * now.pushed
+        acceleration, moved = acceleration - now.pushed, h * h * late
+        sped = h * ((1.0 - 0.5 * gamma / beta) * now.shadow + gamma / beta * late)
+        echo = (late - (0.5 - beta) * now.shadow) / beta
+    rest = x + h * now.velocity + h * h * (0.5 - beta) * acceleration + moved
+    drift = rest - (now.velocity + h * (1.0 - gamma) * acceleration + sped) / theta
     kappa = kappa_a * (1.0 - am) / (1.0 - af)
-    aim = rest - (am * now.acceleration - af * now.balanced) / (kappa * (1.0 - af))
-    return Rule(theta=theta, drift=drift, kappa_a=kappa_a, rest=rest, kappa=kappa, aim=aim)
+    aim = rest - (am * acceleration - af * now.balanced) / (kappa * (1.0 - af))
+    pushing = {"share": 1.0 / (way * kappa * h * h), "answer": way / beta, "echo": echo}
+    return Rule(theta=theta, drift=drift, kappa_a=kappa_a, rest=rest, kappa=kappa, aim=aim, **pushing)
+
+
+def _way(beta: float, gamma: float) -> float:
+    """Return by what part of h^2 and itself a push moves within its step; half of it, were nothing dissipated.
+
+    What is rigid leaves with at most the speed it came with, and what does not yield at all is not moved later on.
+    """
+    swing = (1.0 - 0.5 * gamma / beta) * (0.5 / beta - 1.0)
+    return max(beta, 0.5 * (1.0 + swing))

@@ -8,10 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import SuperLU, splu
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
@@ -22,7 +20,9 @@ from gdfe_ros.solver.motion.flight import Flight
 from gdfe_ros.solver.motion.impact import Impacts
 from gdfe_ros.solver.motion.inertia import Inertia, kinematics_of, saved_of
 from gdfe_ros.solver.motion.ledger import Accounts
+from gdfe_ros.solver.motion.mass import FreeMass
 from gdfe_ros.solver.motion.predictor import FlightPredictor
+from gdfe_ros.solver.motion.push import Pushes
 from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free
 from gdfe_ros.solver.motion.scheme import Kinematics
 from gdfe_ros.solver.motion.viscosity import Viscosity
@@ -32,7 +32,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.placing import placed, require_own
 from gdfe_ros.solver.terms.actuation import Actuation
-from gdfe_ros.solver.terms.term import Saved, Term
+from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.value import changed
 
 ACCURACY = 3.0
@@ -74,10 +74,10 @@ class MotionStepper:
     ) -> None:
         self.body, self._settings, self._dynamics, self._mass, self._acting = body, settings, dynamics, mass, acting
         self._made: dict[float, EnergyEquilibrium] = {}
-        self._free_mass: SuperLU | None = None
+        self._free_mass = FreeMass(body, mass)
+        self._pushes, self._impacts = Pushes(self._free_mass, dynamics), Impacts(body, dynamics)
         self.equilibrium = self._equilibrium(dynamics.step)
         self.actuation = self.equilibrium.actuation
-        self._impacts = Impacts(body, dynamics)
         self._accounts = Accounts(body, mass, dynamics)
         self._calm = max(CALM, RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min()))
 
@@ -160,7 +160,7 @@ class MotionStepper:
         require_free(self.body, found, places)
         if self._began(state):
             still = found.with_(terms={**found.terms, inertia.NAME: self.at_rest().terms[inertia.NAME]})
-            found = pulled(found, places, self._accelerated(-self.equilibrium.forces(still)), self.body)
+            found = pulled(found, places, self._free_mass.accelerated(-self.equilibrium.forces(still)), self.body)
         before = self.actuation.balance(state.positions, state.commands)
         after = self.actuation.balance(found.positions, state.commands)
         kinetic = [self._accounts.energies(each, self.velocities(each))["kinetic"] for each in (state, found)]
@@ -200,7 +200,7 @@ class MotionStepper:
         state = state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
         pull = -self.equilibrium.forces(state) - self._dynamics.mass_damping * (self._mass @ velocity)
-        acceleration = self._accelerated(pull)
+        acceleration = self._free_mass.accelerated(pull)
         kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
         terms = {**state.terms, inertia.NAME: saved_of(kinematics, h=h, positions=state.positions)}
         balance = self.actuation.balance(state.positions, state.commands)
@@ -219,39 +219,17 @@ class MotionStepper:
             deadline=deadline,
             keeping=self._settings.tolerance,
         )
+        self._pushes.fit(state, h, self._equilibrium(h).actuation.contacts)
         return self._equilibrium(h).solve(problem, state)
 
     def _accepted(self, state: State, solution: Solution, h: float) -> State:
         accepted = self._equilibrium(h).accept(solution, state)
         balance = accepted.balance or self.actuation.balance(accepted.positions, accepted.commands)
         accepted = accepted.with_(unfinished=None, balance=balance, sound=True)
-        accepted = self._impacts.stopped(state, accepted, h, self._equilibrium(h).actuation.contacts)
-        if self._impulsive:
-            accepted = accepted.with_(terms={**accepted.terms, inertia.NAME: self._struck(accepted, h)})
+        contacts = self._equilibrium(h).actuation.contacts
+        accepted = self._impacts.stopped(state, accepted, h, contacts)
+        accepted = self._pushes.forgotten(state, accepted, h, contacts)
         return accepted.with_(ledger=self._accounts.after(state, accepted, h))
-
-    @property
-    def _impulsive(self) -> bool:
-        """Whether forces of contact act at the end of steps only: the trapezoidal rule would make energy of them."""
-        return self._dynamics.scheme is Scheme.NEWMARK and bool(self.actuation.contacts)
-
-    def _struck(self, state: State, h: float) -> Saved:
-        """Return what inertia keeps of a step, in which contacts pushed twice as hard for half of the time."""
-        saved, forces = state.terms[inertia.NAME], np.zeros_like(state.positions)
-        for contact in self._equilibrium(h).actuation.contacts:
-            contact.add_forces(state.positions, forces)
-        pushed = self._accelerated(0.5 * forces)
-        return {**saved, "acceleration": saved["acceleration"] - pushed, inertia.PUSHED: pushed}
-
-    def _accelerated(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of what is free by forces (n, 3) [N]."""
-        if self._free_mass is None:
-            rigid = [handle.vertices for handle in self.body.handles if isinstance(handle, RigidBody)]
-            self._free = np.concatenate([self.body.unknowns.free, *rigid])
-            self._free_mass = splu(self._mass[self._free][:, self._free].tocsc())
-        acceleration = np.zeros_like(forces)
-        acceleration[self._free] = self._free_mass.solve(forces[self._free])
-        return acceleration
 
     def _equilibrium(self, h: float) -> EnergyEquilibrium:
         """Return what solves internal steps of length ``h`` [s]."""
@@ -270,8 +248,6 @@ class MotionStepper:
             predictor=lambda handles: FlightPredictor(self.body, handles, h),
             softening=self._dynamics.scheme is not Scheme.NEWMARK,
         )
-        for contact in self._made[h].actuation.contacts:
-            contact.share = 0.5 if self._dynamics.scheme is Scheme.NEWMARK else 1.0
         return self._made[h]
 
 

@@ -221,9 +221,8 @@ def test_bars_that_cross_lie_on_each_other(pair: Callable[..., Simulation]) -> N
 def test_schemes_that_rattle_are_remarked(pair: Callable[..., Simulation]) -> None:
     """Two bodies with a scheme that damps no contact: remarks with the remedy; none with the one that does."""
     assert pair().remarks() == []
-    rest, blow = pair(more={"dynamics.scheme": "generalised_alpha"}).remarks()
+    (rest,) = pair(more={"dynamics.scheme": "generalised_alpha"}).remarks()
     assert rest.startswith("bodies: one, two may not come to rest on each other with generalised_alpha; remedy:")
-    assert blow.startswith("dynamics: with generalised_alpha what hits something may leave with several times its")
 
 
 def test_points_lie_on_the_skin() -> None:

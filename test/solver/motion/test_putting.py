@@ -131,7 +131,7 @@ def test_what_would_be_put_into_something_is_refused() -> None:
         assert (simulation.handle_pose("part"), simulation.time) == (before, time)
     simulation.step(Command(bodies={"part": Pose((0.125, 0.0, 0.0)), "other": Pose((0.0, 0.0, 0.5))}))
     assert simulation.result.converged
-    assert not simulation.result.contacts["part on wall"].presses.any()
+    assert not simulation.result.contacts["part on wall"].presses.max(initial=0.0) > 1e-9 * WEIGHT
 
 
 def test_a_box_smaller_than_a_cell_is_not_put_between_vertices() -> None:
