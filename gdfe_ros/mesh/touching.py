@@ -16,6 +16,7 @@ from gdfe_ros.mesh.cavities import open_edges
 from gdfe_ros.mesh.outside import Outside, hang
 from gdfe_ros.mesh.refinement import refine
 from gdfe_ros.mesh.shape import EDGES, cell_volumes
+from gdfe_ros.mesh.shells import shell_numbers, shells
 
 if TYPE_CHECKING:
     from gdfe_ros.mesh.hexmesh import HexMesh
@@ -96,7 +97,7 @@ def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray
     _require_closed(points, triangles)
     faces = mesh.boundary
     size = float(np.quantile(np.cbrt(cell_volumes(mesh)[faces.cells]), SMALL))
-    pieces = _Pieces.of(*refine(points, triangles, FINE * size))
+    pieces = _Pieces.of(*refine(points, _out_of_material(points, triangles), FINE * size))
     vertices = np.unique(faces.quads)
     normals, around = (each[vertices] for each in _about(mesh.vertices, faces.quads))
     owners = _owners(pieces.middles, pieces.areas, mesh.vertices[vertices], normals)
@@ -127,6 +128,15 @@ def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -
         raise MeshError("skin", [text])
 
 
+def _out_of_material(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the triangles of nested shells, each shell turned so that it faces out of the material between them."""
+    a, b, c = (points[triangles[:, i]] - points.mean(axis=0) for i in range(3))
+    number = shell_numbers(len(points), triangles)
+    volumes = np.bincount(number, np.einsum("ti,ti->t", a, np.cross(b, c)))
+    inwards = (volumes < 0.0) != (np.array(shells(points, triangles).depths) % 2 == 1)
+    return np.where(inwards[number, None], triangles[:, ::-1], triangles)
+
+
 @dataclass(frozen=True, eq=False)
 class _Pieces:
     """A surface in small pieces.
@@ -149,11 +159,9 @@ class _Pieces:
 
     @classmethod
     def of(cls, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> _Pieces:
-        """Return the pieces of triangles (t, 3) between points (k, 3) [m], which are turned outwards as a whole."""
+        """Return the pieces of triangles (t, 3) between points (k, 3) [m]."""
         a, b, c = (points[triangles[:, i]] for i in range(3))
         areas = 0.5 * np.cross(b - a, c - a)
-        if np.einsum("ti,ti->", a, areas) < 0.0:
-            areas = -areas
         about = np.zeros_like(points)
         for i in range(3):
             np.add.at(about, triangles[:, i], areas)

@@ -79,6 +79,20 @@ def test_both_sides_of_a_wall_touch() -> None:
     assert (across > 0.0).sum() == pytest.approx((across < 0.0).sum(), rel=0.1)
 
 
+def test_a_cavity_touches_whatever_way_its_wall_faces() -> None:
+    """Line a hollow ball with a thin wall, its inner shell turned either way: the same points, on both of them."""
+    found = []
+    for turned in ((), (1,)):
+        walls = [trimesh.creation.icosphere(3, RADIUS), trimesh.creation.icosphere(3, 0.8 * RADIUS)]
+        for number in turned:
+            walls[number].invert()
+        mesh = lined(trimesh.util.concatenate(walls), RADIUS / 5.0)
+        found.append(np.linalg.norm(mesh.touching.at(mesh.vertices), axis=1))
+    np.testing.assert_allclose(np.sort(found[1]), np.sort(found[0]), atol=1e-12)
+    inside = found[0] < 0.9 * RADIUS
+    assert inside.sum() > 0.4 * (~inside).sum()
+
+
 def test_a_fine_part_of_a_graded_mesh_has_points_at_its_cells() -> None:
     """Line a bar whose cells are twice as long at one end as at the other: as many points as vertices."""
     mesh = bar([0.10, 0.02, 0.02], [20, 4, 4])
