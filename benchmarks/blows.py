@@ -26,7 +26,6 @@ CASES = ((1e4, 0.0005), (1e4, 0.005), (1e6, 0.0005), (1e6, 0.005), (1e7, 0.0002)
 SCHEMES = (
     ("newmark", {"scheme": "newmark"}),
     *((f"generalised_alpha, rho_inf {rho}", {"rho_inf": rho}) for rho in (0.9, 0.8, 0.5, 0.0)),
-    ("bdf2", {"scheme": "bdf2"}),
 )
 
 

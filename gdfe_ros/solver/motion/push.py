@@ -25,7 +25,8 @@ class Pushes:
 
     Args:
         mass: of what is free to move.
-        dynamics: the scheme. But for ``newmark`` what is hard on both sides has `Impacts` instead: it does not bounce.
+        dynamics: the scheme. ``bdf2`` has no pushes: it damps what contacts excite. But for ``newmark`` what is hard on
+            both sides has `Impacts` instead: it does not bounce.
     """
 
     def __init__(self, mass: FreeMass, dynamics: Dynamics) -> None:
@@ -57,4 +58,5 @@ class Pushes:
         return now.with_(terms={**now.terms, NAME: kept})
 
     def _are_of(self, contact: ContactTerm) -> bool:
-        return self._dynamics.scheme is Scheme.NEWMARK or not isinstance(contact, RigidContact)
+        scheme = self._dynamics.scheme
+        return scheme is Scheme.NEWMARK or (scheme is not Scheme.BDF2 and not isinstance(contact, RigidContact))

@@ -22,9 +22,6 @@ from gdfe_ros.solver.value import changed
 
 Vectors = NDArray[np.float64]
 
-LEAD = 0.25
-"""By how much of a step's impulse `bdf2` shifts the velocity before, for contacts: less throws back what they stop."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Kinematics:
@@ -133,15 +130,13 @@ def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
 
 
 def _bdf2(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
-    pushed, share = 0.0 if now.pushed is None else now.pushed, 1.0 / (1.0 + 0.5 * LEAD)
     if now.first:  # backward Euler: what would have been before may lie far above the energy that is there
-        aim = x + h * now.velocity - 0.5 * LEAD * h * h * pushed
-        return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim, share=share)
+        aim = x + h * now.velocity
+        return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim, share=1.0)
     theta = 1.5 / h
     drift = (4.0 * x - now.before) / 3.0
-    velocity_before = now.velocity_before + LEAD * h * pushed
-    aim = drift + (4.0 * now.velocity - velocity_before) / (3.0 * theta)
-    return Rule(theta=theta, drift=drift, kappa_a=theta * theta, rest=aim, kappa=theta * theta, aim=aim, share=share)
+    aim = drift + (4.0 * now.velocity - now.velocity_before) / (3.0 * theta)
+    return Rule(theta=theta, drift=drift, kappa_a=theta * theta, rest=aim, kappa=theta * theta, aim=aim, share=1.0)
 
 
 def _newmark(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
