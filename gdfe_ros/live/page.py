@@ -184,7 +184,7 @@ class Page:
 
     def _show_steps(self) -> None:
         """Draw what is new, until the end."""
-        slow = 0.0
+        slow = due = 0.0
         while not self._ending.is_set():
             self._changed.wait(_SLOWLY)
             self._changed.clear()
@@ -203,7 +203,8 @@ class Page:
             if started - slow >= _SLOWLY:
                 slow = started
                 self._refresh(view)
-            self._ending.wait(max(0.0, started + self._interval - monotonic()))
+            due = max(due + self._interval, started)  # what it waited for a step is caught up with
+            self._ending.wait(max(0.0, due - monotonic()))
 
     def _draw(self, view: View) -> None:
         """Send a frame, at once: viser would keep it back for a sixtieth of a second, for others to join it."""
