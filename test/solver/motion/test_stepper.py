@@ -205,7 +205,7 @@ def test_a_step_too_short_is_made_up_for_by_the_next(moving: Callable, short: fl
 
 
 def test_a_snapshot_of_another_scene_is_refused(moving: Callable) -> None:
-    """Restore one of another body, and one of the same body without dynamics: of another modulus."""
+    """Restore one of another body, and one of the same body without dynamics, or of another modulus: each is told."""
     bar = moving(handles=HELD)
     with pytest.raises(CommandError, match="one of another scene: its vertices are"):
         bar.restore(moving(handles=HELD, mesh__bar__cells=[4, 1, 1]).snapshot())
@@ -213,3 +213,13 @@ def test_a_snapshot_of_another_scene_is_refused(moving: Callable) -> None:
         bar.restore(moving(handles=HELD, dynamics=None).snapshot())
     with pytest.raises(CommandError, match="one of another scene than"):
         bar.restore(moving(handles=HELD, materials__rubber__young=2.0e6).snapshot())
+
+
+@pytest.mark.parametrize(("cable", "told"), [({}, True), ({"stiffness": 1e4}, False), ({"command": "tension"}, False)])
+def test_what_newmark_feeds_is_remarked(moving: Callable, cable: dict, told: bool) -> None:
+    """Keep a length without a stiffness, with one, or none: a remark with its remedy for the first, by newmark only."""
+    points = [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.09, 0.0, 0.008]]
+    actuators = {"pull": {"cable": {"points": points, "command": "shortening", **cable}}}
+    fed = "newmark may feed what keeps the length or volume of pull"
+    assert any(fed in text for text in moving(actuators=actuators).remarks()) is told
+    assert moving(actuators=actuators, dynamics__scheme="bdf2").remarks() == []
