@@ -21,8 +21,10 @@ from gdfe_ros.cli import main
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.remote.node_session import NodeSession
+from gdfe_ros.live.remote.player import Player
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.scene import scene_from_text
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.link import Link
 
@@ -162,6 +164,22 @@ def test_the_program_is_played_to_a_node(shown: Callable[..., Shown]) -> None:
     viewer.wait(lambda: session.commands["left"] < 1.0, "the program again")
     viewer.press("reset")
     viewer.wait(lambda: session._state.record.time < 0.5 and "plays" not in viewer.text(), "the reset")
+
+
+def test_what_no_step_follows_is_commanded_again(bar: str) -> None:
+    """Play to a node that hears nothing: the program's beginning is sent again, but for what is led meanwhile."""
+    sent: list[str] = []
+    player = Player(scene_from_text(bar), lambda name, order: sent.append(name))
+    player.play()
+    assert sent == ["tip", "program"]
+    player.leave(["tip"])
+    end = time.monotonic() + 60.0
+    while len(sent) == 2 and time.monotonic() < end:
+        player.remind()
+    assert sent == ["tip", "program", "program"]
+    player.stop()
+    player.remind()
+    assert len(sent) == 3
 
 
 def test_a_program_that_leads_too_far_ends_with_a_note(shown: Callable[..., Shown], bar: str, tmp_path: Path) -> None:

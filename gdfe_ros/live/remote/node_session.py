@@ -277,6 +277,8 @@ class NodeSession:
             while not self._ending.is_set():
                 self._steps.listen(self._watched)
                 self._note_silence()
+                if not self.paused:
+                    self._player.remind()
                 self._executor.spin_once(timeout_sec=0.1)
         except Exception as error:
             self._fail(error)

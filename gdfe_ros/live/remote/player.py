@@ -4,11 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from time import monotonic
 
 from gdfe_ros.live.programme import Programme
 from gdfe_ros.node.orders import Order
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
+
+LOST = 1.0
+"""Wall time [s] without a step after which it is commanded again: an order, or the word of a step, may be lost, and a
+node at rest makes none by itself."""
 
 
 class Player:
@@ -22,8 +27,8 @@ class Player:
     def __init__(self, scene: Scene, send: Callable[[str, Order], None]) -> None:
         self._scene, self._send = scene, send
         self._programme: Programme | None = None
-        self._time = 0.0
-        self._begun = False
+        self._time = self._next = 0.0
+        self._begun, self._given = False, 0.0
 
     @property
     def text(self) -> str:
@@ -64,6 +69,13 @@ class Player:
         else:
             self._give(programme, record.time + record.dt)
 
+    def remind(self) -> None:
+        """Command again what no step has followed for a while."""
+        programme = self._programme
+        if programme is not None and monotonic() - self._given > LOST:
+            self._give(programme, self._next)
+
     def _give(self, programme: Programme, time: float) -> None:
+        self._next, self._given = time, monotonic()
         for name, order in programme.orders(time):
             self._send(name, order)
