@@ -17,6 +17,8 @@ from gdfe_ros.mesh.refinement import refine
 
 NEAR = 12
 """Cells about a point of a skin of which one carries it."""
+WITHIN = 1.0 - 1e-9
+"""Place in a cell's reference coordinates up to which a point lies in it for sure, and in no other one."""
 REACH = 2.5
 """Farthest place of a carried point in its cell's reference coordinates: three quarters of an edge outside."""
 
@@ -125,10 +127,13 @@ def hang(
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(cells)))
     near = near.reshape(len(points), -1)
     best, place = near[:, 0].copy(), np.full((len(points), 3), np.inf)
+    sought = np.arange(len(points))
     for candidate in near.T:
-        found = reference_coordinates(points, corners[candidate])
-        closer = np.abs(found).max(axis=1) < np.abs(place).max(axis=1)
-        best[closer], place[closer] = candidate[closer], found[closer]
+        found = reference_coordinates(points[sought], corners[candidate[sought]])
+        closer = np.abs(found).max(axis=1) < np.abs(place[sought]).max(axis=1)
+        chosen = sought[closer]
+        best[chosen], place[chosen] = candidate[chosen], found[closer]
+        sought = sought[~(np.abs(place[sought]).max(axis=1) < WITHIN)]
     beyond = np.abs(place).max(axis=1)
     far = ~(beyond <= REACH)
     if far.any():

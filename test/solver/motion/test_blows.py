@@ -58,22 +58,29 @@ def played(simulation: Simulation, count: int) -> tuple[list[float], Any]:
     return [each / held[0] for each in held], result
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-@pytest.mark.parametrize(
-    ("mesh", "young", "step"),
-    [
-        ("cube", 1e4, 0.005), ("cube", 1e5, 0.001), ("cube", 1e7, 0.0002), ("cube", 1e7, 0.005),
-        ("bar", 1e6, 0.002), ("ball", 1e5, 0.005), ("pair", 1e5, 0.002), ("pair", 1e7, 0.001),
-    ],
-)  # fmt: skip
+BLOWS = [
+    ("cube", 1e4, 0.005), ("cube", 1e5, 0.001), ("cube", 1e7, 0.0002), ("cube", 1e7, 0.005),
+    ("bar", 1e6, 0.002), ("ball", 1e5, 0.005), ("pair", 1e5, 0.002), ("pair", 1e7, 0.001),
+]  # fmt: skip
+"""Mesh, Young's modulus [Pa] and step [s]."""
+PAIRED = ("bdf2", "newmark", "alpha 0.8")
+"""Schemes in which two bodies hit each other, which takes longest."""
+FED = ("cube", 1e7, 0.005, "bdf2")
+"""What BDF2 feeds: it counts on what stops a stiff body in one step (docs/theory/contact.md, limits)."""
+THROWN = [
+    case
+    for case in ((*blow, scheme) for blow in BLOWS for scheme in SCHEMES)
+    if case != FED and (case[0] != "pair" or case[3] in PAIRED)
+]
+
+
+@pytest.mark.parametrize(("mesh", "young", "step", "scheme"), THROWN)
 def test_a_blow_makes_no_energy(mesh: str, young: float, step: float, scheme: str) -> None:
     """Throw it at a floor, which it reaches at three moments of a step: it comes back, and never with more energy.
 
     What damps nothing keeps the energy of linear bodies; that of these ones swings a little where steps are long.
     """
     swing = 0.03 if scheme in ("newmark", "alpha 0.9", "alpha 1.0") else 1e-3
-    if scheme == "bdf2" and (young, step) == (1e7, 0.005):
-        pytest.skip("BDF2 counts on what stops a stiff body in one step: docs/theory/contact.md, limits")
     for phase in (0.0, 0.3, 0.7):
         held, result = played(thrown(mesh, SCHEMES[scheme], young, step, phase), 40)
         assert max(held) < 1.0 + swing
