@@ -106,10 +106,15 @@ def unsolvable(
 
 
 def cut_key(mesh: HexMesh) -> tuple[str, ...]:
-    """Return the key of a scene file at which cells are cut by a surface; empty where none are."""
+    """Return the key of a scene file at which cells are cut by a surface; empty where none are.
+
+    Of several meshes it is the first one of these that has no skin to touch by, if there is one.
+    """
     if mesh.filling is None:
         return ()
-    name = next((name for name, part in mesh.parts.items() if part.mesh.filling is not None), None)
+    cut = [name for name, part in mesh.parts.items() if part.mesh.filling is not None]
+    bare = [name for name in cut if mesh.parts[name].mesh.touching is None]
+    name = next(iter([*bare, *cut]), None)
     return (*(("mesh",) if name is None else ("meshes", name)), "voxels", "cells")
 
 

@@ -209,6 +209,17 @@ def test_of_several_meshes_each_touches_by_what_it_has(folder: Path) -> None:
     assert set(touch.vertices[touch.points < 0]) <= set(scene.sensors["bar"].vertices)
 
 
+def test_the_mesh_without_a_skin_is_named(folder: Path) -> None:
+    """Let a rod with a skin and a cut one without any lie on a floor: the latter is told, in whatever order."""
+    bare = "  bare: {voxels: {surface: rod.stl, cell: 0.004, cells: cut}, at: [0, -0.1, 0]}\n"
+    for place in ("  bar: ", "  rod:\n"):
+        (folder / "bare.yaml").write_text(MESHES.replace(place, bare + place, 1))
+        with pytest.raises(
+            SceneError, match=r"meshes\.bare\.voxels\.cells .*floor would act on the faces of cut cells"
+        ):
+            load_scene(folder / "bare.yaml")
+
+
 @pytest.mark.parametrize(
     ("skin", "cells", "more", "expected"),
     [
