@@ -112,7 +112,8 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
     sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
     parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
-    parts |= {"cut": cut_key(mesh) if mesh is not None else (), "self_contact": self_contact, "mesh": mesh}
+    cut = () if mesh is None or report.concerns("skin") else cut_key(mesh)
+    parts |= {"cut": cut, "self_contact": self_contact, "mesh": mesh}
     for key, text in unsolvable(materials=materials, cell_material=cell_material[: None if sound else 0], **parts):
         report.add(key, text, value=NO_VALUE)
     report.raise_if_any()

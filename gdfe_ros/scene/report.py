@@ -32,6 +32,7 @@ class Report:
         self.heading = heading
         self._document = document
         self._found: list[tuple[int, str]] = []
+        self._concerned: set[str | int] = set()
         for path in document.duplicates:
             self.add(path, "this key is given twice; remove one of the two", value=NO_VALUE)
 
@@ -45,6 +46,7 @@ class Report:
                 `NO_VALUE` shows none.
         """
         line = self._document.line(path)
+        self._concerned.update(path)
         shown = self._lookup(path) if value is None else value
         key = ".".join(map(str, path)) or "scene"
         given = "" if shown is NO_VALUE else f" = {_short(shown)}"
@@ -69,6 +71,10 @@ class Report:
             if not (item["type"] == "missing" and path in misspelt):
                 self._add_item(item["type"], item["loc"], path, item.get("ctx", {}), item["msg"])
         return [path for path, _ in items]
+
+    def concerns(self, key: str) -> bool:
+        """Tell whether a defect was found in a part of that name: what follows from its absence is none of its own."""
+        return key in self._concerned
 
     def raise_if_any(self) -> None:
         """Raise SceneError with every defect, in the order of the file."""

@@ -238,6 +238,14 @@ def test_bad_input_is_refused(folder: Path, skin: str, cells: str, more: str, ex
         load(folder, skin, cells=cells, cell=RADIUS / 6.0, more=more)
 
 
+def test_a_skin_with_a_defect_is_told_once(folder: Path) -> None:
+    """Name a file that is not there for cut cells above a floor: one defect, not also that the skin is missing."""
+    with pytest.raises(SceneError) as caught:
+        load(folder, "skin: {file: nowhere.stl}")
+    assert len(caught.value.defects) == 1
+    assert "nowhere.stl" in caught.value.defects[0]
+
+
 def test_an_open_skin_is_still_shown_where_nothing_touches(folder: Path) -> None:
     """Load an open skin on cut cells without obstacles, and a closed one on whole cells: neither touches."""
     scene = load(folder, "skin: {file: open.stl}", overrides={"obstacles": None})
