@@ -7,6 +7,8 @@ stiff and short ones: from blows of a hundred steps to such as are over in a ten
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from benchmarks.markdown import markdown_table
 from gdfe_ros import Simulation
 from gdfe_ros.scene.loader import scene_from_text
@@ -29,23 +31,39 @@ SCHEMES = (
 )
 
 
-def blow(scheme: dict, young: float, step: float, phase: float) -> tuple[float, float]:
-    """Return the most energy that a cube has and what it has in the end, over what it was thrown with.
+def thrown(
+    text: str, scheme: Mapping[str, object], young: float, step: float, phase: float, *, lowest: float
+) -> Simulation:
+    """Return a body that flies at a floor, which it reaches ``phase`` of a step after the first one.
 
-    Raises:
-        RuntimeError: a step has not converged.
+    Args:
+        text: its scene.
+        scheme: of the dynamics.
+        young: modulus of its material ``soft`` [Pa].
+        step: [s].
+        phase: 0 to 1.
+        lowest: where it ends below [m].
     """
-    floor = {"plane": [0, 0, 1], "at": [0, 0, -0.05 - (1.0 + phase) * SPEED * step], "fixed": True}
+    floor = {"plane": [0, 0, 1], "at": [0, 0, lowest - (1.0 + phase) * SPEED * step], "fixed": True}
     keys = {
         "materials.soft.young": young,
         "dynamics": {**scheme, "step": step, "velocity": [0.0, 0.0, -SPEED]},
         "obstacles": {"floor": floor},
     }
-    simulation, held = Simulation(scene_from_text(CUBE, overrides=keys)), []
+    return Simulation(scene_from_text(text, overrides=keys))
+
+
+def blow(scheme: Mapping[str, object], young: float, step: float, phase: float) -> tuple[float, float]:
+    """Return the most energy that a cube has and what it has in the end, over what it was thrown with.
+
+    Raises:
+        RuntimeError: a step has not converged.
+    """
+    simulation, held = thrown(CUBE, scheme, young, step, phase, lowest=-0.05), []
     for _ in range(STEPS):
         result = simulation.step()
         if not result.converged:
-            raise RuntimeError(f"{keys['dynamics']}: {result.message}")
+            raise RuntimeError(f"{scheme}, {young:g} Pa, {step:g} s: {result.message}")
         held.append(result.energies["kinetic"] + result.energies["elastic"])
     return max(held) / held[0], held[-1] / held[0]
 

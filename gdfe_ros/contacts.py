@@ -25,8 +25,7 @@ POINT = np.dtype(
 )
 """A point that touches: where it is [m], the normal out of what it touches, the gap [m], the force along the normal and
 by friction [N], 1 where it slips, its vertex, of a skin's point that which carries most of it, -1 of a rigid body's
-corner, the place of its contact's name, and the
-vertex that it touches, -1 where that is none of the body."""
+corner, the place of its contact's name, and the vertex that it touches, -1 where that is none of the body."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

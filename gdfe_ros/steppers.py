@@ -54,11 +54,19 @@ def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Tor
     handles = [handle.seen_from(origin) for handle in scene.handles]
     rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
     rest = np.concatenate([scene.mesh.vertices - origin, *rigid])
-    mesh, materials, touching = scene.mesh, tuple(scene.materials.values()), scene.self_contact
-    options = {"filling": mesh.filling, "torsion": torsion, "size": mesh.size}
-    options["self_contact"] = touching and touching.seen_from(origin)
-    options["skin"] = mesh.touching
-    return Body.build(rest, mesh.cells, materials, scene.cell_material, handles, **options)
+    mesh, touching = scene.mesh, scene.self_contact
+    return Body.build(
+        rest,
+        mesh.cells,
+        tuple(scene.materials.values()),
+        scene.cell_material,
+        handles,
+        mesh.filling,
+        touching and touching.seen_from(origin),
+        torsion=torsion,
+        size=mesh.size,
+        skin=mesh.touching,
+    )
 
 
 def usual_steps(scene: Scene, policy: Policy) -> int | None:

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks.torture.bodies import Driver, distance
 from benchmarks.torture.case import Case, Finding, Group
@@ -69,21 +70,17 @@ def _edge_across_edge(reach: float, random: np.random.Generator) -> Spot:
     spot = np.array([random.uniform(-0.03, 0.045), side * 0.025, HEIGHT])
     # An edge of the box lies along (0, 1, -side): turned by 45 degrees about x, then about the way.
     edge = np.array([0.0, side, -1.0]) / np.sqrt(2.0)
-    faces = np.column_stack([(np.array([1.0, 0.0, 0.0]) - way) / np.sqrt(2.0), edge, np.zeros(3)])
-    faces[:, 2] = np.cross(faces[:, 0], faces[:, 1])
-    angle = np.arccos(np.clip(0.5 * (np.trace(faces) - 1.0), -1.0, 1.0))
-    skew = np.array([faces[2, 1] - faces[1, 2], faces[0, 2] - faces[2, 0], faces[1, 0] - faces[0, 1]])
-    turn = angle / (2.0 * np.sin(angle)) * skew + random.uniform(-0.1, 0.1, 3)
+    face = (np.array([1.0, 0.0, 0.0]) - way) / np.sqrt(2.0)
+    faces = np.column_stack([face, edge, np.cross(face, edge)])
+    turn = Rotation.from_matrix(faces).as_rotvec() + random.uniform(-0.1, 0.1, 3)
     return spot - np.sqrt(2.0) * reach * way, way, turn
 
 
 def _poked(form: dict[str, Any], reach: float, friction: float, pokes: int, where: Callable[..., Spot]) -> Finding:
     """Press a thing into the body anywhere, in one step; then drag it aside or take it away; over and over."""
     thing = {**form, "at": [0.0, 0.0, ABOVE], "friction": friction}
-    driver, random = (
-        Driver(scene_from_text(COARSE, overrides={"obstacles": {"thing": thing}})),
-        np.random.default_rng(3),
-    )
+    driver = Driver(scene_from_text(COARSE, overrides={"obstacles": {"thing": thing}}))
+    random = np.random.default_rng(3)
     for _ in range(pokes):
         middle, way, turn = where(reach, random)
         place = middle + random.uniform(0.0, DEEP) * way - [0.0, 0.0, ABOVE]

@@ -46,6 +46,11 @@ class Actuator:
     high: float = math.inf
     rate: float = math.inf
 
+    @property
+    def constrains(self) -> bool:
+        """Whether it keeps a length or a volume, whatever force that takes."""
+        return self.mode is Mode.VOLUME
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cable(Actuator):
@@ -61,6 +66,11 @@ class Cable(Actuator):
 
     points: Embedding
     stiffness: float = math.inf
+
+    @property
+    def constrains(self) -> bool:
+        """Whether it keeps its length; an elastic one gives way."""
+        return self.mode is not Mode.TENSION and not math.isfinite(self.stiffness)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -127,14 +127,14 @@ def hang(
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(cells)))
     near = near.reshape(len(points), -1)
     best, place = near[:, 0].copy(), np.full((len(points), 3), np.inf)
-    sought = np.arange(len(points))
+    beyond, sought = np.full(len(points), np.inf), np.arange(len(points))
     for candidate in near.T:
         found = reference_coordinates(points[sought], corners[candidate[sought]])
-        closer = np.abs(found).max(axis=1) < np.abs(place[sought]).max(axis=1)
+        away = np.abs(found).max(axis=1)
+        closer = away < beyond[sought]
         chosen = sought[closer]
-        best[chosen], place[chosen] = candidate[chosen], found[closer]
-        sought = sought[~(np.abs(place[sought]).max(axis=1) < WITHIN)]
-    beyond = np.abs(place).max(axis=1)
+        best[chosen], place[chosen], beyond[chosen] = candidate[chosen], found[closer], away[closer]
+        sought = sought[beyond[sought] >= WITHIN]
     far = ~(beyond <= REACH)
     if far.any():
         raise MeshError("skin", [_too_far(points, far, corners[best], place)])

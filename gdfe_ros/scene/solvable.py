@@ -58,20 +58,13 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     if len(rigid) > 1 and scene.dynamics is not None and scene.dynamics.scheme is not Scheme.BDF2:
         text = f"{', '.join(rigid)} may not come to rest on each other with {scene.dynamics.scheme.value}"
         notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
-    kept = [item.name for item in scene.actuators if _constrains(item)]
+    kept = [item.name for item in scene.actuators if item.constrains]
     if kept and scene.dynamics is not None and scene.dynamics.scheme is Scheme.NEWMARK:
         text = f"newmark may feed what keeps the length or volume of {', '.join(kept)} until the body flies apart"
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: generalised_alpha, or a cable with a stiffness")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
         notes.append("meshes: they pass through each other; remedy: self_contact: {friction: 0.5}")
     return notes
-
-
-def _constrains(actuator: Actuator) -> bool:
-    """Tell whether an actuator keeps a length or a volume, whatever force that takes."""
-    if isinstance(actuator, Cable):
-        return actuator.mode is not Mode.TENSION and not np.isfinite(actuator.stiffness)
-    return actuator.mode is Mode.VOLUME
 
 
 def unsolvable(

@@ -108,7 +108,7 @@ class Minimiser:
         lost: the solve has given up.
     """
 
-    certified, lost, _unlearned = False, False, False
+    certified, lost = False, False
 
     def __init__(self, body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> None:
         self._body = body
@@ -138,16 +138,14 @@ class Minimiser:
         """
         target = SAFETY * tolerance * self._body.size
         floor = min(target, max(FLOOR * SAFETY * final, LEAST_FLOOR) * self._body.size)
-        dense = task.active.matrix.kind is Factorisation.DENSE
-        run = self._run_dense if dense else self._run_stepwise
-        ended = self._run_anew(task, target, floor, least, limit)
+        ended = self._iterate(task, target, floor, least, limit, evaluate=True)
         used = ended.iterations
         if self._misled(task, target) and used < limit and not past(task.deadline):
-            self._unlearned = True
-            ended = self._run_anew(task, target, floor, LEARNED * len(task.active.workspace.row), limit - used)
+            self._unlearned, least = True, LEARNED * len(task.active.workspace.row)
+            ended = self._iterate(task, target, floor, least, limit - used, evaluate=True)
             used += ended.iterations
         while not ended.cut and self._lag(task.active) > tolerance and used < limit and not past(task.deadline):
-            ended = run(task, target, floor, PATIENT_ITERATIONS, limit - used)
+            ended = self._iterate(task, target, floor, PATIENT_ITERATIONS, limit - used)
             used += ended.iterations
             if not ended.iterations or task.active.ended is not End.NONE:
                 break
@@ -178,24 +176,29 @@ class Minimiser:
         short = task.active.ended is End.EXHAUSTED and float(task.active.status["distance"]) > target
         return short and not self._unlearned
 
-    def _run_anew(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
-        """Evaluate the terms where the unknowns are, and iterate from there."""
-        if task.active.matrix.kind is Factorisation.DENSE:
-            return self._run_dense(task, target, floor, least, limit, evaluate=True)
-        task.evaluate()
+    def _iterate(
+        self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
+    ) -> Descended:
+        """Iterate with the constant matrix, from where the terms are evaluated or, where asked, are to be first.
+
+        At the first ``least`` iterations only the ``floor`` ends it.
+        """
+        dense = task.active.matrix.kind is Factorisation.DENSE
+        later = dense and limit > 0 and not self.observer  # the compiled iterations evaluate them, too
+        if evaluate and not later:
+            task.evaluate()
+        if dense:
+            return self._run_dense(task, target, floor, least, limit, evaluate=evaluate and later)
         return self._run_stepwise(task, target, floor, least, limit)
 
     def _run_dense(
-        self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
+        self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool
     ) -> Descended:
-        """Iterate with the explicit inverse; at the first ``least`` iterations only the ``floor`` ends it."""
-        given, later = (task.problem, task.active.workspace, task.coupling, floor), evaluate
-        if evaluate and (self.observer or limit <= 0):
-            task.evaluate()
-            later = False
+        """Iterate with the explicit inverse."""
+        given = task.problem, task.active.workspace, task.coupling, floor
 
         def iterate(done: int, most: int) -> int:
-            return quasi_newton.descend(*given, least - done, target, most, later and done == 0)
+            return quasi_newton.descend(*given, least - done, target, most, evaluate and done == 0)
 
         return self._run_compiled(task, iterate, limit, least=least, chunk=CHUNK)
 

@@ -123,7 +123,7 @@ class CableTerm(Term):
     @property
     def updates(self) -> bool:
         """Whether a multiplier keeps the length."""
-        return self.actuator.mode is not Mode.TENSION and not self._elastic
+        return self.actuator.constrains
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take the cable's own stiffness, or for a commanded length a penalty that fits the body's."""

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.actuators.actuator import ActuatorState, Chamber, Mode
+from gdfe_ros.actuators.actuator import ActuatorState, Chamber
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.tensor import cross
 from gdfe_ros.solver.body import Body
@@ -147,7 +147,7 @@ class ChamberTerm(Term):
             integers = np.concatenate([[len(points.corners)], points.corners.ravel(), integers], dtype=np.int32)
         super().__init__(chamber.name, reals, integers)
         self._rest_volume = self._volume(body.rest)
-        self.updates = chamber.mode is Mode.VOLUME
+        self.updates = chamber.constrains
         self.neutral_command = self._rest_volume if self.updates else 0.0
         self._command = self.neutral_command
 

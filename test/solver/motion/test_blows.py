@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.blows import thrown
 from gdfe_ros import Simulation
 from gdfe_ros.scene.loader import scene_from_text
 
-SPEED = 0.5
 SOFT = """
 materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.4, density: 1000}}
 regions: [{material: soft}]
@@ -35,17 +35,6 @@ SCHEMES = {
     "bdf2": {"scheme": "bdf2"},
     **{f"alpha {rho}": {"scheme": "generalised_alpha", "rho_inf": rho} for rho in (0.0, 0.5, 0.8, 0.9, 1.0)},
 }
-
-
-def thrown(mesh: str, scheme: dict, young: float, step: float, phase: float) -> Simulation:
-    """Return what flies at a floor that it reaches ``phase`` of a step after the first one."""
-    floor = {"plane": [0, 0, 1], "at": [0, 0, LOWEST[mesh] - (1.0 + phase) * SPEED * step], "fixed": True}
-    keys = {
-        "materials.soft.young": young,
-        "dynamics": {**scheme, "step": step, "velocity": [0.0, 0.0, -SPEED]},
-        "obstacles": {"floor": floor},
-    }
-    return Simulation(scene_from_text(f"name: thrown\n{MESHES[mesh]}{SOFT}", overrides=keys))
 
 
 def played(simulation: Simulation, count: int) -> tuple[list[float], Any]:
@@ -81,8 +70,9 @@ def test_a_blow_makes_no_energy(mesh: str, young: float, step: float, scheme: st
     What damps nothing keeps the energy of linear bodies; that of these ones swings a little where steps are long.
     """
     swing = 0.03 if scheme in ("newmark", "alpha 0.9", "alpha 1.0") else 1e-3
+    text, lowest = f"name: thrown\n{MESHES[mesh]}{SOFT}", LOWEST[mesh]
     for phase in (0.0, 0.3, 0.7):
-        held, result = played(thrown(mesh, SCHEMES[scheme], young, step, phase), 40)
+        held, result = played(thrown(text, SCHEMES[scheme], young, step, phase, lowest=lowest), 40)
         assert max(held) < 1.0 + swing
         assert result.velocities[:, 2].max() > 0.0
 
