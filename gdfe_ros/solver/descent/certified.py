@@ -17,7 +17,7 @@ from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.descent.tangent import PATIENT, WORTH, TangentMinimiser
 from gdfe_ros.solver.descent.workspace import End
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.tangent.estimate import Estimate, estimate
+from gdfe_ros.solver.tangent.estimate import HIDDEN, Estimate, estimate
 from gdfe_ros.solver.tangent.level import TangentLevel
 
 CONTRACTION = 0.5
@@ -88,7 +88,7 @@ class CertifiedMinimiser(TangentMinimiser):
                 return Descended(used, cut=True)
             self._unknown += not found.known
             if self._unknown > MOST_UNKNOWN:
-                self.lost = True
+                self.lost, self._distance = True, np.inf
                 return Descended(used, cut=False)
             if near or (found.definite and not found.known):
                 # Soft motions that what was added to a tangent has stiffened hide from a few products with it.
@@ -110,6 +110,8 @@ class CertifiedMinimiser(TangentMinimiser):
         if found.known and before > 0.0:
             self._shortfall = max(self._shortfall, found.distance / before)
         self._work += found.products
+        if self.tangent.softest and found.known:
+            self.tangent = replace(self.tangent, softest=found.least)
         return found
 
     def _probed(self, task: Task) -> Estimate:
@@ -121,7 +123,8 @@ class CertifiedMinimiser(TangentMinimiser):
         gradient = task.active.workspace.gradient
         probe, answer = np.random.default_rng(0).standard_normal(len(gradient)), np.empty_like(gradient)
         self._level.solve(probe, answer)
-        found = estimate(self._product, probe, answer, self._level.solve, 0.0)
+        hidden = HIDDEN / len(gradient)
+        found = estimate(self._product, probe, answer, self._level.solve, 0.0, left_over=hidden)
         self._work += found.products
         if found.known:
             self.tangent = replace(self.tangent, softest=found.least)

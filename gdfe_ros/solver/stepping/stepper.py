@@ -121,11 +121,16 @@ class Stepper:
         return there.with_(suspect=not there.sound, tried=state.tried)
 
     def completed(self, state: State) -> State:
-        """Return a state that was read from an archive with the operators that follow from its commands."""
+        """Return a state that was read from an archive with the operators that follow from its commands.
+
+        What was an equilibrium to a larger tolerance is none yet.
+        """
         require_own(state, self.at_rest())
-        growths = self.actuation.growths
+        growths, summary = self.actuation.growths, state.summary
+        summary = changed(summary, converged=summary.converged and summary.residual <= self._settings.tolerance)
         anchor = None if state.anchor is None else self.completed(state.anchor)
-        return state.with_(operators=growths.at(state.commands, growths.ungrown), anchor=anchor)
+        operators = growths.at(state.commands, growths.ungrown)
+        return state.with_(operators=operators, anchor=anchor, summary=summary)
 
     def velocities(self, state: State) -> None:
         """Return nothing: equilibria have no velocity."""

@@ -26,6 +26,8 @@ ROUNDING = 1e-20
 """Share of the first residual's square that is rounding."""
 LEFT = 0.3
 """Share of the step, or of the target, that may be left when it counts as known."""
+HIDDEN = 0.01
+"""Of what a random right-hand side has of one motion, on average: with less of it left none is hidden any more."""
 
 Apply = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -60,6 +62,7 @@ def estimate(
     target: float,
     *,
     least: float = 1.0,
+    left_over: float = np.inf,
     most: int = MOST_PRODUCTS,
 ) -> Estimate:
     """Solve K d = -gradient (3 r,) until what is left of d is a small share of it, or of ``target`` [m].
@@ -71,6 +74,7 @@ def estimate(
         precondition: writes H times its first argument to its second.
         target: distance that matters.
         least: eigenvalue of H K that is known to be there, at most 1.
+        left_over: most of g'Hg that may be left, as a share.
         most: products after which it is given up.
     """
     residual, step, z = -gradient, np.zeros_like(gradient), -preconditioned
@@ -95,7 +99,8 @@ def estimate(
         earlier, least = least, min(least, float(eigvalsh_tridiagonal(np.array(diagonal), np.array(beside))[0]))
         left, far = largest(z) / least, largest(step)
         steady = count >= LEAST_PRODUCTS and least >= STEADY * earlier
-        if (steady and left <= LEFT * max(far, target)) or not weight > ROUNDING * first:
+        told = steady and left <= LEFT * max(far, target) and weight <= left_over * first
+        if told or not weight > ROUNDING * first:
             return Estimate(step, far + left, True, True, count, least)
         ratio = weight / before
         beside.append(np.sqrt(ratio) / length)

@@ -40,8 +40,8 @@ class Tangent:
         blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
         motion: (3 b, 3 q) how the vertices of handles with a free axis follow the rigid rows.
         shift: share of the constant matrix that was added to make it so.
-        softest: least stiffness of a motion over that which it gives it, where it was taken: 1 where nothing was added
-            to it, 0 where it is not known.
+        softest: least stiffness of a motion over that which it gives it: 1 where nothing was added to it and none has
+            been found to be softer yet, 0 where it is not known.
         ends, ways: of the springs between parts that touch, as `Springs` has them.
         spent: iterations and products since it was taken, beyond what each solve has free.
     """

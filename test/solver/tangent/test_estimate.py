@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.descent.quasi_newton import largest
-from gdfe_ros.solver.tangent.estimate import estimate
+from gdfe_ros.solver.tangent.estimate import HIDDEN, estimate
 from gdfe_ros.solver.tangent.softness import smooth_field, softness
 
 COUNT = 60
@@ -53,6 +53,17 @@ def test_what_is_not_found_is_not_known() -> None:
     matrix, gradient = _matrix(np.logspace(0, -12, COUNT)), np.random.default_rng(1).standard_normal(COUNT)
     found = estimate(lambda direction: matrix @ direction, gradient, gradient, _identity, 1e-12, most=20)
     assert (found.known, found.definite, found.distance, found.products) == (False, True, np.inf, 20)
+
+
+def test_a_random_right_hand_side_finds_the_one_soft_motion() -> None:
+    """Let one motion be 1e-4 as stiff as the others: it is found."""
+    values = np.linspace(0.04, 1.0, COUNT)
+    values[0] = 1e-6
+    matrix, random = _matrix(values), np.random.default_rng(3)
+    for _ in range(20):
+        probe = random.standard_normal(COUNT)
+        found = estimate(lambda direction: matrix @ direction, probe, probe, _identity, 0.0, left_over=HIDDEN / COUNT)
+        assert found.least == pytest.approx(1e-6, rel=0.1)
 
 
 def test_softness_is_the_least_eigenvalue() -> None:
