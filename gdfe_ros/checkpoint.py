@@ -62,7 +62,7 @@ def load_state(simulation: Simulation, data: bytes) -> None:
     except (*_DAMAGED, zipfile.zlib.error) as error:
         raise GdfeError(f"the state is damaged: {error!r}") from error
     own = {"format": FORMAT, **_origin(simulation)}
-    wrong = [f"its {key} is {given.get(key)}, the simulation's {own[key]}" for key in own if given.get(key) != own[key]]
+    wrong = [_difference(key, given.get(key), own[key]) for key in own if given.get(key) != own[key]]
     if wrong:
         raise GdfeError(f"the state does not fit: {'; '.join(wrong)}")
     try:
@@ -73,6 +73,14 @@ def load_state(simulation: Simulation, data: bytes) -> None:
     except (*_DAMAGED, zipfile.zlib.error) as error:
         raise GdfeError(f"the state is damaged: {error!r}") from error
     simulation.restore(replace(snapshot, scene=simulation.scene.source))
+
+
+def _difference(key: str, given: object, own: str) -> str:
+    """Say what of a state's head is another than the simulation's; the digest of a text tells nobody anything."""
+    if key != "scene":
+        return f"its {key} is {given}, the simulation's {own}"
+    remedy = "remedy: load it with the scene, the overrides and the files (meshes, skins) that it was saved with"
+    return f"its scene has another text than the simulation's; {remedy}"
 
 
 def _array(data: bytes) -> NDArray[Any]:

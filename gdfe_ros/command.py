@@ -92,8 +92,10 @@ class Orders:
         """Return the targets of all handles after a command.
 
         Raises:
-            CommandError: a handle is unknown or fixed, or its target is out of reach.
+            CommandError: it is none; a handle is unknown or fixed, or its target is out of reach.
         """
+        if command is not None and not isinstance(command, Command):
+            raise CommandError(f"a step follows a Command, or None; got {command!r}")
         targets = dict(last)
         for name, pose in (command.handles if command else {}).items():
             _require_pose(f"handle {name!r}: the target", pose)
@@ -124,8 +126,10 @@ class Orders:
         """Refuse a snapshot of another scene, whose forces are not those of this one where it looks the same.
 
         Raises:
-            CommandError: materials, dynamics or anything else in its text differ.
+            CommandError: materials, dynamics or anything else in its text differ, or it is none.
         """
+        if not isinstance(snapshot, Snapshot):
+            raise CommandError(f"a snapshot is what Simulation.snapshot returned; got {snapshot!r}")
         if snapshot.scene != self._scene.source:
             raise CommandError(
                 f"the snapshot is one of another scene than {self._scene.name!r}, or of one with another text; "

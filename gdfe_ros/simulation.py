@@ -114,8 +114,8 @@ class Simulation:
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go to a snapshot of a simulation of the same scene; that of another one is a `CommandError`."""
-        state = self._stepper.completed(snapshot.state)
         self._orders.require_own(snapshot)
+        state = self._stepper.completed(snapshot.state)
         self._state = state
         self.time, self.result = snapshot.time, None
         self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)

@@ -58,7 +58,7 @@ def test_a_state_of_another_scene_is_refused() -> None:
     state = save_state(_simulation())
     other = _simulation("twist90")
     before = other.positions.copy()
-    with pytest.raises(GdfeError, match="does not fit: its scene is"):
+    with pytest.raises(GdfeError, match=r"does not fit: its scene has another text.*remedy: load it with"):
         load_state(other, state)
     assert np.array_equal(other.positions, before)
 

@@ -70,3 +70,15 @@ def test_positions_that_are_no_numbers_are_named() -> None:
     """Give a word as positions: refused."""
     with pytest.raises(CommandError, match="no array of numbers"):
         Simulation(scene_from_text(SCENE)).set_positions("abc")
+
+
+@pytest.mark.parametrize("given", [5, "tip", {"tip": Pose()}], ids=str)
+def test_what_is_no_command_and_no_snapshot_is_named(given: Any) -> None:
+    """Step with, and restore, something else: told what is taken, nothing has changed."""
+    simulation = Simulation(scene_from_text(SCENE))
+    with pytest.raises(CommandError, match="a step follows a Command, or None; got"):
+        simulation.step(given)
+    with pytest.raises(CommandError, match=r"a snapshot is what Simulation.snapshot returned; got"):
+        simulation.restore(given)
+    assert simulation.time == 0.0
+    assert simulation.step(LIFT).converged

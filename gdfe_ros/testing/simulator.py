@@ -30,6 +30,7 @@ from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, STEP
 from gdfe_ros.node.interface.topics import JACOBIAN, MOVED
 from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.qos import interface_class
+from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
@@ -122,8 +123,8 @@ class Simulator:
             self._actuation.publish(actuation(self._actuators, self._values))
         if not self._inputs() and not command.bodies:
             self._client.call(self._walk, Trigger.Request())
-        self._wait(lambda: self.state.record.step >= count, "the step")
-        return self.state
+        self._wait(lambda: self._made.record.step >= count, "the step")
+        return self._made
 
     def run(self, controller: Callable[[State], Command], *, steps: int) -> list[State]:
         """Close the loop with a function for a number of steps and return them."""
@@ -174,6 +175,7 @@ class Simulator:
         self._client = Client(self._process, self.name, "simulator", patience=self._patience, context=self.context)
         self._node, self._wait = self._client.node, self._client.wait
         self.state: State | None = None
+        self._made: State | None = None
         self._listeners: list[Callable[[State], Any]] = []
         topics = state_topics(self.scene)
         self._arrived: dict[str, deque[tuple[Moment, Any]]] = {topic: deque() for topic in topics}
@@ -223,6 +225,9 @@ class Simulator:
         self._arrived[topic].append((moment_of(message), message))
         while (messages := self._whole_step()) is not None:
             self.state = unpack(self.scene, messages)
+            # What begins anew was reset or loaded by somebody: no command made it.
+            if self._made is None or self.state.record.begin is Begin.LAST:
+                self._made = self.state
             for listener in self._listeners:
                 listener(self.state)
 

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Verdict
@@ -88,6 +90,25 @@ def test_a_scene_without_inputs_is_stepped() -> None:
     overrides = {"mesh.bar.cells": [10, 1, 1], "loads": {}, "program": None, "dynamics.velocity": [0.0, 0.0, 0.1]}
     with Simulator("drop", overrides=overrides) as simulator:
         assert [simulator.step().record.step for _ in range(3)] == [1, 2, 3]
+
+
+def test_a_reset_by_somebody_else_is_not_taken_for_a_step() -> None:
+    """Reset the node from outside between two steps: the second one returns what it commanded, from rest."""
+    raised = Command(handles={"tip": Pose((0.0, 0.0, 0.01))})
+    with Simulator("bend5", overrides=COARSE) as simulator:
+        simulator.step(raised)
+        other = Node("somebody_else", context=simulator.context)
+        client = other.create_client(Trigger, f"{simulator.name}/reset")
+        assert client.wait_for_service(60.0)
+        future = client.call_async(Trigger.Request())
+        executor = SingleThreadedExecutor(context=simulator.context)
+        executor.add_node(other)
+        executor.spin_until_future_complete(future, 60.0)
+        assert future.result().success
+        state = simulator.step(raised)
+        other.destroy_node()
+    assert state.poses["tip"].translation[2] == pytest.approx(0.01)
+    assert state.time == pytest.approx(state.record.dt)
 
 
 def test_an_unknown_name_leaves_the_commands_alone() -> None:

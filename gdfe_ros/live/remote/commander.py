@@ -65,10 +65,6 @@ class Commander:
             for ability, spec in SERVICES.items()
         }
 
-    def heard(self) -> bool:
-        """Tell whether the node listens to what is sent."""
-        return all(each.get_subscription_count() for each in (self._actuation, *self._targets.values()))
-
     def send(self, name: str, order: Order) -> None:
         """Publish an order of ``name``.
 
