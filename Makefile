@@ -34,7 +34,7 @@ OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
 .PHONY: install run live test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion \
-        bench-contact bench-coarse bench-skip bench-sweep profile \
+        bench-contact bench-coarse bench-skip bench-streams bench-batches bench-sweep profile \
         bags docs clean
 
 install: $(STAMP)
@@ -137,6 +137,13 @@ bench-since: install
 # Where the time of a step goes, and what this machine would allow
 profile: install
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 NUMBA_NUM_THREADS=1 $(BIN)/python -m benchmarks.profile
+
+# Steps a second beside MuJoCo at equal error; many simulations at once.
+bench-streams: $(VENV)/.extra-bench
+	@$(BIN)/python -m benchmarks.streams
+
+bench-batches: install
+	@$(BIN)/python -m benchmarks.batches
 
 bench-sweep: install
 	@$(BIN)/python -m benchmarks.sweep

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""First part of the benchmark: cold solves from rest, every solver on its own meshes; and streams of small steps."""
+"""First part of the benchmark: every solver on its own meshes, from rest at once or in streams of small steps."""
 
 from __future__ import annotations
 
@@ -23,8 +23,14 @@ class Job:
     threads: int
 
 
-def jobs(*, slow: bool, threads: int) -> list[Job]:
-    """List the runs of all solvers that are installed; ``slow`` adds those of more than ten seconds."""
+def jobs(*, slow: bool, threads: int, streams: bool = False) -> list[Job]:
+    """List the runs of all solvers that are installed.
+
+    Args:
+        slow: adds those of more than ten seconds.
+        threads: of the machine.
+        streams: those of small steps instead of the cold ones.
+    """
     wanted = []
     for solver in Solver:
         peer = load_peer(solver)
@@ -32,12 +38,14 @@ def jobs(*, slow: bool, threads: int) -> list[Job]:
             continue
         for name in CaseName:
             case = get_case(name)
-            chosen = [variant for variant in peer.variants(case) if slow or not variant.slow]
+            chosen = [
+                variant
+                for variant in peer.variants(case)
+                if (slow or not variant.slow) and bool(variant.options.get("stream")) == streams
+            ]
             wanted += [Job(solver, case, variant, 1) for variant in chosen]
-            if threads > 1 and name in ALL_THREADS:
-                fine = [
-                    variant for variant in chosen if variant.cells == case.cells and not variant.options.get("stream")
-                ]
+            if threads > 1 and name in ALL_THREADS and not streams:
+                fine = [variant for variant in chosen if variant.cells == case.cells]
                 wanted += [Job(solver, case, variant, threads) for variant in fine[:1]]
     return wanted
 

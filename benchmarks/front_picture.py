@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 
 from benchmarks.cases import CaseName
 from benchmarks.peers.peer import PeerResult, Solver
-from benchmarks.tables import NAMES, is_stream
+from benchmarks.tables import NAMES
 
 COLOURS = {Solver.GDFE: "#1b6ca8", Solver.FELUPE: "#d1495b", Solver.CALCULIX: "#66a182", Solver.MUJOCO: "#edae49"}
 
 
 def draw_front(path: Path, results: Sequence[PeerResult]) -> None:
     """Draw solve time against mean nodal error of every cold single-thread run; lines join each solver's best."""
-    cold = [result for result in results if result.settings["threads"] == 1 and not is_stream(result)]
+    cold = [result for result in results if result.settings["threads"] == 1]
     figure = Figure(figsize=(11.0, 6.4), dpi=150, layout="constrained")
     axes = figure.subplots(2, 2).ravel()
     for axis, name in zip(axes, CaseName, strict=True):

@@ -41,21 +41,15 @@ def all_tables(report: dict[str, Any]) -> dict[str, str]:
     if "savings" in report:
         return {"skipped": saving_table(Saving(**row) for row in report["savings"])}
     results = [PeerResult.from_json(item) for item in report["results"]]
-    cold = [result for result in results if result.settings["threads"] == 1 and not is_stream(result)]
+    cold = [result for result in results if result.settings["threads"] == 1]
     return {
         "summary": summary_table(cold),
         "paper meshes": paper_table(cold),
         "joint": joint_table(report["joint"]),
         "front": front_table(cold),
-        "streaming": stream_table([result for result in results if is_stream(result)]),
         "scaling": scaling_table(report["scaling"]),
         "ratios": ratio_table(report["ratios"]),
     }
-
-
-def is_stream(result: PeerResult) -> bool:
-    """Tell whether a result is a stream of small steps."""
-    return "step_time_p50" in result.settings
 
 
 def reaction_error(result: PeerResult) -> float:
@@ -134,21 +128,6 @@ def front_table(results: Sequence[PeerResult]) -> str:
                 row.append("-" if best is None else f"{1e3 * best.time_solve:.2f} ({best.mesh})")
             rows.append(tuple(row))
     return markdown_table(("scene", "error at most [%]", *(f"{NAMES[solver]} [ms]" for solver in Solver)), rows)
-
-
-def stream_table(results: Sequence[PeerResult]) -> str:
-    """Return steps a second and step times of small steps."""
-    rows = []
-    for result in sorted(results, key=lambda item: (item.scene, item.settings["step_time_p50"])):
-        p50, p99 = result.settings["step_time_p50"], result.settings["step_time_p99"]
-        error = result.settings.get("path_error")
-        rows.append(
-            (result.scene, f"{NAMES[result.solver]} {result.mesh}", str(result.settings["steps"]),
-             f"{result.settings['steps'] / result.time_solve:.0f}", f"{1e3 * p50:.2f}", f"{1e3 * p99:.2f}",
-             "" if error is None else f"{100 * error:.3f}")
-        )  # fmt: skip
-    heads = ("scene", "solver", "steps", "steps/s", "p50 [ms]", "p99 [ms]", "largest error along the path [%]")
-    return markdown_table(heads, rows)
 
 
 def scaling_table(sizes: Iterable[dict[str, Any]]) -> str:

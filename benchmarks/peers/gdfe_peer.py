@@ -44,7 +44,8 @@ def variants(case: Case) -> tuple[Variant, ...]:
         runs.append(_variant(case.cells, Policy.RELATIVE, 1e-4, steps=20))
     if case.name in _STREAM:
         steps, tolerance = _STREAM[case.name]
-        runs.append(_variant(case.cells, Policy.ENERGY, tolerance, steps=steps, stream=True))
+        meshes = (*_FRONT[case.name], case.cells)
+        runs += [_variant(cells, Policy.ENERGY, tolerance, steps=steps, stream=True) for cells in meshes]
     return tuple(runs)
 
 

@@ -46,7 +46,6 @@ _CELLS = {
         (2, (8, 2, 2)),
     ),
 }
-_STREAM = {CaseName.BEND5: ((2, (10, 1, 1)), (1, (50, 5, 5))), CaseName.TWIST90_UNIFORM: ((1, (20, 5, 5)),)}
 _STREAM_STEPS = {CaseName.BEND5: 200, CaseName.TWIST90_UNIFORM: 100}
 _ELEMENTS = {1: "trilinear", 2: "quadratic"}
 
@@ -63,7 +62,7 @@ def variants(case: Case) -> tuple[Variant, ...]:
     drive = Drive.HEAVY if case.name is CaseName.BEND5 else Drive.MOCAP
     jumps = [_variant(order, cells, drive) for order, cells in _CELLS[case.name]]
     steps = _STREAM_STEPS[case.name]
-    return (*jumps, *(_variant(order, cells, Drive.HEAVY, steps=steps) for order, cells in _STREAM[case.name]))
+    return (*jumps, *(_variant(order, cells, Drive.HEAVY, steps=steps) for order, cells in _CELLS[case.name]))
 
 
 def _variant(order: int, cells: tuple[int, int, int], drive: Drive, *, steps: int = 1) -> Variant:

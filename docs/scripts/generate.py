@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from benchmarks import contact, cut_cells, factors, motion, second_level
+from benchmarks import contact, cut_cells, factors, motion, second_level, streams
 from benchmarks.coarse_meshes import table as coarse_meshes
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.node import tables as node_tables
@@ -48,6 +48,7 @@ def texts() -> dict[str, str]:
     found |= motion.all_tables(json.loads((DATA / "motion.json").read_text()))
     found |= contact.all_tables(json.loads((DATA / "contact.json").read_text()))
     found |= coarse_meshes.all_tables(json.loads((DATA / "coarse_meshes.json").read_text()))
+    found |= streams.all_tables(json.loads((DATA / "streams.json").read_text()))
     found |= cut_cells.all_tables(json.loads((DATA / "cut_cells.json").read_text()))
     for name in ("bench", "skip", "torture"):
         found |= all_tables(json.loads((DATA / f"{name}.json").read_text()))

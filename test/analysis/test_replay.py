@@ -17,7 +17,7 @@ from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import load_scene
-from gdfe_ros.solver.matrix import constant_matrix
+from gdfe_ros.solver.matrix import factor as solver_factor
 
 
 def _pose(z: float) -> dict[str, Pose]:
@@ -145,7 +145,7 @@ def test_every_bag_of_the_repository_replays(kept_bags: dict[Path, float]) -> No
 
 def test_a_bag_replays_without_the_fast_factorisation(kept_bags: dict[Path, float], monkeypatch: Any) -> None:
     """Take cholespy away, as on a machine without it: other bits, but within the factor times the tolerance."""
-    monkeypatch.setattr(constant_matrix, "cholespy", None)  # as its import leaves it there
+    monkeypatch.setattr(solver_factor, "cholespy", None)  # as its import leaves it there
     bag, factor = next((bag, factor) for bag, factor in kept_bags.items() if bag.name == "twist90")
     differences = Replay(BagRun(bag)).run().differences
     assert differences.verdict() is Verdict.DIFFERENT

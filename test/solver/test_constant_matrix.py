@@ -7,22 +7,22 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
-from gdfe_ros.solver.matrix import constant_matrix
+from gdfe_ros.solver.matrix import factor
 from gdfe_ros.solver.matrix.constant_matrix import (
-    DENSE_UP_TO,
     ConstantMatrix,
-    Factorisation,
     apply_inverse,
     assemble,
     assemble_centring,
 )
 from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
+from gdfe_ros.solver.matrix.factor import DENSE_UP_TO, Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 
 End = Callable[[HexMesh, str], NDArray[np.int32]]
@@ -31,7 +31,7 @@ SHAPE = shape_operators(MESH.vertices, MESH.cells)
 FACTORS = list(Factorisation)
 
 
-def stiffness() -> constant_matrix.sparse.csc_matrix:
+def stiffness() -> sparse.csc_matrix:
     """Assemble a matrix whose left half is 100 times stiffer than its right half."""
     weight = np.where(MESH.centroids[:, 0] < 0.2, 1e7, 1e5)
     return assemble(SHAPE, weight, 0.05 * weight)
@@ -49,7 +49,7 @@ def sliding(end: End) -> Unknowns:
 
 
 @pytest.mark.parametrize("matrix", [stiffness(), assemble_centring(SHAPE)], ids=["energy", "relative"])
-def test_matrix_is_symmetric_and_positive(matrix: constant_matrix.sparse.csc_matrix) -> None:
+def test_matrix_is_symmetric_and_positive(matrix: sparse.csc_matrix) -> None:
     """Look at all eigenvalues: one zero, for a motion of all vertices alike, the others positive."""
     dense = matrix.toarray()
     np.testing.assert_allclose(dense, dense.T, atol=1e-12 * np.abs(dense).max())
@@ -139,7 +139,7 @@ def test_small_systems_take_an_explicit_inverse() -> None:
 
 def test_scipy_serves_where_cholespy_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take the extra away: scipy is chosen, and asking for cholespy by name says how to get it."""
-    monkeypatch.setattr(constant_matrix, "cholespy", None)
+    monkeypatch.setattr(factor, "cholespy", None)
     large = bar([1.0, 1.0, 1.0], [7, 7, 7])
     assert kind_of(large) is Factorisation.SCIPY
     with pytest.raises(ValueError, match=r"cholespy is not installed; install the extra"):

@@ -21,7 +21,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import corner_forces, element_fields, strain_energies
 from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
-from gdfe_ros.solver.matrix.constant_matrix import Factorisation
+from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.reactions import vertex_forces
 from gdfe_ros.solver.settings import Policy
 from gdfe_ros.solver.solution import Increment, Solution

@@ -16,7 +16,8 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.history import HistoryKeeper
 from gdfe_ros.solver.descent.workspace import End, Workspace, allocate, allocate_part, numbers
 from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.settings import Skip
 

@@ -19,8 +19,8 @@ from gdfe_ros.solver.descent.lumps import find_lumps, largest_turn
 from gdfe_ros.solver.descent.stopping import way_left
 from gdfe_ros.solver.descent.workspace import WINDOW, End, Problem, Workspace, numbers
 from gdfe_ros.solver.distance import largest_shift
-from gdfe_ros.solver.matrix.constant_matrix import Factorisation
 from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
+from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 

@@ -26,7 +26,8 @@ from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.equilibrium.slender import for_slender
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation, assemble
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
+from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.reactions import vertex_forces
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution

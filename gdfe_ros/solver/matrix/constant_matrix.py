@@ -3,34 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from enum import Enum
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 
 from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.matrix.coupling import Coupling, RigidFields, close_coupling
+from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 from gdfe_ros.solver.matrix.unknowns import Frame, Unknowns, gather_rigid_rows, handle_centres
-
-try:
-    import cholespy
-except ImportError:  # an extra: scipy serves where it is missing
-    cholespy = None
-
-DENSE_UP_TO = 200
-"""Free vertices up to which an explicit inverse, applied in compiled code, is the fastest."""
-
-
-class Factorisation(str, Enum):
-    """What solves with the constant matrix."""
-
-    DENSE = "dense inverse"
-    CHOLESPY = "cholespy"
-    SCIPY = "scipy splu"
 
 
 def assemble(
@@ -89,17 +72,13 @@ class ConstantMatrix:
         *,
         library: Factorisation | None = None,
     ) -> None:
-        if library is Factorisation.CHOLESPY and cholespy is None:
-            raise ValueError("cholespy is not installed; install the extra: pip install 'gdfe_ros[fast]'")
         self.assembled, self._rest, self._unknowns, self._library = matrix, rest, unknowns, library
         free = unknowns.free
         rows = matrix[free]
         block = rows[:, free].tocsc()
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
-        self.kind = library or self._choose(len(free))
-        self._solve = self._factor(block)
-        dense = self.kind is Factorisation.DENSE
-        self._inverse = np.ascontiguousarray(np.linalg.inv(block.toarray())) if dense else np.zeros((0, 0))
+        self.kind = library or usual_kind(len(free))
+        self._factor = factor_of(block, self.kind)
         self._fields = RigidFields(matrix, rest, unknowns, self.solve)
         self.coupling = self.turned([np.eye(3)] * len(unknowns.slides))
 
@@ -109,11 +88,11 @@ class ConstantMatrix:
 
     def turned(self, rotations: Sequence[NDArray[np.float64]]) -> Coupling:
         """Return the coupling for handles with a free axis that are turned by rotation matrices (3, 3)."""
-        return self._fields.coupling(rotations, self._inverse)
+        return self._fields.coupling(rotations, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Solve A_ff out = right for the free vertices, three right-hand sides (f, 3)."""
-        self._solve(right, out)
+        self._factor.solve(right, out)
 
     def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return A_ff motion (f, 3) of the free vertices."""
@@ -145,25 +124,6 @@ class ConstantMatrix:
         out = np.empty_like(right)
         self.solve(right, out)
         return out
-
-    def _choose(self, count: int) -> Factorisation:
-        if count <= DENSE_UP_TO:
-            return Factorisation.DENSE
-        return Factorisation.SCIPY if cholespy is None else Factorisation.CHOLESPY
-
-    def _factor(self, block: sparse.csc_matrix) -> Callable[[NDArray[np.float64], NDArray[np.float64]], None]:
-        if block.shape[0] == 0:
-            return lambda right, out: None
-        if self.kind is Factorisation.CHOLESPY:
-            entries = block.tocoo()
-            indices = entries.row.astype(np.int32), entries.col.astype(np.int32)
-            return cholespy.CholeskySolverD(block.shape[0], *indices, entries.data, cholespy.MatrixType.COO).solve
-        factor = splu(block, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-        def solve(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-            out[...] = factor.solve(right)
-
-        return solve
 
 
 @vector_kernel

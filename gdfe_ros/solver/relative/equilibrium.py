@@ -21,8 +21,9 @@ from gdfe_ros.solver.elements.fields import corner_forces, store_energies, strai
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
 from gdfe_ros.solver.handle_motions import HandleMotions
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, Factorisation, assemble_centring
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble_centring
 from gdfe_ros.solver.matrix.coupling import close_coupling
+from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.matrix.unknowns import gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.relative.shape_factor import shape_factors

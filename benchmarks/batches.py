@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many simulations at once: one after another, in threads of one process, in processes; steps a second, summed.
+
+``python -m benchmarks.batches [DIRECTORY]`` writes ``batches.json`` into the directory (default: runs/batches) and
+prints the table of docs/benchmark.md. Each way runs in a process of its own, in turns; medians count. Bodies with an
+equal matrix share its factor in a process: what the first one of them and each further one takes stands beside.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from statistics import mean, median
+from time import perf_counter
+from typing import Any
+
+from benchmarks.markdown import markdown_table
+from benchmarks.peers.peer import worker_environment
+
+SCENE = "bend5"
+MESHES = ((10, 1, 1), (20, 2, 2), (50, 5, 5))
+BATCH, STEPS, REPEATS = 8, 50, 3
+"""Simulations, steps that each makes, runs of each way."""
+TIMEOUT = 600.0
+
+
+class Way(str, Enum):
+    """How a batch is played."""
+
+    ALONE = "one after another"
+    THREADS = "threads"
+    PROCESSES = "processes"
+
+
+def measure(cells: tuple[int, int, int], workers: int) -> dict[str, Any]:
+    """Play a batch each way in turn; return steps a second by way, and set-up times [s] in one process.
+
+    Raises:
+        subprocess.CalledProcessError: a run failed.
+    """
+    runs = {way: [] for way in Way}
+    for _ in range(REPEATS):
+        for way in Way:
+            command = [sys.executable, "-m", "benchmarks.batches", way.value, json.dumps(cells), str(workers)]
+            environment = worker_environment(1)
+            done = subprocess.run(
+                command, env=environment, stdout=subprocess.PIPE, text=True, timeout=TIMEOUT, check=True
+            )
+            runs[way].append(json.loads(done.stdout))
+    return {
+        "cells": list(cells),
+        "workers": workers,
+        "rates": {way.value: median(run["rate"] for run in found) for way, found in runs.items()},
+        "first": median(run["first"] for run in runs[Way.ALONE]),
+        "further": median(run["further"] for run in runs[Way.ALONE]),
+    }
+
+
+def batch_table(report: Sequence[dict[str, Any]]) -> str:
+    """Return the comparison as a Markdown table."""
+    rows = [
+        ("x".join(map(str, item["cells"])), *(f"{item['rates'][way.value]:.0f}" for way in Way),
+         f"{1e3 * item['first']:.1f}", f"{1e3 * item['further']:.1f}")
+        for item in report
+    ]  # fmt: skip
+    several = (f"{report[0]['workers']} {way.value}, steps/s" for way in (Way.THREADS, Way.PROCESSES))
+    heads = ("cells", f"{Way.ALONE.value}, steps/s", *several, "set-up of the first [ms]", "of each further [ms]")
+    return markdown_table(heads, rows)
+
+
+def _batch(way: Way, cells: list[int], workers: int) -> dict[str, float]:
+    """Play one batch in this process or in processes of its own."""
+    if way is Way.PROCESSES:
+        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+            return {"rate": _rate(pool, _play_anew, [cells] * BATCH)}
+    _play_anew(cells)  # compiled, or loaded
+    made, simulations = [], []
+    for _ in range(BATCH):
+        begun = perf_counter()
+        simulations.append(_simulation(cells))
+        made.append(perf_counter() - begun)
+    with ThreadPoolExecutor(workers if way is Way.THREADS else 1) as pool:
+        rate = _rate(pool, _play, simulations)
+    return {"rate": rate, "first": made[0], "further": mean(made[1:])}
+
+
+def _rate(pool: Executor, play: Callable[[Any], None], batch: Sequence[Any]) -> float:
+    """Return the steps a second of a batch, once every worker has played one of it."""
+    list(pool.map(play, batch))
+    begun = perf_counter()
+    list(pool.map(play, batch))
+    return BATCH * STEPS / (perf_counter() - begun)
+
+
+def _simulation(cells: list[int]) -> Any:
+    from gdfe_ros import Simulation
+
+    return Simulation(_scene(tuple(cells)))
+
+
+@cache
+def _scene(cells: tuple[int, int, int]) -> Any:
+    from gdfe_ros.scene import load_scene
+
+    return load_scene(SCENE, overrides={"mesh.bar.cells": list(cells), "solver.threads": 1})
+
+
+def _play(simulation: Any) -> None:
+    simulation.reset()
+    if not all(result.converged for result in simulation.play(STEPS)):
+        raise RuntimeError(f"{SCENE}: {simulation.result.message}")
+
+
+_OWN: dict[str, Any] = {}
+"""The simulations of a worker, by their cells: each is made once."""
+
+
+def _play_anew(cells: list[int]) -> None:
+    key = str(cells)
+    if key not in _OWN:
+        _OWN[key] = _simulation(cells)
+    _play(_OWN[key])
+
+
+def main(out: Path) -> None:
+    """Measure and print."""
+    report = [measure(cells, os.cpu_count() or 1) for cells in MESHES]
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "batches.json").write_text(json.dumps(report, indent=1))
+    print(batch_table(report))
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 4:
+        print(json.dumps(_batch(Way(sys.argv[1]), json.loads(sys.argv[2]), int(sys.argv[3]))))
+    else:
+        main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/batches"))

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Factors: one of each matrix in a process, for as long as some body has it, right in any number of threads."""
+
+from __future__ import annotations
+
+import gc
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Simulation
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Command
+from gdfe_ros.solver.matrix import factor
+from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
+
+SCENE = """
+name: one of many
+mesh: {bar: {size: [0.4, 0.1, 0.1], cells: [16, 4, 4]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 300}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+"""
+
+
+def scene(**overrides: object) -> Scene:
+    """Return a bar that hangs; dots of keys are written as double underscores."""
+    return scene_from_text(SCENE, overrides={key.replace("__", "."): value for key, value in overrides.items()})
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[Factorisation]:
+    """Return what is factored from here on, as it happens."""
+    found, make = [], factor.Factor
+
+    def watched(matrix: object, kind: Factorisation) -> factor.Factor:
+        found.append(kind)
+        return make(matrix, kind)
+
+    monkeypatch.setattr(factor, "Factor", watched)
+    return found
+
+
+def test_equal_bodies_share_a_factor(made: list[Factorisation]) -> None:
+    """Make three bodies, the third one as soft but of other cells: two factors, the first for two."""
+    first, second, third = Simulation(scene()), Simulation(scene()), Simulation(scene(mesh__bar__cells=[17, 4, 4]))
+    assert made == [usual_kind(400)] * 2
+    lifted = [simulation.step(Command(loads={"weight": 2.0})).positions for simulation in (first, second)]
+    assert np.array_equal(*lifted)
+    assert third.step().converged
+
+
+def test_a_factor_goes_with_its_last_body(made: list[Factorisation]) -> None:
+    """Drop the only body that has a factor: the next one makes its own."""
+    simulation = Simulation(scene())
+    del simulation
+    gc.collect()
+    Simulation(scene())
+    assert len(made) == 2
+
+
+def test_bodies_in_threads_are_right() -> None:
+    """Load four equal bodies with four weights in four threads: each as it is alone, bit by bit."""
+    factors = [0.5, 1.0, 1.5, 2.0]
+
+    def play(weight: float) -> np.ndarray:
+        simulation = Simulation(scene())
+        steps = [simulation.step(Command(loads={"weight": weight * share})) for share in (0.5, 1.0)]
+        return steps[-1].positions
+
+    alone = [play(weight) for weight in factors]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(play, factors))
+    for one, other in zip(alone, together, strict=True):
+        assert np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("kind", Factorisation)
+def test_another_matrix_has_another_factor(kind: Factorisation) -> None:
+    """Change one entry in the last bit: its own factor; and each solves with its own matrix."""
+    random = np.random.default_rng(0)
+    root = random.standard_normal((30, 30))
+    matrix = factor.sparse.csc_matrix(root @ root.T + np.eye(30))
+    other = matrix.copy()
+    other[0, 0] = np.nextafter(matrix[0, 0], np.inf)
+    assert factor_of(matrix, kind) is not factor_of(other, kind)
+    kept, right = factor_of(matrix, kind), random.standard_normal((30, 3))
+    assert factor_of(matrix.copy(), kind) is kept
+    out = np.empty_like(right)
+    kept.solve(right, out)
+    np.testing.assert_allclose(matrix @ out, right, atol=1e-9)
