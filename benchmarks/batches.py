@@ -8,6 +8,7 @@ equal matrix share its factor in a process: what the first one of them and each 
 
 from __future__ import annotations
 
+import gc
 import json
 import multiprocessing
 import os
@@ -81,7 +82,8 @@ def _batch(way: Way, cells: list[int], workers: int) -> dict[str, float]:
     if way is Way.PROCESSES:
         with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
             return {"rate": _rate(pool, _play_anew, [cells] * BATCH)}
-    _play_anew(cells)  # compiled, or loaded
+    _play(_simulation(cells))  # compiled, or loaded; and forgotten, factor and all
+    gc.collect()
     made, simulations = [], []
     for _ in range(BATCH):
         begun = perf_counter()
