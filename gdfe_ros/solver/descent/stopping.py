@@ -9,8 +9,6 @@ from __future__ import annotations
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.workspace import WINDOW
 
-ALIGNED = 0.3
-"""Share of the steps to come that adds up: they point one way and another."""
 LONGEST_WAY = 10.0
 """Way left, over the target of a step, with which a minimisation may end."""
 SLOWEST = 0.95
@@ -30,6 +28,8 @@ def note_step(work):
 def way_left(work):
     """Estimate the displacement [m] of all steps to come from how fast they shrink; 0 while too few were seen.
 
+    They may all point one way: a third of their sum ended cold solves up to 3.4 tolerances away.
+
     It is also 0 where a window has not lowered the energy by more than its rounding: what moves there is noise.
     """
     status = work.status[0]
@@ -40,4 +40,4 @@ def way_left(work):
         latest = max(latest, work.recent[(status.seen - 1 - i) % (2 * WINDOW)])
         before = max(before, work.recent[(status.seen - 1 - i - WINDOW) % (2 * WINDOW)])
     rate = min(latest / max(before, 1e-300), SLOWEST)
-    return ALIGNED * WINDOW * latest * rate / (1.0 - rate)
+    return WINDOW * latest * rate / (1.0 - rate)
