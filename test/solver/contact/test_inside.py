@@ -102,7 +102,7 @@ def test_a_step_that_ends_inside_says_who_where_and_how_deep() -> None:
     assert "m inside of mesh" in result.message
     assert "deepest at [50" in result.message or "deepest at [49.9" in result.message
     assert "remedy" in result.message
-    assert deepest(simulation) < DEEPEST
+    assert deepest(simulation) < BURIED
 
 
 def test_what_is_put_inside_comes_out_or_says_so_again() -> None:
