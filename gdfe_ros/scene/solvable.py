@@ -60,7 +60,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
         notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
     kept = [item.name for item in scene.actuators if item.constrains]
     if kept and scene.dynamics is not None and scene.dynamics.scheme is Scheme.NEWMARK:
-        text = f"newmark may feed what keeps the length or volume of {', '.join(kept)} until the body flies apart"
+        text = f"newmark does not damp the force that keeps the length or volume of {', '.join(kept)}: it rings"
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: generalised_alpha, or a cable with a stiffness")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
         notes.append("meshes: they pass through each other; remedy: self_contact: {friction: 0.5}")

@@ -195,6 +195,21 @@ class Failure:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Bound:
+    """What the energy of a moving body has been, for telling whether a step makes any.
+
+    Attributes:
+        start, least: kinetic + elastic + potential energy - work [J] at the beginning and at the least, each with what
+            the work since may have been more than it is booked as.
+        most: largest kinetic + elastic energy so far [J].
+    """
+
+    start: float
+    least: float
+    most: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Ledger:
     """What a moving body was given and lost since the start, and what it owes.
 
@@ -203,12 +218,14 @@ class Ledger:
         lost: to damping [J].
         owed: time [s] that has passed without a step, too short for one.
         failure: the step that was tried last, where it led nowhere; None where it did not.
+        bound: of its energy; None where the account begins anew with the next step.
     """
 
     work: float
     lost: float
     owed: float = 0.0
     failure: Failure | None = None
+    bound: Bound | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

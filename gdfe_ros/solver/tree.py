@@ -20,6 +20,7 @@ from gdfe_ros.solver.tangent.level import Tangent
 
 _VALUES = (
     states.Balance,
+    states.Bound,
     states.ElementState,
     states.Failure,
     states.Known,
@@ -39,7 +40,7 @@ _VALUES = (
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """What a tree may be made of besides plain values."""
 
-_ADDED = {Tangent: {"ends", "ways", "softest"}, states.Snapshot: {"scene"}}
+_ADDED = {Tangent: {"ends", "ways", "softest"}, states.Snapshot: {"scene"}, states.Ledger: {"bound"}}
 """Parts that archives of earlier states do not have, by class."""
 
 

@@ -28,6 +28,6 @@ def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
         sleep=new.sleep,
         unfinished=None,
         summary=changed(old.summary, converged=False),
-        ledger=changed(old.ledger, failure=None),
+        ledger=changed(old.ledger, failure=None, bound=None),
     )
     return replace(moving, state=state, scene=fresh.scene)

@@ -78,6 +78,12 @@ class Dynamics:
             raise ValueError(f"shares of a Prony series must sum to less than 1, got {self.prony!r}")
 
     @property
+    def swing(self) -> float:
+        """Energy that the first step may give over h^2 a^T M a of the start; what damps gives it back later."""
+        damped = (1.0 - self.rho_inf) / (1.0 + self.rho_inf) if self.scheme is Scheme.GENERALISED_ALPHA else 0.0
+        return 0.125 * damped**2
+
+    @property
     def damps(self) -> bool:
         """Whether strains that change are resisted."""
         return bool(self.viscosity or self.prony)

@@ -30,21 +30,25 @@ class Impacts:
 
     Args:
         body: the discretised body.
-        dynamics: the scheme; with ``newmark`` all contacts push as `Pushes` has it.
+        dynamics: of the steps.
+        scheme: whose next step counts on what is left; with ``newmark`` all contacts push as `Pushes` has it.
     """
 
-    def __init__(self, body: Body, dynamics: Dynamics) -> None:
+    def __init__(self, body: Body, dynamics: Dynamics, scheme: Scheme) -> None:
         rigid = [handle for handle in body.handles if isinstance(handle, RigidBody)]
         self._dynamics = dynamics
         self._vertices = np.array([handle.vertices for handle in rigid], dtype=np.int32).reshape(-1, 4)
         self._masses = np.array([0.25 * handle.mass for handle in rigid])[:, None, None]
-        self._happen = bool(rigid) and dynamics.scheme is not Scheme.NEWMARK
+        self._happen = bool(rigid) and scheme is not Scheme.NEWMARK
 
-    def stopped(self, before: State, now: State, h: float, contacts: Sequence[Term]) -> State:
-        """Return the state after a step of length ``h`` [s] from ``before``, with impacts as impulses."""
+    def stopped(self, before: State, now: State, h: float, contacts: Sequence[Term], *, first: bool) -> State:
+        """Return the state after a step of length ``h`` [s] from ``before``, with impacts as impulses.
+
+        There are none in the ``first`` step: how anything approached is not known yet.
+        """
         touching = [contact for contact in contacts if isinstance(contact, RigidContact) and contact.updates]
         last = kinematics_of(before.terms[NAME])
-        if not (self._happen and touching) or last.first:
+        if not (self._happen and touching) or first:
             return now
         rule, x = rule_of(self._dynamics, h, before.terms[NAME]), now.positions
         impulsive, moved = np.zeros_like(x), []

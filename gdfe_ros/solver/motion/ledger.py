@@ -12,7 +12,8 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia, viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.inertia import kinematics_of
-from gdfe_ros.solver.state import Ledger, State
+from gdfe_ros.solver.state import Array, Bound, Ledger, State
+from gdfe_ros.solver.value import changed
 
 
 class Accounts:
@@ -28,8 +29,15 @@ class Accounts:
         self._body, self._mass, self._dynamics = body, mass, dynamics
 
     def opened(self) -> Ledger:
-        """Return the ledger of the start."""
-        return Ledger(work=0.0, lost=0.0)
+        """Return the ledger of the start, at rest but for the velocities that a scene gives."""
+        velocity = self.velocity_at_start(self._body.rest)
+        kinetic = self._kinetic(velocity)
+        return Ledger(work=0.0, lost=0.0, bound=Bound(start=kinetic, least=kinetic, most=kinetic))
+
+    def begun(self, ledger: Ledger, acceleration: Array, h: float) -> Ledger:
+        """Return the ledger of a body that begins with an acceleration (n, 3) [m/s^2] in steps of ``h`` [s]."""
+        swing = self._dynamics.swing * h * h * float(np.vdot(acceleration, self._mass @ acceleration))
+        return changed(ledger, bound=_raised(ledger.bound, swing))
 
     def velocity_at_start(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the velocity (n, 3) [m/s] that a scene gives vertices at ``positions`` (n, 3) [m]; handles stand."""
@@ -42,38 +50,51 @@ class Accounts:
         return velocity
 
     def after(self, before: State, now: State, h: float) -> Ledger:
-        """Return the ledger after an internal step of length ``h`` [s]: work by the trapezoidal rule."""
-        ledger, first = before.ledger, before.summary
-        moved = sum(
-            0.5 * (first.reactions[name] + now.summary.reactions[name]) @ _motion(before, now, name)
-            for name in now.poses
-        )
-        changes = before.change_to(now.commands)
-        slopes = (
-            0.5 * (before.balance.slopes.get(name, 0.0) + now.balance.slopes.get(name, 0.0)) for name in now.commands
-        )
-        commanded = sum(slope * change for slope, change in zip(slopes, changes, strict=True))
+        """Return the ledger after an internal step of length ``h`` [s]: work by the trapezoidal rule.
+
+        With the force of one end of the step all through it, the work of each handle and command would be more or less
+        by as much as raises the bound. Where growth changes, whose work is in no account, the bound begins anew.
+        """
+        ledger, first, last = before.ledger, before.summary.reactions, now.summary.reactions
+        moves = [(first[name], last[name], _motion(before, now, name)) for name in now.poses]
+        slopes = ([balance.slopes.get(name, 0.0) for name in now.commands] for balance in (before.balance, now.balance))
+        commands = list(zip(*slopes, before.change_to(now.commands), strict=True))
+        work = sum(_work(*move) for move in moves) + sum(_work(*command) for command in commands)
+        doubt = sum(abs(_work(-begin, end, change)) for begin, end, change in (*moves, *commands))
         drag = 0.0
         if self._dynamics.mass_damping:
             mean = 0.5 * (self._velocity(before) + self._velocity(now))
             drag = self._dynamics.mass_damping * h * np.vdot(mean, self._mass @ mean)
         lost = ledger.lost + float(drag) + now.dissipated - before.dissipated
-        return Ledger(work=ledger.work + float(moved + commanded), lost=lost)
+        bound = _raised(ledger.bound, doubt) if now.operators is before.operators else None
+        return Ledger(work=ledger.work + work, lost=lost, bound=bound)
 
     def energies(self, state: State, velocity: NDArray[np.float64]) -> dict[str, float]:
         """Return the energies [J] at a state with a velocity (n, 3) [m/s], by name."""
         stored = float(state.terms[viscosity.NAME]["stored"][0]) if self._dynamics.damps else 0.0
         return {
-            "kinetic": 0.5 * float(np.vdot(velocity, self._mass @ velocity)),
+            "kinetic": self._kinetic(velocity),
             "elastic": state.summary.energy + stored,
             "potential": state.balance.potential if state.balance else 0.0,
             "work": state.ledger.work,
             "dissipated": state.ledger.lost,
         }
 
+    def _kinetic(self, velocity: Array) -> float:
+        return 0.5 * float(np.vdot(velocity, self._mass @ velocity))
+
     @staticmethod
     def _velocity(state: State) -> NDArray[np.float64]:
         return kinematics_of(state.terms[inertia.NAME]).velocity
+
+
+def _raised(bound: Bound | None, energy: float) -> Bound | None:
+    return bound and changed(bound, start=bound.start + energy, least=bound.least + energy)
+
+
+def _work(first: Array | float, last: Array | float, change: Array | float) -> float:
+    """Return the mean of what acts at the beginning and at the end of a step times what it acts along."""
+    return float(np.dot(0.5 * (first + last), change))
 
 
 def _motion(before: State, now: State, name: str) -> NDArray[np.float64]:

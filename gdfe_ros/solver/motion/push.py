@@ -25,12 +25,13 @@ class Pushes:
 
     Args:
         mass: of what is free to move.
-        dynamics: the scheme. ``bdf2`` has no pushes: it damps what contacts excite. But for ``newmark`` what is hard on
-            both sides has `Impacts` instead: it does not bounce.
+        dynamics: of the steps.
+        scheme: whose next step counts on what is left. ``bdf2`` has no pushes: it damps what contacts excite. But for
+            ``newmark`` what is hard on both sides has `Impacts` instead: it does not bounce.
     """
 
-    def __init__(self, mass: FreeMass, dynamics: Dynamics) -> None:
-        self._mass, self._dynamics = mass, dynamics
+    def __init__(self, mass: FreeMass, dynamics: Dynamics, scheme: Scheme) -> None:
+        self._mass, self._dynamics, self._scheme = mass, dynamics, scheme
 
     def fit(self, before: State, h: float, contacts: Sequence[ContactTerm]) -> None:
         """Tell contacts, for a step of length ``h`` [s] from ``before``, what of their multipliers is force."""
@@ -58,5 +59,5 @@ class Pushes:
         return now.with_(terms={**now.terms, NAME: kept})
 
     def _are_of(self, contact: ContactTerm) -> bool:
-        scheme = self._dynamics.scheme
+        scheme = self._scheme
         return scheme is Scheme.NEWMARK or (scheme is not Scheme.BDF2 and not isinstance(contact, RigidContact))

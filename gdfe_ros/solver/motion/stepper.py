@@ -13,21 +13,18 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
+from gdfe_ros.solver.motion.ceiling import Ceiling, told
+from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.motion.flight import Flight
-from gdfe_ros.solver.motion.impact import Impacts
-from gdfe_ros.solver.motion.inertia import Inertia, kinematics_of, saved_of
+from gdfe_ros.solver.motion.inertia import kinematics_of, saved_of
+from gdfe_ros.solver.motion.integrator import Integrator, largest
 from gdfe_ros.solver.motion.ledger import Accounts
 from gdfe_ros.solver.motion.mass import FreeMass
-from gdfe_ros.solver.motion.predictor import FlightPredictor
-from gdfe_ros.solver.motion.push import Pushes
 from gdfe_ros.solver.motion.putting import pulled, put_elsewhere, require_free
 from gdfe_ros.solver.motion.scheme import Kinematics
-from gdfe_ros.solver.motion.viscosity import Viscosity
 from gdfe_ros.solver.settings import Skip, SolverSettings
-from gdfe_ros.solver.solution import Increment, Solution
+from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.placing import placed, require_own
@@ -35,18 +32,12 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.value import changed
 
-ACCURACY = 3.0
-"""Distance to the end of an internal step that is left, over h^2 |a| and the tolerance."""
-FINEST = 1e-4
-"""Least distance asked for, over the tolerance."""
 CALM = 0.5
 """For how long [s] no vertex of a body at rest would leave the tolerance, at its velocity or acceleration."""
 RELAXED = 3.0
 """The same over the longest time in which a body relaxes."""
 SHORTEST = 1e-2
 """Share of the longest internal step below which time is only noted: an acceleration over so short a time is noise."""
-KEPT = 4
-"""Step lengths whose factors are kept."""
 
 
 class MotionStepper:
@@ -72,13 +63,14 @@ class MotionStepper:
         mass: sparse.csr_matrix,
         acting: Callable[[Sequence[Term]], Actuation],
     ) -> None:
-        self.body, self._settings, self._dynamics, self._mass, self._acting = body, settings, dynamics, mass, acting
-        self._made: dict[float, EnergyEquilibrium] = {}
+        self.body, self._settings, self._dynamics, self._mass = body, settings, dynamics, mass
         self._free_mass = FreeMass(body, mass)
-        self._pushes, self._impacts = Pushes(self._free_mass, dynamics), Impacts(body, dynamics)
-        self.equilibrium = self._equilibrium(dynamics.step)
+        made = body, settings, dynamics, mass, self._free_mass, acting
+        self._integrator, self._euler = Integrator(*made), Integrator(*made, euler=True)
+        self.equilibrium = self._integrator.equilibrium(dynamics.step)
         self.actuation = self.equilibrium.actuation
         self._accounts = Accounts(body, mass, dynamics)
+        self._ceiling = Ceiling(body, dynamics.scheme, settings.tolerance, self._accounts)
         self._calm = max(CALM, RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min()))
 
     def at_rest(self) -> State:
@@ -91,8 +83,8 @@ class MotionStepper:
         if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
             return False
         now, near = self._kinematics(state), self._settings.tolerance * self.body.size
-        slow = self._calm * _largest(now.velocity) <= near
-        return slow and self._calm**2 * _largest(now.acceleration) <= near
+        slow = self._calm * largest(now.velocity) <= near
+        return slow and self._calm**2 * largest(now.acceleration) <= near
 
     def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
         """Tell whether a state stays as it is at these commands: at rest, or where every step fails."""
@@ -123,22 +115,30 @@ class MotionStepper:
         if failure is not None and flight.repeats(failure):
             march = changed(flight, flaw=failure.reason).march({Skip.SOLVE.value: 1})
             return _told(march, state.ledger.owed)
-        interruption = deadline.interruption if deadline else None
+        interruption, integrator = deadline.interruption if deadline else None, self._integrator
         while not flight.arrived:
             h = flight.length
-            solution = self._solve(flight, h, interruption)
-            flight = flight.tried(solution)
+            solution = integrator.solve(flight, h, interruption)
+            flight, excess = flight.tried(solution), 0.0
             if solution.cut and past(interruption):
                 flight = changed(flight, flaw=solution.message)
                 past(deadline)
                 break
-            if _failed(solution) and flight.can_halve and not past(deadline):
+            halves = _failed(solution) and flight.can_halve and not past(deadline)
+            if not halves and _sound(solution):
+                accepted, excess = self._accepted(integrator, flight.state, solution, h)
+                if excess and integrator is self._integrator:
+                    integrator = self._euler
+                    continue
+                halves = bool(excess) and flight.can_halve and not past(deadline)
+            integrator = self._integrator
+            if halves:
                 flight = flight.halved()
                 continue
-            if solution.diverged or not solution.min_det > 0.0:
+            if not _sound(solution):
                 skipped = self.equilibrium.skipped(solution)
                 return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
-            flight = flight.went(self._accepted(flight.state, solution, h))
+            flight = flight.went(told(accepted, excess, h) if excess else accepted)
             if not flight.arrived and past(deadline):
                 flight = changed(flight, flaw=flight.flaw or deadline.reason)
                 break
@@ -146,7 +146,8 @@ class MotionStepper:
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
         """Return a state at ``positions`` (n, 3) [m] with the velocities of the start; handles stay where they are."""
-        return placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
+        found = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
+        return found.with_(ledger=changed(found.ledger, bound=None))
 
     def put(self, state: State, places: Mapping[str, Pose]) -> State:
         """Return a state with rigid bodies, by name, without velocity at poses relative to their rest poses.
@@ -185,6 +186,13 @@ class MotionStepper:
         """Return kinetic, elastic and potential energy, work done and energy lost since the start [J], by name."""
         return self._accounts.energies(state, self._kinematics(state).velocity)
 
+    def _accepted(self, integrator: Integrator, state: State, solution: Solution, h: float) -> tuple[State, float]:
+        """Return the state after an internal step of length ``h`` [s], and the energy [J] that the step made."""
+        now = integrator.accepted(state, solution, h)
+        now = now.with_(ledger=self._accounts.after(state, now, h))
+        ledger, excess = self._ceiling.checked(now)
+        return now.with_(ledger=ledger), excess
+
     def _kinematics(self, state: State) -> Kinematics:
         if self._began(state):
             return kinematics_of(state.terms[inertia.NAME])
@@ -204,56 +212,7 @@ class MotionStepper:
         kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
         terms = {**state.terms, inertia.NAME: saved_of(kinematics, h=h, positions=state.positions)}
         balance = self.actuation.balance(state.positions, state.commands)
-        return state.with_(terms=terms, balance=balance)
-
-    def _solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
-        """Find the end of an internal step of length ``h`` [s]."""
-        state, (poses, commands) = flight.state, flight.aim
-        reach = h * h * _largest(self.accelerations(state)) / self.body.size
-        tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * reach))
-        problem = Increment(
-            poses=poses,
-            commands=commands,
-            tolerance=tolerance,
-            limit=self._settings.max_iterations,
-            deadline=deadline,
-            keeping=self._settings.tolerance,
-        )
-        self._pushes.fit(state, h, self._equilibrium(h).actuation.contacts)
-        return self._equilibrium(h).solve(problem, state)
-
-    def _accepted(self, state: State, solution: Solution, h: float) -> State:
-        accepted = self._equilibrium(h).accept(solution, state)
-        balance = accepted.balance or self.actuation.balance(accepted.positions, accepted.commands)
-        accepted = accepted.with_(unfinished=None, balance=balance, sound=True)
-        contacts = self._equilibrium(h).actuation.contacts
-        accepted = self._impacts.stopped(state, accepted, h, contacts)
-        accepted = self._pushes.forgotten(state, accepted, h, contacts)
-        return accepted.with_(ledger=self._accounts.after(state, accepted, h))
-
-    def _equilibrium(self, h: float) -> EnergyEquilibrium:
-        """Return what solves internal steps of length ``h`` [s]."""
-        if h in self._made:
-            return self._made[h]
-        own = [Inertia(self.body, self._mass, self._dynamics, h)]
-        if self._dynamics.damps:
-            own.append(Viscosity(self.body, self._dynamics, h))
-        while len(self._made) >= KEPT:
-            del self._made[next(iter(self._made))]
-        self._made[h] = EnergyEquilibrium(
-            self.body,
-            self._acting(own),
-            skip=[item for item in self._settings.skip if item is not Skip.DORMANT],
-            threads=self._settings.threads,
-            predictor=lambda handles: FlightPredictor(self.body, handles, h),
-            softening=self._dynamics.scheme is not Scheme.NEWMARK,
-        )
-        return self._made[h]
-
-
-def _largest(vectors: NDArray[np.float64]) -> float:
-    """Return the largest length of vectors (n, 3)."""
-    return float(np.sqrt(np.einsum("ni,ni->n", vectors, vectors).max(initial=0.0)))
+        return state.with_(terms=terms, balance=balance, ledger=self._accounts.begun(state.ledger, acceleration, h))
 
 
 def _noted(state: State, duration: float) -> March:
@@ -269,7 +228,12 @@ def _told(march: March, owed: float) -> March:
     return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
 
 
+def _sound(solution: Solution) -> bool:
+    """Tell whether no element is folded or inverted."""
+    return not solution.diverged and solution.min_det > 0.0
+
+
 def _failed(solution: Solution) -> bool:
     """Tell whether a shorter step may do better."""
     stuck = not (solution.converged or solution.exhausted)
-    return stuck or solution.diverged or not solution.min_det > 0.0
+    return stuck or not _sound(solution)

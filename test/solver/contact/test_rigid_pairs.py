@@ -15,6 +15,7 @@ from gdfe_ros.constraints.obstacle import Box, Cylinder
 from gdfe_ros.contacts import contact_names
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.value import changed
 
 PAIR = """
 name: pair
@@ -60,7 +61,8 @@ def kick(simulation: Simulation, **speeds: tuple[Vector, Vector]) -> None:
             moving = velocity + np.cross(spin, x - x.mean(axis=0))
             saved["velocity"][body.vertices] = saved["velocity_before"][body.vertices] = moving
             saved["before"][body.vertices] = x - h * moving
-    simulation._state = state.with_(terms={**state.terms, inertia.NAME: saved})
+    ledger = changed(state.ledger, bound=None)  # what it is given here is in no account
+    simulation._state = state.with_(terms={**state.terms, inertia.NAME: saved}, ledger=ledger)
 
 
 def momenta(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:

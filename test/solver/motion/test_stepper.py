@@ -216,10 +216,10 @@ def test_a_snapshot_of_another_scene_is_refused(moving: Callable) -> None:
 
 
 @pytest.mark.parametrize(("cable", "told"), [({}, True), ({"stiffness": 1e4}, False), ({"command": "tension"}, False)])
-def test_what_newmark_feeds_is_remarked(moving: Callable, cable: dict, told: bool) -> None:
+def test_what_newmark_has_ring_is_remarked(moving: Callable, cable: dict, told: bool) -> None:
     """Keep a length without a stiffness, with one, or none: a remark with its remedy for the first, by newmark only."""
     points = [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.09, 0.0, 0.008]]
     actuators = {"pull": {"cable": {"points": points, "command": "shortening", **cable}}}
-    fed = "newmark may feed what keeps the length or volume of pull"
-    assert any(fed in text for text in moving(actuators=actuators).remarks()) is told
+    rings = "newmark does not damp the force that keeps the length or volume of pull"
+    assert any(rings in text for text in moving(actuators=actuators).remarks()) is told
     assert moving(actuators=actuators, dynamics__scheme="bdf2").remarks() == []

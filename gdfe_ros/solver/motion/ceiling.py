@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The most energy that a moving body may have; what a step makes beyond is no motion of the body's."""
+
+from __future__ import annotations
+
+from gdfe_ros.materials.table import YOUNG
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.motion.dynamics import Scheme
+from gdfe_ros.solver.motion.inertia import kinematics_of
+from gdfe_ros.solver.motion.ledger import Accounts
+from gdfe_ros.solver.state import Bound, Ledger, State
+from gdfe_ros.solver.value import changed
+
+ABOVE_START = 0.01
+"""Energy above what it began with, over the largest so far: a spinning body swings by that in sixty steps a turn."""
+ABOVE_LEAST = {Scheme.BDF2: 0.25, Scheme.NEWMARK: 0.03, Scheme.GENERALISED_ALPHA: 0.03}
+"""Energy above the least so far, likewise: it swings by a hundredth in resolved motions, as hourglass stiffness follows
+strains; that of `bdf2` sinks too far while something stops a body, and comes back."""
+ROUNDING = 1e-9
+"""Share of the energies in an account that is none."""
+
+
+class Ceiling:
+    """Tells when a step has made energy.
+
+    What a body has beyond the work done on it, kinetic + elastic + potential energy - work, stays as it is or sinks by
+    what is dissipated, whatever is booked of that. It may swing above the start and above its least value by shares of
+    the largest kinetic and elastic energy so far, and by what a strain of the tolerance holds.
+
+    Args:
+        body: the discretised body.
+        scheme: of the steps.
+        tolerance: of an equilibrium, over the body's size.
+        accounts: the body's.
+    """
+
+    def __init__(self, body: Body, scheme: Scheme, tolerance: float, accounts: Accounts) -> None:
+        young = body.table.parameters[body.material][:, YOUNG]
+        self._noise = 0.5 * tolerance**2 * float(young @ body.shape.volume)
+        self._above_least, self._accounts = ABOVE_LEAST[scheme], accounts
+
+    def checked(self, now: State) -> tuple[Ledger, float]:
+        """Return the ledger of a state after a step, and how much energy [J] it has above the ceiling, or none."""
+        velocity, bound = kinematics_of(now.terms[inertia.NAME]).velocity, now.ledger.bound
+        energies = self._accounts.energies(now, velocity)
+        stirred = energies["kinetic"] + energies["elastic"]
+        balance = stirred + energies["potential"] - energies["work"]
+        if bound is None:
+            return changed(now.ledger, bound=Bound(start=balance, least=balance, most=stirred)), 0.0
+        most = max(bound.most, stirred)
+        ceiling = min(bound.start + ABOVE_START * most, bound.least + self._above_least * most)
+        ceiling += self._noise + ROUNDING * sum(abs(energy) for energy in energies.values())
+        after = changed(bound, least=min(bound.least, balance), most=most)
+        return changed(now.ledger, bound=after), max(0.0, balance - ceiling)
+
+
+def told(state: State, excess: float, h: float) -> State:
+    """Return a state whose last step, of length ``h`` [s], made energy [J], which cannot be mended: told once."""
+    bound, summary = state.ledger.bound, state.summary
+    text = (
+        f"an internal step of {h:.3g} s made {excess:.3g} J of energy that nothing gave; "
+        "remedy: a smaller dynamics.step, or dynamics.scheme: bdf2"
+    )
+    message = "; ".join(part for part in (summary.message, text) if part)
+    raised = changed(bound, start=bound.start + excess, least=bound.least + excess)
+    return state.with_(
+        summary=changed(summary, converged=False, message=message), ledger=changed(state.ledger, bound=raised)
+    )

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What makes internal steps of any length by one rule: their equilibria, pushes and impacts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
+from gdfe_ros.solver.motion.flight import Flight
+from gdfe_ros.solver.motion.impact import Impacts
+from gdfe_ros.solver.motion.inertia import Inertia, kinematics_of
+from gdfe_ros.solver.motion.mass import FreeMass
+from gdfe_ros.solver.motion.predictor import FlightPredictor
+from gdfe_ros.solver.motion.push import Pushes
+from gdfe_ros.solver.motion.viscosity import Viscosity
+from gdfe_ros.solver.settings import Skip, SolverSettings
+from gdfe_ros.solver.solution import Increment, Solution
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.terms.term import Term
+
+ACCURACY = 3.0
+"""Distance to the end of an internal step that is left, over h^2 |a| and the tolerance."""
+FINEST = 1e-4
+"""Least distance asked for, over the tolerance."""
+KEPT = 4
+"""Step lengths whose factors are kept."""
+
+
+class Integrator:
+    """Makes internal steps of a body, one at a time. It has no state of its own, but factors for the lengths in use.
+
+    Args:
+        body: the discretised body.
+        settings: how to solve.
+        dynamics: scheme and damping.
+        mass: (n, n) its mass matrix [kg].
+        free_mass: of what is free to move.
+        acting: makes what acts on the body, with further terms.
+        euler: each step by backward Euler, which no state before the last enters, in the place of the scheme.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        settings: SolverSettings,
+        dynamics: Dynamics,
+        mass: sparse.csr_matrix,
+        free_mass: FreeMass,
+        acting: Callable[[Sequence[Term]], Actuation],
+        *,
+        euler: bool = False,
+    ) -> None:
+        self._body, self._settings, self._mass, self._acting, self._euler = body, settings, mass, acting, euler
+        self._scheme = dynamics.scheme
+        if euler:
+            dynamics = replace(dynamics, scheme=Scheme.BDF2, rho_inf=Dynamics.rho_inf)
+        self._dynamics = dynamics
+        self._made: dict[float, EnergyEquilibrium] = {}
+        self._pushes, self._impacts = Pushes(free_mass, dynamics, self._scheme), Impacts(body, dynamics, self._scheme)
+
+    def solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
+        """Find the end of an internal step of length ``h`` [s]."""
+        state, (poses, commands) = self._begun(flight.state), flight.aim
+        reach = h * h * largest(kinematics_of(state.terms[inertia.NAME]).acceleration) / self._body.size
+        tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * reach))
+        problem = Increment(
+            poses=poses,
+            commands=commands,
+            tolerance=tolerance,
+            limit=self._settings.max_iterations,
+            deadline=deadline,
+            keeping=self._settings.tolerance,
+        )
+        equilibrium = self.equilibrium(h)
+        self._pushes.fit(state, h, equilibrium.actuation.contacts)
+        return equilibrium.solve(problem, state)
+
+    def accepted(self, state: State, solution: Solution, h: float) -> State:
+        """Return the state after an internal step of length ``h`` [s] from ``state``, whose ledger it has."""
+        first, equilibrium = bool(state.terms[inertia.NAME]["first"][0]), self.equilibrium(h)
+        state = self._begun(state)
+        now = equilibrium.accept(solution, state)
+        balance = now.balance or equilibrium.actuation.balance(now.positions, now.commands)
+        now = now.with_(unfinished=None, balance=balance, sound=True)
+        contacts = equilibrium.actuation.contacts
+        now = self._impacts.stopped(state, now, h, contacts, first=first)
+        return self._pushes.forgotten(state, now, h, contacts)
+
+    def equilibrium(self, h: float) -> EnergyEquilibrium:
+        """Return what solves internal steps of length ``h`` [s]."""
+        if h in self._made:
+            return self._made[h]
+        own = [Inertia(self._body, self._mass, self._dynamics, h)]
+        if self._dynamics.damps:
+            own.append(Viscosity(self._body, self._dynamics, h))
+        while len(self._made) >= KEPT:
+            del self._made[next(iter(self._made))]
+        self._made[h] = EnergyEquilibrium(
+            self._body,
+            self._acting(own),
+            skip=[item for item in self._settings.skip if item is not Skip.DORMANT],
+            threads=self._settings.threads,
+            predictor=lambda handles: FlightPredictor(self._body, handles, h),
+            softening=self._scheme is not Scheme.NEWMARK,
+        )
+        return self._made[h]
+
+    def _begun(self, state: State) -> State:
+        """Return the state that a step begins at: backward Euler remembers none before it."""
+        if not self._euler:
+            return state
+        saved = {**state.terms[inertia.NAME], "first": np.ones(1)}
+        return state.with_(terms={**state.terms, inertia.NAME: saved})
+
+
+def largest(vectors: NDArray[np.float64]) -> float:
+    """Return the largest length of vectors (n, 3)."""
+    return float(np.sqrt(np.einsum("ni,ni->n", vectors, vectors).max(initial=0.0)))

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a body has beyond the work done on it never grows, though steps resolve neither strains nor turns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from benchmarks.blows import CUBE as THROWN
+from benchmarks.blows import thrown
+from gdfe_ros import Command, Simulation
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.solver.motion.ceiling import Ceiling
+from gdfe_ros.solver.result import StepResult
+
+CUBE = """
+name: cube
+mesh: {bar: {size: [0.05, 0.05, 0.05], cells: [3, 3, 3]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.075], fixed: true}}
+dynamics: {step: 0.005, velocity: [0, 0, -4.3]}
+"""
+SCHEMES = {
+    "bdf2": {"scheme": "bdf2"},
+    "newmark": {"scheme": "newmark"},
+    **{f"alpha {rho}": {"scheme": "generalised_alpha", "rho_inf": rho} for rho in (0.0, 0.5, 0.8, 1.0)},
+}
+PULL = {"points": [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.1, 0.0, 0.008]], "command": "shortening"}
+
+
+def require_bounded(results: Sequence[StepResult], *, above_start: float = 0.01, above_least: float = 0.031) -> None:
+    """Require steps that converge, and energy within shares of the largest so far."""
+    assert all(result.converged for result in results), next(r.message for r in results if not r.converged)
+    energies = [result.energies for result in results]
+    stirred = np.maximum.accumulate([each["kinetic"] + each["elastic"] for each in energies])
+    has = np.array([each["kinetic"] + each["elastic"] + each["potential"] - each["work"] for each in energies])
+    assert (has - has[0] <= above_start * stirred).all()
+    assert (has - np.minimum.accumulate(has) <= above_least * stirred).all()
+
+
+@pytest.mark.parametrize("young", [1e4, 1e5, 1e6])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_a_soft_cube_that_falls_by_a_metre_gains_nothing(scheme: str, young: float) -> None:
+    """It hits the floor in steps that do not resolve its strains: all converge; elements folded."""
+    dynamics = {f"dynamics.{key}": value for key, value in SCHEMES[scheme].items()}
+    cube = Simulation(scene_from_text(CUBE, overrides={"materials.soft.young": young, **dynamics}))
+    above = 0.25 if scheme == "bdf2" else 0.031
+    require_bounded([cube.step() for _ in range(120)], above_least=above)
+
+
+@pytest.mark.parametrize("scheme", ["newmark", "generalised_alpha"])
+def test_a_spinning_body_gains_nothing_after_a_step_of_another_length(moving: Callable, scheme: str) -> None:
+    """Spin it by 0.3 radians a step, a shorter one first: its momentum stays to a millionth."""
+    keys = {"dynamics__spin": [0.0, 0.0, 60.0], "dynamics__step": 0.005, "dynamics__scheme": scheme}
+    spinning = moving(handles={}, dynamics__velocity=[1.0, 0.0, 0.0], **keys)
+    results = [spinning.step(dt=0.005 / 3.0)] + [spinning.step() for _ in range(200)]
+    require_bounded(results)
+    momentum = (spinning._stepper._mass @ results[-1].velocities).sum(axis=0)
+    np.testing.assert_allclose(momentum, [0.04, 0.0, 0.0], atol=4e-8)
+
+
+@pytest.mark.parametrize("step", [0.002, 0.01])
+def test_newmark_keeps_a_commanded_length_for_long(moving: Callable, step: float) -> None:
+    """Shorten a cable in ten steps and hold it for 300: the tension rings, and the body does not fly apart."""
+    weight, soft = {"weight": {"gravity": [0, 0, -9.81]}}, {"materials__rubber__young": 5e4}
+    bar = moving(actuators={"pull": {"cable": PULL}}, loads=weight, **soft, dynamics__step=step)
+    for shortening in np.linspace(0.0015, 0.015, 10):
+        bar.step(command=Command(actuators={"pull": float(shortening)}))
+    require_bounded([bar.step() for _ in range(300)], above_start=0.031)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("young", [1e7, 1e9])
+def test_a_wall_does_not_feed_what_it_stops_in_one_step(young: float, phase: float) -> None:
+    """Throw a stiff cube at a floor by `bdf2`: it left with 1.5 times its energy."""
+    cube = thrown(THROWN, SCHEMES["bdf2"], young, 0.005, phase, lowest=-0.05)
+    require_bounded([cube.step() for _ in range(40)], above_start=1e-3, above_least=0.25)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_resolved_motions_are_left_alone(moving: Callable, scheme: str) -> None:
+    """Swing, and spin in 60 steps a turn: no step is made twice."""
+    dynamics = {f"dynamics__{key}": value for key, value in SCHEMES[scheme].items()}
+    swings = moving(loads={"weight": {"gravity": [0, 0, -9.81]}}, **dynamics, materials__rubber__young=5e4)
+    spins = moving(handles={}, dynamics__spin=[0.0, 0.0, 50.0], **dynamics)
+    for body in (swings, spins):
+        assert all(body.step().substeps <= 1 for _ in range(100))
+
+
+def test_energy_that_cannot_be_mended_is_told(moving: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have every step make energy: it is halved as often as may be, is made, and is not called converged."""
+    bar = moving(loads={"weight": {"gravity": [0, 0, -9.81]}})
+    bar.step()
+    checked = Ceiling.checked
+    monkeypatch.setattr(Ceiling, "checked", lambda self, now: (checked(self, now)[0], 1e-3))
+    result = bar.step()
+    assert not result.converged
+    assert "an internal step of 0.000125 s made 0.001 J of energy that nothing gave; remedy" in result.message
+    monkeypatch.undo()
+    assert bar.step().converged
+
+
+def test_a_motion_of_an_archive_without_a_bound_goes_on(moving: Callable) -> None:
+    """Take the bound out of a state, as in earlier archives: the next step begins it anew, and changes nothing else."""
+    bars = [moving(loads={"weight": {"gravity": [0, 0, -9.81]}}) for _ in range(2)]
+    for bar in bars:
+        bar.step()
+    state = bars[1]._state
+    bars[1]._state = state.with_(ledger=type(state.ledger)(work=state.ledger.work, lost=state.ledger.lost))
+    for _ in range(3):
+        first, second = (bar.step() for bar in bars)
+        np.testing.assert_array_equal(first.positions, second.positions)
+    assert bars[1]._state.ledger.bound is not None
