@@ -24,6 +24,7 @@ from gdfe_ros.live.remote.node_session import NodeSession
 from gdfe_ros.live.remote.player import Player
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.testing import NodeProcess
 from gdfe_ros.testing.link import Link
@@ -180,6 +181,20 @@ def test_what_no_step_follows_is_commanded_again(bar: str) -> None:
     player.stop()
     player.remind()
     assert len(sent) == 3
+
+
+def test_the_end_of_a_program_is_commanded_though_the_word_of_steps_is_lost(bar: str) -> None:
+    """Hear of no step between the middle and what is after the end: the end is commanded, once."""
+    sent: list[tuple[str, Any]] = []
+    player = Player(scene_from_text(bar), lambda name, order: sent.append((name, order)))
+    player.play()
+    for step, moment in enumerate((0.0, 0.1, 5.0, 5.1)):
+        player.follow(StepRecord(step=step + 1, begin=Begin.LAST, time=moment, dt=0.1))
+    assert not player.text
+    last = {name: order for name, order in sent}
+    assert last["tip"].translation == pytest.approx((0.0, 0.0, 0.02))
+    assert last["program"].values["left"] == 1.0
+    assert [name for name, _ in sent].count("tip") == 4
 
 
 def test_a_program_that_leads_too_far_ends_with_a_note(shown: Callable[..., Shown], bar: str, tmp_path: Path) -> None:

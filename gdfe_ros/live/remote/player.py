@@ -64,7 +64,11 @@ class Player:
             # Time may have stood, or leapt, until this step.
             self._begun, programme.start = True, record.time
             self._give(programme, record.time)
-        elif back or programme.over(record.time):
+        elif back:
+            self._programme = None
+        elif programme.over(record.time):
+            if not programme.over(self._next):  # steps of which nothing was heard led past the end
+                self._give(programme, record.time)
             self._programme = None
         else:
             self._give(programme, record.time + record.dt)
