@@ -124,5 +124,5 @@ def test_open_skins_and_skins_of_a_part_are_refused() -> None:
         touch_by_skin(whole, np.asarray(ball.vertices), np.asarray(ball.faces)[1:])
     rod = bar([0.2, 0.02, 0.02], [20, 2, 2])
     end = trimesh.creation.box((0.02, 0.02, 0.02)).apply_translation([0.01, 0.0, 0.0])
-    with pytest.raises(MeshError, match=r"\d+ cells at the boundary have no part of the skin.*0.195.*whole body"):
+    with pytest.raises(MeshError, match=r"\d+ cells at the boundary are left outside of the skin.*0.195.*whole body"):
         lined(end, 0.0, mesh=rod)
