@@ -71,8 +71,12 @@ def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
     return 0.125 * np.prod(1.0 + reference[..., None, :] * CORNERS, axis=-1)
 
 
-def reference_coordinates(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def reference_coordinates(
+    points: NDArray[np.float64], corners: NDArray[np.float64], *, within: float = 0.0
+) -> NDArray[np.float64]:
     """Invert the trilinear map of cells (k, 8, 3) at points (k, 3), or at one (3,), by Newton's method.
+
+    It ends when no coordinate changes by more than ``within``.
 
     Returns:
         Reference coordinates (k, 3), within -3 .. 3.
@@ -90,8 +94,11 @@ def reference_coordinates(points: NDArray[np.float64], corners: NDArray[np.float
             axis=2,
         )
         jacobian = np.einsum("kai,kaj->kij", corners, local)
-        reference += np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
+        last = reference
+        reference = last + np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
         reference = np.clip(reference, -3.0, 3.0)
+        if np.abs(reference - last).max(initial=0.0) <= within:
+            break
     return reference
 
 

@@ -30,6 +30,10 @@ ALIKE = -1e-9
 """Cosine between two directions, beyond which they lie on one side of a wall: those at right angles do."""
 
 
+PLACE = 1e-12
+"""Error of places in cells, in reference coordinates."""
+
+
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
     """A surface as points that cells carry.
@@ -61,7 +65,7 @@ class SkinPoints:
             np.add.at(slopes, triangles[:, i], areas)
         used = np.unique(triangles)
         kinds = _kinds(triangles, _unit(areas), len(points))[used]
-        cells, weights = hang(mesh.vertices, mesh.cells, points[used])
+        cells, weights = hang(mesh.vertices, mesh.cells, points[used], within=PLACE)
         return cls(points[used], _unit(slopes[used]), kinds, mesh.cells[cells], weights, sizes[cells])
 
     def touching(self, mesh: HexMesh) -> NDArray[np.intp]:
@@ -80,7 +84,20 @@ class SkinPoints:
         vertex, weight = own[point, corner], self.weights[point, corner]
         order = np.lexsort((point, self.kinds[point], -np.round(weight, 9), vertex))
         first = order[np.unique(vertex[order], return_index=True)[1]]
-        return self._completed(np.unique(point[first]))
+        return self._completed(self._cornered(np.unique(point[first])))
+
+    def _cornered(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the points that were chosen, each corner beside them in the place of the one that is nearest to it."""
+        tree, found = cKDTree(self.places[chosen]), chosen.copy()
+        for corner in np.setdiff1d(np.flatnonzero(self.kinds == 0), chosen):
+            limit = FARTHEST[0] * self.sizes[corner]
+            away, near = tree.query(self.places[corner], k=min(NEAR, len(chosen)), distance_upper_bound=limit)
+            near = np.atleast_1d(near)[np.isfinite(np.atleast_1d(away))]
+            alike = self.normals[found[near]] @ self.normals[corner] > ALIKE
+            near = near[alike]
+            if len(near) and self.kinds[found[near[0]]] > 0:
+                found[near[0]] = corner
+        return np.unique(found)
 
     def _completed(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return the points that were chosen, and so many others that none is far from all of these."""
