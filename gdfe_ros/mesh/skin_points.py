@@ -71,9 +71,9 @@ class SkinPoints:
     def touching(self, mesh: HexMesh) -> NDArray[np.intp]:
         """Return which of the points (p,) touch for all.
 
-        A vertex of the boundary that had none would be held by the material of its cells alone, which may be little, and
-        take the skin along into what is touched. Where the cells are too coarse for the surface, further points are
-        those of it that are far from the others.
+        A vertex of the boundary that had none would be held by the material of its cells alone, which may be little,
+        and take the skin along into what is touched. Where the cells are too coarse for the surface, further points
+        are those of it that are far from the others.
         """
         vertices, normals = _boundary(mesh)
         own = np.full(mesh.n_vertices, -1)
