@@ -47,6 +47,8 @@ class ShapeOperators(NamedTuple):
         reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
         parallel: (m,) bool, the element is a parallelepiped: its operators are sums and differences of corners.
         corner_ratio: (m, 8) float64 [1/m^3], one over the triple product of the three edges at each corner.
+        cut: (m,) bool, the element is a box within its cell, and the corners of `corner_ratio` are the box's.
+        box: (m, 3, 2) float64, where that box begins and ends along each edge of its cell, 0 .. 1 in whole cells.
         across: (m,) int32 cells across the section that the element twists with; 1 where it twists by itself.
     """
 
@@ -59,6 +61,8 @@ class ShapeOperators(NamedTuple):
     reference: NDArray[np.float64]
     parallel: NDArray[np.bool_]
     corner_ratio: NDArray[np.float64]
+    cut: NDArray[np.bool_]
+    box: NDArray[np.float64]
     across: NDArray[np.int32]
 
 
@@ -67,8 +71,12 @@ def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
     return 0.125 * np.prod(1.0 + reference[..., None, :] * CORNERS, axis=-1)
 
 
-def reference_coordinates(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def reference_coordinates(
+    points: NDArray[np.float64], corners: NDArray[np.float64], *, within: float = 0.0
+) -> NDArray[np.float64]:
     """Invert the trilinear map of cells (k, 8, 3) at points (k, 3), or at one (3,), by Newton's method.
+
+    It ends when no coordinate changes by more than ``within``.
 
     Returns:
         Reference coordinates (k, 3), within -3 .. 3.
@@ -86,8 +94,11 @@ def reference_coordinates(points: NDArray[np.float64], corners: NDArray[np.float
             axis=2,
         )
         jacobian = np.einsum("kai,kaj->kij", corners, local)
-        reference += np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
+        last = reference
+        reference = last + np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
         reference = np.clip(reference, -3.0, 3.0)
+        if np.abs(reference - last).max(initial=0.0) <= within:
+            break
     return reference
 
 
@@ -110,6 +121,9 @@ def shape_operators(
     shape.hourglass[cut] = np.einsum("kba,kmb->kma", weights, box.hourglass)
     shape.edge_axes[cut], shape.edge_lengths[cut] = box.edge_axes, box.edge_lengths
     shape.reference[cut], shape.parallel[cut] = box.reference, False
+    shape.corner_ratio[cut], shape.cut[cut] = box.corner_ratio, True
+    sides = filling.spread[cut, :, None] * np.array([-1.0, 1.0])
+    shape.box[cut] = 0.5 * (1.0 + filling.centre[cut, :, None] + sides)
     return shape
 
 
@@ -137,6 +151,8 @@ def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeO
         np.ascontiguousarray(np.linalg.inv(edges.transpose(0, 2, 1))),
         bends <= PARALLEL * lengths.min(axis=1),
         np.ascontiguousarray(1.0 / _corner_products(corners)),
+        np.zeros(len(cells), dtype=np.bool_),
+        np.tile([0.0, 1.0], (len(cells), 3, 1)),
         np.ones(len(cells), dtype=np.int32),
     )
 

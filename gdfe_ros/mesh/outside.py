@@ -114,11 +114,12 @@ def carry_skin(
 
 
 def hang(
-    vertices: NDArray[np.float64], cells: NDArray[np.int32], points: NDArray[np.float64]
+    vertices: NDArray[np.float64], cells: NDArray[np.int32], points: NDArray[np.float64], *, within: float = 0.0
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return the cell (k,) that carries each of some points (k, 3) [m], and the weights (k, 8) of its corners.
 
-    That is the cell that a point lies in, or is nearest to. Of a mesh as of `carry_skin`.
+    That is the cell that a point lies in, or is nearest to. Of a mesh as of `carry_skin`; ``within`` as of
+    `reference_coordinates`.
 
     Raises:
         MeshError: points lie too far outside of the cells.
@@ -129,7 +130,7 @@ def hang(
     best, place = near[:, 0].copy(), np.full((len(points), 3), np.inf)
     beyond, sought = np.full(len(points), np.inf), np.arange(len(points))
     for candidate in near.T:
-        found = reference_coordinates(points[sought], corners[candidate[sought]])
+        found = reference_coordinates(points[sought], corners[candidate[sought]], within=within)
         away = np.abs(found).max(axis=1)
         closer = away < beyond[sought]
         chosen = sought[closer]

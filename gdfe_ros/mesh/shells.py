@@ -90,6 +90,25 @@ def points_inside(
     return np.cumsum(toggles[:, :, :-1], axis=2, dtype=np.uint8) % 2 == 1
 
 
+def inside(
+    points: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Tell which of points (k, 3) lie within a closed surface by the even-odd rule, whatever way its triangles face.
+
+    The shells that wind about a point are counted by their solid angles (van Oosterom and Strackee 1983).
+    """
+    shell = shell_numbers(len(vertices), triangles)
+    found = np.zeros(len(points), dtype=np.int64)
+    for k, point in enumerate(points):
+        a, b, c = np.moveaxis(vertices[triangles] - point, 1, 0)
+        la, lb, lc = (np.linalg.norm(each, axis=1) for each in (a, b, c))
+        ab, bc, ca = (np.einsum("ti,ti->t", *pair) for pair in ((a, b), (b, c), (c, a)))
+        angles = np.arctan2(np.einsum("ti,ti->t", a, np.cross(b, c)), la * lb * lc + ab * lc + bc * la + ca * lb)
+        turns = np.bincount(shell, 2.0 * angles) / (4.0 * np.pi)
+        found[k] = (np.abs(turns) > 0.5).sum()
+    return found % 2 == 1
+
+
 def crossings(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:

@@ -26,8 +26,8 @@ class StepResult:
         residual: estimated largest distance to the equilibrium over the body's size: the preconditioned step, divided
             by the factor by which it may fall short. Infinite where a solve was cut: the distance is not known then.
         energy: strain energy [J].
-        min_det: least volume ratio at a corner of an element, det F there; not positive where one is folded or
-            inverted.
+        min_det: least volume ratio at a corner of an element, of a cut cell of the box that it is, det F there; not
+            positive where one is folded or inverted.
         reactions: by handle and obstacle (6,) float64: the force [N] and the moment [N m] about the handle's deformed
             centre, or the obstacle's origin, that it exerts on the body.
         contacts: by obstacle, the vertices that touch it and the forces there; under ``(self)`` those that touch the

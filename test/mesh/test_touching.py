@@ -124,5 +124,55 @@ def test_open_skins_and_skins_of_a_part_are_refused() -> None:
         touch_by_skin(whole, np.asarray(ball.vertices), np.asarray(ball.faces)[1:])
     rod = bar([0.2, 0.02, 0.02], [20, 2, 2])
     end = trimesh.creation.box((0.02, 0.02, 0.02)).apply_translation([0.01, 0.0, 0.0])
-    with pytest.raises(MeshError, match=r"\d+ cells at the boundary have no part of the skin.*0.195.*whole body"):
+    with pytest.raises(MeshError, match=r"\d+ cells at the boundary are left outside of the skin.*0.195.*whole body"):
         lined(end, 0.0, mesh=rod)
+
+
+def test_a_skin_that_ends_before_its_body_is_refused() -> None:
+    """End a skin half a cell and 1.4 cells before a rod of 2 x 2 cells does, then 1.6: the last four cells are told."""
+    rod = bar([0.2, 0.02, 0.02], [20, 2, 2])
+    for short in (0.005, 0.014, 0.016):
+        skin = trimesh.creation.box((0.2 - short, 0.02, 0.02)).apply_translation([0.1 - 0.5 * short, 0.0, 0.0])
+        if short < 0.015:
+            assert lined(skin, 0.0, mesh=rod).touching is not None
+            continue
+        with pytest.raises(MeshError, match=r" 4 cells at the boundary are left outside.*0.195.*0.011 m away.*whole"):
+            lined(skin, 0.0, mesh=rod)
+
+
+def test_a_skin_that_leaves_out_a_hollow_is_refused() -> None:
+    """Line a block with a wide hollow by its outside only: the cells about the hollow are told."""
+    block = bar([0.2, 0.2, 0.2], [20, 20, 20])
+    hole = (np.abs(block.centroids - block.centroids.mean(axis=0)) < 0.04).all(axis=1)
+    mesh = HexMesh(*used(block.vertices, block.cells[~hole]))
+    skin = trimesh.creation.box((0.2, 0.2, 0.2)).apply_translation([0.1, 0.0, 0.0])
+    with pytest.raises(MeshError, match=r" 384 cells at the boundary .*no part of it near them"):
+        lined(skin, 0.0, mesh=mesh)
+
+
+def used(vertices: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices that cells have, and the cells between these."""
+    ids, local = np.unique(cells, return_inverse=True)
+    return vertices[ids], local.reshape(-1, 8).astype(np.int32)
+
+
+@pytest.mark.parametrize("share", [0.15, 0.4, 0.6, 0.9])
+def test_every_vertex_that_carries_a_face_has_a_point_of_it(share: float) -> None:
+    """Cut a box so that its outer cells are filled by a share: a point below each vertex of its lower side."""
+    count, edge = np.array([4, 4, 3]), 0.01
+    mesh = lined(trimesh.creation.box((count + 2.0 * share) * edge), edge)
+    places = mesh.touching.at(mesh.vertices)
+    low = places[places[:, 2] < -(0.5 * count[2] + share) * edge + 1e-9, :2]
+    beside = np.unique(np.round(mesh.vertices[mesh.vertices[:, 2] < mesh.vertices[:, 2].min() + 1e-9, :2], 9), axis=0)
+    wanted = np.clip(beside, *(sign * (0.5 * count[:2] + share) * edge for sign in (-1, 1)))
+    assert len(low) == len(wanted)
+    assert np.linalg.norm(low[:, None] - wanted, axis=2).min(axis=0).max() < 0.25 * edge
+
+
+def test_a_tip_in_the_middle_of_a_cell_touches() -> None:
+    """Point a pyramid down between four vertices: its tip is one of the points."""
+    cone = trimesh.creation.cone(0.02, 0.03, sections=4).apply_transform(np.diag([1.0, 1.0, -1.0, 1.0]))
+    cone.invert()
+    tip = cone.vertices[np.argmin(cone.vertices[:, 2])]
+    mesh = lined(cone, 0.04 / 5.0)
+    assert np.linalg.norm(mesh.touching.at(mesh.vertices) - tip, axis=1).min() < 1e-9

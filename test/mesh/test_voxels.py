@@ -13,7 +13,7 @@ import trimesh
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import check_mesh
 from gdfe_ros.mesh.cavities import find_cavities
-from gdfe_ros.mesh.shells import points_inside, shells
+from gdfe_ros.mesh.shells import inside, points_inside, shells
 from gdfe_ros.mesh.voxels import fill_surface, read_voxels
 
 BOX = trimesh.creation.box((0.1, 0.06, 0.04))
@@ -64,6 +64,17 @@ def test_points_on_edges_and_corners_are_counted_once() -> None:
     own = (grid - 4) @ trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
     expected = (abs(own) < 2).all(axis=1).reshape(9, 9, 9)
     np.testing.assert_array_equal(points_inside(turned.vertices, turned.faces, (9, 9, 9)), expected)
+
+
+def test_points_are_within_shells_whatever_way_these_face() -> None:
+    """Ask for points in a hollow ball, in its cavity and beside it, with the inner shell turned either way."""
+    points = np.array([[0.9, 0.0, 0.0], [0.2, 0.1, 0.0], [1.2, 0.0, 0.3], [0.0, 0.0, -0.8]])
+    for turned in (False, True):
+        inner = trimesh.creation.icosphere(2, 0.5)
+        if turned:
+            inner.invert()
+        ball = trimesh.util.concatenate([trimesh.creation.icosphere(2, 1.0), inner])
+        assert inside(points, np.asarray(ball.vertices), np.asarray(ball.faces)).tolist() == [True, False, False, True]
 
 
 def test_shells_know_their_nesting() -> None:

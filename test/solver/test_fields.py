@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.materials.table import PENALTY
 from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.operators import CORNERS, shape_operators
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import (
     corner_forces,
@@ -21,7 +23,7 @@ from gdfe_ros.solver.elements.fields import (
     strain_energies,
     volume_pressures,
 )
-from gdfe_ros.solver.elements.measures import update_pressures
+from gdfe_ros.solver.elements.measures import least_volume_ratio, update_pressures
 
 MakeBody = Callable[..., Body]
 GRADIENT = np.array([[1.3, 0.4, -0.1], [0.2, 0.8, 0.3], [-0.2, 0.1, 1.1]])
@@ -269,3 +271,30 @@ def test_pressures_stay_finite_however_far_an_element_is_crushed(
     target = 1.0 + (total - pressures[0]) / kappa
     assert target > 0.0
     assert lame * np.log(target) == pytest.approx(total * target, rel=1e-3)
+
+
+def test_a_cut_cell_folds_where_its_material_does() -> None:
+    """Bend a cell that is filled in part by a trilinear field: det F of that at the corners of its box, no others'."""
+    corners = 0.5 * CORNERS
+    cells = np.arange(8, dtype=np.int32)[None]
+    filling = Filling(np.array([0.15]), np.array([[-0.5, 0.1, 0.0]]), np.array([[0.5, 0.6, 1.0]]))
+    shape = shape_operators(corners, cells, filling)
+    moved = corners + np.array([0.2, 0.3, -0.1]) * CORNERS.prod(axis=1)[:, None]
+    assert least_volume_ratio(moved, shape) == pytest.approx(least_of_box(moved, filling), rel=1e-8)
+    pulled = corners.copy()
+    pulled[1, 0] -= 1.1
+    assert least_volume_ratio(pulled, shape_operators(corners, cells)) < 0.0
+    assert least_volume_ratio(pulled, shape) == pytest.approx(least_of_box(pulled, filling), rel=1e-8)
+    assert least_volume_ratio(pulled, shape) > 0.15
+    pulled[0, 0] += 1.3
+    assert least_volume_ratio(pulled, shape) < 0.0
+
+
+def least_of_box(positions: NDArray[np.float64], filling: Filling) -> float:
+    """Return the least det F over the corners of a unit cube's box, by differences of the trilinear field."""
+    found = []
+    for place in filling.points(CORNERS)[0]:
+        ends = [0.125 * np.prod(1.0 + (place + step) * CORNERS, axis=1) @ positions for step in 1e-6 * np.eye(3)]
+        backs = [0.125 * np.prod(1.0 + (place - step) * CORNERS, axis=1) @ positions for step in 1e-6 * np.eye(3)]
+        found.append(np.linalg.det((np.array(ends) - np.array(backs)) / 1e-6))
+    return min(found)

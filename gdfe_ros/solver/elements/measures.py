@@ -54,14 +54,47 @@ def edge(a, b):
 
 
 @inlined
+def between(a, b, share):
+    """Return where a share of the way from a to b ends."""
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+
+
+@inlined
+def part(a, b, sides):
+    """Return the two ends of a part of the way from a to b."""
+    return between(a, b, sides[0]), between(a, b, sides[1])
+
+
+@inlined
+def box_corners(x0, x1, x2, x3, x4, x5, x6, x7, box):
+    """Return the corners of the box (3, 2) that a cut cell is, at the cell's corners, by trilinear weights."""
+    x0, x1 = part(x0, x1, box[0])
+    x3, x2 = part(x3, x2, box[0])
+    x4, x5 = part(x4, x5, box[0])
+    x7, x6 = part(x7, x6, box[0])
+    x0, x3 = part(x0, x3, box[1])
+    x1, x2 = part(x1, x2, box[1])
+    x4, x7 = part(x4, x7, box[1])
+    x5, x6 = part(x5, x6, box[1])
+    x0, x4 = part(x0, x4, box[2])
+    x1, x5 = part(x1, x5, box[2])
+    x2, x6 = part(x2, x6, box[2])
+    x3, x7 = part(x3, x7, box[2])
+    return x0, x1, x2, x3, x4, x5, x6, x7
+
+
+@inlined
 def least_corner(x, shape, e):
     """Return the least volume ratio over the corners of element ``e``: det F at each corner; nan where one is none.
 
-    The mean gradient does not see a corner that is folded in: an hourglass pattern leaves it as it is.
+    The mean gradient does not see a corner that is folded in: an hourglass pattern leaves it as it is. The corners of
+    a cut cell are those of the box that its material is: where there is none nothing keeps the cell from folding.
     """
     c, r = shape.cells[e], shape.corner_ratio[e]
     x0, x1, x2, x3 = corner(x, c[0]), corner(x, c[1]), corner(x, c[2]), corner(x, c[3])
     x4, x5, x6, x7 = corner(x, c[4]), corner(x, c[5]), corner(x, c[6]), corner(x, c[7])
+    if shape.cut[e]:
+        x0, x1, x2, x3, x4, x5, x6, x7 = box_corners(x0, x1, x2, x3, x4, x5, x6, x7, shape.box[e])
     a01, a32, a45, a76 = edge(x0, x1), edge(x3, x2), edge(x4, x5), edge(x7, x6)
     b03, b12, b47, b56 = edge(x0, x3), edge(x1, x2), edge(x4, x7), edge(x5, x6)
     c04, c15, c26, c37 = edge(x0, x4), edge(x1, x5), edge(x2, x6), edge(x3, x7)

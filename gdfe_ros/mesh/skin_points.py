@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which points of a skin touch: of each vertex of the cells' boundary the one that it carries most of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from gdfe_ros.mesh.outside import hang
+from gdfe_ros.mesh.refinement import refine
+from gdfe_ros.mesh.shape import cell_volumes
+
+if TYPE_CHECKING:
+    from gdfe_ros.mesh.hexmesh import HexMesh
+
+FINE, SMALL = 0.25, 0.1
+"""Longest edge of the pieces in which a skin is looked at, over the size of cells of which so many are smaller."""
+CREASE = np.cos(np.radians(30.0))
+"""Cosine between the normals of neighbours beyond which their common edge is a crease."""
+FARTHEST = np.array([0.5, 0.75, 1.0])
+"""Distance to the nearest point that touches, over the size of its cell, beyond which a corner, a point of a crease
+and any other point of a skin touches, too."""
+NEAR = 8
+"""Points about one of a skin of which one touches for it: the nearest on its side of a wall."""
+ALIKE = -1e-9
+"""Cosine between two directions, beyond which they lie on one side of a wall: those at right angles do."""
+
+
+PLACE = 1e-12
+"""Error of places in cells, in reference coordinates."""
+
+
+@dataclass(frozen=True, eq=False)
+class SkinPoints:
+    """A surface as points that cells carry.
+
+    Attributes:
+        places: (k, 3) [m].
+        normals: (k, 3) unit vectors out of the material.
+        kinds: (k,) 0 for a corner, 1 for a point of a crease, 2 for any other one.
+        corners: (k, 8) vertices of the cell that carries each.
+        weights: (k, 8) of these.
+        sizes: (k,) [m] edge of a cube with that cell's volume.
+    """
+
+    places: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    kinds: NDArray[np.int64]
+    corners: NDArray[np.int32]
+    weights: NDArray[np.float64]
+    sizes: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> SkinPoints:
+        """Return the points of a closed surface of triangles (t, 3), which face out of the material."""
+        sizes = np.cbrt(cell_volumes(mesh))
+        points, triangles = refine(points, triangles, FINE * float(np.quantile(sizes[mesh.boundary.cells], SMALL)))
+        areas = 0.5 * np.cross(*(points[triangles[:, i]] - points[triangles[:, 0]] for i in (1, 2)))
+        slopes = np.zeros_like(points)
+        for i in range(3):
+            np.add.at(slopes, triangles[:, i], areas)
+        used = np.unique(triangles)
+        kinds = _kinds(triangles, _unit(areas), len(points))[used]
+        cells, weights = hang(mesh.vertices, mesh.cells, points[used], within=PLACE)
+        return cls(points[used], _unit(slopes[used]), kinds, mesh.cells[cells], weights, sizes[cells])
+
+    def touching(self, mesh: HexMesh) -> NDArray[np.intp]:
+        """Return which of the points (p,) touch for all.
+
+        A vertex of the boundary that had none would be held by the material of its cells alone, which may be little,
+        and take the skin along into what is touched. Where the cells are too coarse for the surface, further points
+        are those of it that are far from the others.
+        """
+        vertices, normals = _boundary(mesh)
+        own = np.full(mesh.n_vertices, -1)
+        own[vertices] = np.arange(len(vertices))
+        own = own[self.corners]
+        alike = np.einsum("kai,ki->ka", normals[own], self.normals) > ALIKE
+        point, corner = np.nonzero((own >= 0) & alike)
+        vertex, weight = own[point, corner], self.weights[point, corner]
+        order = np.lexsort((point, self.kinds[point], -np.round(weight, 9), vertex))
+        first = order[np.unique(vertex[order], return_index=True)[1]]
+        return self._completed(self._cornered(np.unique(point[first])))
+
+    def _cornered(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the points that were chosen, each corner beside them in the place of the one that is nearest to it."""
+        tree, found = cKDTree(self.places[chosen]), chosen.copy()
+        for corner in np.setdiff1d(np.flatnonzero(self.kinds == 0), chosen):
+            limit = FARTHEST[0] * self.sizes[corner]
+            away, near = tree.query(self.places[corner], k=min(NEAR, len(chosen)), distance_upper_bound=limit)
+            near = np.atleast_1d(near)[np.isfinite(np.atleast_1d(away))]
+            alike = self.normals[found[near]] @ self.normals[corner] > ALIKE
+            near = near[alike]
+            if len(near) and self.kinds[found[near[0]]] > 0:
+                found[near[0]] = corner
+        return np.unique(found)
+
+    def _completed(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return the points that were chosen, and so many others that none is far from all of these."""
+        limits = FARTHEST[self.kinds] * self.sizes
+        near = cKDTree(self.places[chosen]).query(self.places, k=min(NEAR, len(chosen)))[1]
+        near = chosen[near.reshape(len(self.places), -1)]
+        away = np.linalg.norm(self.places[near] - self.places[:, None], axis=2)
+        alike = np.einsum("kni,ki->kn", self.normals[near], self.normals) > ALIKE
+        lost = np.flatnonzero(np.where(alike, away, np.inf).min(axis=1) > limits)
+        added: list[int] = []
+        for number in lost[np.lexsort((lost, self.kinds[lost]))]:
+            others = np.array(added, dtype=np.intp)
+            close = np.linalg.norm(self.places[others] - self.places[number], axis=1) <= limits[number]
+            if not (close & (self.normals[others] @ self.normals[number] > ALIKE)).any():
+                added.append(int(number))
+        return np.concatenate([chosen, np.array(added, dtype=np.intp)])
+
+
+def _kinds(triangles: NDArray[np.int64], normals: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Return what points are, as `SkinPoints.kinds`, by how many creases meet in each."""
+    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    edges, owner = edges[order], order // 3
+    paired = (edges[:-1] == edges[1:]).all(axis=1)
+    bent = np.einsum("ei,ei->e", normals[owner[:-1]], normals[owner[1:]]) < CREASE
+    creases = np.bincount(edges[:-1][paired & bent].ravel(), minlength=count)
+    return np.where(creases == 0, 2, np.where(creases == 2, 1, 0))
+
+
+def _boundary(mesh: HexMesh) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return the vertices of a mesh' boundary (v,) and unit vectors (v, 3) out of it; none where faces cancel."""
+    quads, vectors = mesh.boundary.quads, np.zeros_like(mesh.vertices)
+    corners = mesh.vertices[quads]
+    each = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    for i in range(4):
+        np.add.at(vectors, quads[:, i], each)
+    vertices = np.unique(quads)
+    return vertices, _unit(vectors[vertices])
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.maximum(lengths, np.finfo(float).tiny)
