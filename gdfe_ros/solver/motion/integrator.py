@@ -80,6 +80,7 @@ class Integrator:
             limit=self._settings.max_iterations,
             deadline=deadline,
             keeping=self._settings.tolerance,
+            volumes=tolerance,  # pressures that lag behind a motion feed it
         )
         equilibrium = self.equilibrium(h)
         self._pushes.fit(state, h, equilibrium.actuation.contacts)
