@@ -25,7 +25,8 @@ class Increment:
         tolerance: estimated largest distance to the equilibrium over the body's size.
         limit: most iterations.
         deadline: when it has passed, the best positions so far are returned; None: never.
-        keeping: to which volumes, commanded lengths and hourglass scales are kept, likewise; None: the tolerance.
+        keeping: to which commanded lengths and hourglass scales are kept, likewise; None: the tolerance.
+        volumes: to which pressures keep volumes, likewise; None: as ``keeping``.
     """
 
     poses: Mapping[str, Pose]
@@ -34,6 +35,7 @@ class Increment:
     limit: int
     deadline: Deadline | None = None
     keeping: float | None = None
+    volumes: float | None = None
 
     @classmethod
     def at(cls, state: State, *, tolerance: float, limit: int, deadline: Deadline | None = None) -> Increment:

@@ -241,7 +241,8 @@ class Solve:
         tolerance = self.problem.keeping or self.problem.tolerance
         slack = WARM_SLACK if self._warm and not self._minimiser.certified else 1.0
         if len(active.carried):
-            settled = self.pressures.update(x, active.carried, shape, still=still) <= slack * tolerance
+            volumes = self.problem.volumes or tolerance
+            settled = self.pressures.update(x, active.carried, shape, still=still) <= slack * volumes
         if self._actuation.updates:
             settled = self._actuation.update(x) <= tolerance and settled
         if self._softens(active):

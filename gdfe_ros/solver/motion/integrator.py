@@ -65,6 +65,8 @@ class Integrator:
         if euler:
             dynamics = replace(dynamics, scheme=Scheme.BDF2, rho_inf=Dynamics.rho_inf)
         self._dynamics = dynamics
+        # Pressures that lag behind a motion feed it; where nothing damps, they must not.
+        self._fed = self._scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.mass_damping)
         self._made: dict[float, EnergyEquilibrium] = {}
         self._pushes, self._impacts = Pushes(free_mass, dynamics, self._scheme), Impacts(body, dynamics, self._scheme)
 
@@ -80,6 +82,7 @@ class Integrator:
             limit=self._settings.max_iterations,
             deadline=deadline,
             keeping=self._settings.tolerance,
+            volumes=tolerance if self._fed else None,
         )
         equilibrium = self.equilibrium(h)
         self._pushes.fit(state, h, equilibrium.actuation.contacts)
