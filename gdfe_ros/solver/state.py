@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
+from gdfe_ros.solver.account import Ledger
 from gdfe_ros.solver.descent.history import History
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.tangent.level import Tangent
@@ -174,58 +175,6 @@ class Summary:
     actuators: Mapping[str, ActuatorState] = field(default_factory=dict)
     terms: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     message: str = ""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Failure:
-    """A step in time that fails from where a body is, however short its first internal step is made.
-
-    Attributes:
-        poses, commands: that it was to reach.
-        duration: of the step [s].
-        length: of its internal steps, before one is cut [s].
-        reason: why it fails.
-    """
-
-    poses: Mapping[str, Pose]
-    commands: Mapping[str, float]
-    duration: float
-    length: float
-    reason: str
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Bound:
-    """What the energy of a moving body has been, for telling whether a step makes any.
-
-    Attributes:
-        start, least: kinetic + elastic + potential energy - work [J] at the beginning and at the least, each with what
-            the work since may have been more than it is booked as.
-        most: largest kinetic + elastic energy so far [J].
-    """
-
-    start: float
-    least: float
-    most: float
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Ledger:
-    """What a moving body was given and lost since the start, and what it owes.
-
-    Attributes:
-        work: done on it by handles and by changing commands [J].
-        lost: to damping [J].
-        owed: time [s] that has passed without a step, too short for one.
-        failure: the step that was tried last, where it led nowhere; None where it did not.
-        bound: of its energy; None where the account begins anew with the next step.
-    """
-
-    work: float
-    lost: float
-    owed: float = 0.0
-    failure: Failure | None = None
-    bound: Bound | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,17 +14,18 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver import state as states
+from gdfe_ros.solver.account import Bound, Failure, Ledger
 from gdfe_ros.solver.descent.history import History
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.tangent.level import Tangent
 
 _VALUES = (
+    Bound,
+    Failure,
+    Ledger,
     states.Balance,
-    states.Bound,
     states.ElementState,
-    states.Failure,
     states.Known,
-    states.Ledger,
     states.Motion,
     states.ShapeState,
     states.Sleep,
@@ -40,7 +41,7 @@ _VALUES = (
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """What a tree may be made of besides plain values."""
 
-_ADDED = {Tangent: {"ends", "ways", "softest"}, states.Snapshot: {"scene"}, states.Ledger: {"bound"}}
+_ADDED = {Tangent: {"ends", "ways", "softest"}, states.Snapshot: {"scene"}, Ledger: {"bound"}}
 """Parts that archives of earlier states do not have, by class."""
 
 

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from gdfe_ros.materials.table import YOUNG
+from gdfe_ros.solver.account import Bound, Ledger
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.dynamics import Scheme
 from gdfe_ros.solver.motion.inertia import kinematics_of
 from gdfe_ros.solver.motion.ledger import Accounts
-from gdfe_ros.solver.state import Bound, Ledger, State
+from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
 ABOVE_START = 0.01
