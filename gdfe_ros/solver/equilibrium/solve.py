@@ -165,7 +165,7 @@ class Solve:
             if self._settled and (quiet or not self._minimiser.certified):
                 break
             if not self._settled and self._level is None:  # slender bodies give way far more than penalties do
-                self._actuation.hasten()
+                self._actuation.hasten(tolerance)
             inner = max(tolerance, TIGHTEN * inner)
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:
