@@ -133,7 +133,7 @@ class OwnContact(ContactTerm):
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers and look for the nearest faces anew."""
         rows, chosen = self._rows(), self._chosen
-        self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
+        self._scale = self._scale or 8.0*float(rows[:, law.PRESS].sum()) / max(1, len(rows))
         self._held = self._multipliers()
         miss, change, forces, penalties = law.update_pairs(positions, self.reals, self.integers)
         gaps, _, _, _, slid = self._forces(positions)
@@ -162,8 +162,6 @@ class OwnContact(ContactTerm):
         """
         found = self._multipliers()
         mixed = self._settling.mixed(self._held, found, near)
-        if mixed is None:
-            return
         rows, chosen = self._rows(), self._chosen
         on = (found[chosen, 0] > 0.0) & (mixed[chosen, 0] > 0.0)
         press, shear, normal = np.split(mixed[chosen[on]], (1, 4), axis=1)
