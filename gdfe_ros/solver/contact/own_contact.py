@@ -152,7 +152,7 @@ class OwnContact(ContactTerm):
         self.missed = max(miss, deepest)
         missed = max(self.missed, self._judge(change, forces, penalties))
         way = self._settling.way(positions, missed)
-        return way if self.gives_up else missed
+        return way if self.stocky else missed
 
     def hasten(self, near: float) -> None:
         """Extrapolate the multipliers and normals from their last updates, if there were several.
