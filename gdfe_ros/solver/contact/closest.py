@@ -126,7 +126,9 @@ def among(starts, values, row, value):
 
 
 @kernel
-def nearest_faces(x, last, sunk, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap, support):
+def nearest_faces(
+    x, last, sunk, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap, support
+):
     """Find of each vertex the nearest face that it can touch.
 
     Args:

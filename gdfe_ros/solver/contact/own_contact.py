@@ -16,7 +16,7 @@ from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
 from gdfe_ros.solver.contact.pair_touch import across, frames, touching_vertices
-from gdfe_ros.solver.contact.settling import Settling
+from gdfe_ros.solver.contact.settling import Settling, parted
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
@@ -133,21 +133,20 @@ class OwnContact(ContactTerm):
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers and look for the nearest faces anew."""
         rows, chosen = self._rows(), self._chosen
-        self._scale = self._scale or 8.0*float(rows[:, law.PRESS].sum()) / max(1, len(rows))
+        self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
         self._held = self._multipliers()
         miss, change, forces, penalties = law.update_pairs(positions, self.reals, self.integers)
         gaps, _, _, _, slid = self._forces(positions)
-        press, pushed = rows[:, law.PRESS].copy(), rows[:, law.PRESS] > 0.0
+        press = rows[:, law.PRESS].copy()
+        pushed, given_up = press > 0.0, press / rows[:, law.PENALTY]
         self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
-        given_up = press / rows[:, law.PENALTY]
         found = self.surface.look(positions, self._from, self._reach, self._sunk)
         self._follow(found, positions, slid)
         self._pack(found, positions)
         kept = pushed & (self._press[chosen] > 0.0)
         shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
         miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
-        rows, chosen = self._rows(), self._chosen
-        held = rows[:, law.PRESS] / rows[:, law.PENALTY]
+        chosen, held = self._chosen, self._rows()[:, law.PRESS] / self._rows()[:, law.PENALTY]
         deepest = float((found.support[chosen] * (held - found.gap[chosen]) - held).max(initial=0.0))
         self.missed = max(miss, deepest)
         missed = max(self.missed, self._judge(change, forces, penalties))
@@ -155,21 +154,15 @@ class OwnContact(ContactTerm):
         return way if self.stocky else missed
 
     def hasten(self, near: float) -> None:
-        """Extrapolate the multipliers and normals from their last updates, if there were several.
-
-        Where both sides have their vertices, gaps hang on each other: what a few multipliers miss together is mended
-        by little in each update. Normals turn as what they hold slides.
-        """
+        """Extrapolate multipliers and normals from their last updates, if there were several."""
+        if not self._on:
+            return
         found = self._multipliers()
         mixed = self._settling.mixed(self._held, found, near)
         rows, chosen = self._rows(), self._chosen
         on = (found[chosen, 0] > 0.0) & (mixed[chosen, 0] > 0.0)
-        press, shear, normal = np.split(mixed[chosen[on]], (1, 4), axis=1)
-        length, before = np.linalg.norm(normal, axis=1)[:, None], rows[on, law.NORMAL : law.WEIGHTS]
-        turned = np.einsum("ki,ki->k", normal, before)[:, None] <= SAME_SIDE * length
-        normal = np.where(turned, before, normal / np.where(turned, 1.0, length))
-        rows[on, law.PRESS], rows[on, law.NORMAL : law.WEIGHTS] = press[:, 0], normal
-        rows[on, law.SHEAR : law.HOLD] = shear - np.einsum("ki,ki->k", shear, normal)[:, None] * normal
+        press, shear, normal = parted(mixed[chosen[on]], rows[on, law.NORMAL : law.WEIGHTS], SAME_SIDE)
+        rows[on, law.PRESS], rows[on, law.SHEAR : law.HOLD], rows[on, law.NORMAL : law.WEIGHTS] = press, shear, normal
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether anything has come to touch that did not."""

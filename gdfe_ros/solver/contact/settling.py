@@ -17,14 +17,15 @@ from gdfe_ros.solver.distance import largest_distance
 
 PLAIN = 2
 """Updates of a solve before they are extrapolated, and in a row that tell how fast their ways shrink."""
-UNKNOWN = 10.0
+UNKNOWN = 3.0
 """Way left over the last one while nothing tells how fast ways shrink."""
 SLOWEST = 0.95
 """Largest factor from way to way that is believed."""
 NORMALS = slice(4, 7)
 """Columns of normals among the forces of pairs."""
-LEAST, FIRST = 0.2, 0.5
-"""Share of its turn that a normal makes in a plain update: at least, and before any secant is known."""
+SHARE = 0.5
+"""Of its turn that a normal makes in a plain update: the map then leads to its fixed point, unless it overshoots by
+more than twice."""
 
 
 class Settling:
@@ -39,7 +40,6 @@ class Settling:
 
     def __init__(self, positions: NDArray[np.float64]) -> None:
         self._mixing, self._updates, self._plain, self._hastened = Anderson(), 0, 0, False
-        self._normals: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._last, self._before, self.left = np.zeros(2), positions.copy(), np.inf
 
     def way(self, positions: NDArray[np.float64], missed: float) -> float:
@@ -53,7 +53,6 @@ class Settling:
         rates = np.minimum(last / np.maximum(self._last, 1e-300), SLOWEST)
         factors = rates / (1.0 - rates) if self._plain >= PLAIN else np.array([UNKNOWN, 1.0])
         self._updates, self._hastened = self._updates + 1, False
-        self._normals: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
         self._last, self._before, self.left = last, positions.copy(), float(last.max())
         return max(self.left, float((factors * last).max()))
 
@@ -61,24 +60,29 @@ class Settling:
         """Return what to go on with, from the forces and normals that were ``held`` and ``found`` (k, 7).
 
         It is extrapolated where more than ``near`` [m] is left. Otherwise it is what was found, with normals that have
-        turned by a part of the way where they would go to and fro: plain updates tell how fast ways shrink.
+        turned by a part of the way, lest they go to and fro: plain updates tell how fast ways shrink.
         """
         if not self._last[0] > 0.0:
             return found
         miss = found - held
-        mixed, share = self._mixing.next(held.ravel(), miss.ravel()), self._share(held[:, NORMALS], miss[:, NORMALS])
+        mixed = self._mixing.next(held.ravel(), miss.ravel()).reshape(found.shape)
         if self._updates < PLAIN or (self.left <= near and self._plain < PLAIN):
-            relaxed = found.copy()
-            relaxed[:, NORMALS] = held[:, NORMALS] + share * miss[:, NORMALS]
-            return relaxed
-        self._hastened = True
-        return mixed.reshape(found.shape)
+            mixed = found.copy()
+            mixed[:, NORMALS] = held[:, NORMALS] + SHARE * miss[:, NORMALS]
+        else:
+            self._hastened = True
+        return mixed
 
-    def _share(self, normals: NDArray[np.float64], miss: NDArray[np.float64]) -> float:
-        """Return by what share of what they miss (k, 3) normals (k, 3) come nearest to where they stay: a secant's."""
-        before, self._normals = self._normals, (normals.copy(), miss.copy())
-        if before is None:
-            return FIRST
-        step, change = normals - before[0], miss - before[1]
-        along, length = -float(np.vdot(step, change)), float(np.vdot(change, change))
-        return max(LEAST, along / length) if 0.0 < along < length else 1.0
+
+def parted(
+    mixed: NDArray[np.float64], before: NDArray[np.float64], alike: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return presses (k,), shears in the planes of contact (k, 3) [N] and unit normals (k, 3) of what was mixed (k, 7).
+
+    Normals whose cosine with those ``before`` (k, 3) is less than ``alike`` stay.
+    """
+    press, shear, normal = mixed[:, 0], mixed[:, 1:4], mixed[:, NORMALS]
+    length = np.linalg.norm(normal, axis=1)[:, None]
+    turned = np.einsum("ki,ki->k", normal, before)[:, None] <= alike * length
+    normal = np.where(turned, before, normal / np.where(turned, 1.0, length))
+    return press, shear - np.einsum("ki,ki->k", shear, normal)[:, None] * normal, normal
