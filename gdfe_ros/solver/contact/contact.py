@@ -114,7 +114,7 @@ class Contact(ContactTerm):
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Take the multipliers of the last step, turned on with what is touched."""
         free = saved["press"] is self._free["press"] or not saved["press"].any()
-        self._saved, self._settling = saved, Settling(positions)
+        self._saved, self._settling = saved, Settling(positions, held=True)
         if free and self._pose == self._seen_at and self._moved(positions) < self._clear:
             self._take_none()
         else:

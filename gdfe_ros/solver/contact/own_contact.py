@@ -118,7 +118,7 @@ class OwnContact(ContactTerm):
         some = saved["face"] >= 0.0
         axes = frames(positions, self._quads[saved["face"][some].astype(np.int64)])
         self._press, self._shear, self._normal = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
-        self._settling, self._scale = Settling(positions), 0.0
+        self._settling, self._scale = Settling(positions, held=self.reals[law.FRICTION] > 0.0), 0.0
         self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
         self._hold, self._hold_weights = face, np.where(kept[:, None], saved["weights"], found.weights)
         self._offset = last[self._vertices] - np.einsum("ka,kai->ki", self._hold_weights, last[self._quads[face]])

@@ -33,12 +33,14 @@ class Settling:
 
     Args:
         positions: (n, 3) [m] where it begins.
+        held: friction holds what pairs miss together.
 
     Attributes:
         left: the last way [m], or what else the last update missed.
     """
 
-    def __init__(self, positions: NDArray[np.float64]) -> None:
+    def __init__(self, positions: NDArray[np.float64], *, held: bool) -> None:
+        self._unknown = np.array([UNKNOWN, 1.0 if held else UNKNOWN])
         self._mixing, self._updates, self._plain, self._hastened = Anderson(), 0, 0, False
         self._last, self._before, self.left = np.zeros(2), positions.copy(), np.inf
 
@@ -51,7 +53,7 @@ class Settling:
         last = np.array([largest_distance(positions, self._before), missed])
         self._plain = 0 if self._hastened else self._plain + 1
         rates = np.minimum(last / np.maximum(self._last, 1e-300), SLOWEST)
-        factors = rates / (1.0 - rates) if self._plain >= PLAIN else np.array([UNKNOWN, 1.0])
+        factors = rates / (1.0 - rates) if self._plain >= PLAIN else self._unknown
         self._updates, self._hastened = self._updates + 1, False
         self._last, self._before, self.left = last, positions.copy(), float(last.max())
         return max(self.left, float((factors * last).max()))
