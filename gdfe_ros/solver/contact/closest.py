@@ -126,7 +126,9 @@ def among(starts, values, row, value):
 
 
 @kernel
-def nearest_faces(x, last, sunk, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap):
+def nearest_faces(
+    x, last, sunk, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap, support
+):
     """Find of each vertex the nearest face that it can touch.
 
     Args:
@@ -144,6 +146,7 @@ def nearest_faces(x, last, sunk, pairs, faces, surface, areas, normals, reach, d
         weights: (k, 4) of its corners at the closest point.
         normal: (k, 3) of the plane that the vertex must stay in front of.
         gap: (k,) [m] to that plane.
+        support: (k,) share that the face bears: 1 over it, 0 at the rim beside its edge.
     """
     quads = surface.quads
     for pair in range(len(pairs)):
@@ -174,14 +177,15 @@ def nearest_faces(x, last, sunk, pairs, faces, surface, areas, normals, reach, d
         m0, m1, m2 = m0 / length, m1 / length, m2 / length
         height = m0 * d0 + m1 * d1 + m2 * d2
         beside = math.sqrt(max(0.0, away * away - height * height))
+        share = 1.0 - min(1.0, beside / surface.rim) ** 2
         if beside > surface.rim:
             if height < 0.0:
                 continue
             # Round an edge: what is nearest is the edge itself.
-            m0, m1, m2, height = d0 / away, d1 / away, d2 / away, away
+            m0, m1, m2, height, share = d0 / away, d1 / away, d2 / away, away, 1.0
         if height < -surface.depth and not (sunk[i] or was_before(last, quads, f, vertex, w)):
             continue
-        distance[i], face[i], gap[i] = away, f, height
+        distance[i], face[i], gap[i], support[i] = away, f, height, share
         normal[i, 0], normal[i, 1], normal[i, 2] = m0, m1, m2
         for a in range(4):
             weights[i, a] = w[a]

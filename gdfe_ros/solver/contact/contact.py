@@ -15,6 +15,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import gap, law
 from gdfe_ros.solver.contact.contact_term import FAINT, PENALTY, ContactTerm
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRESS, SHEAR, STRIDE, VERTICES, WEIGHTS
+from gdfe_ros.solver.contact.settling import Settling
 from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.surface import SHAPE, TURNED, Corners, Surface
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
@@ -113,7 +114,7 @@ class Contact(ContactTerm):
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Take the multipliers of the last step, turned on with what is touched."""
         free = saved["press"] is self._free["press"] or not saved["press"].any()
-        self._saved = saved
+        self._saved, self._settling = saved, Settling(positions, held=True)
         if free and self._pose == self._seen_at and self._moved(positions) < self._clear:
             self._take_none()
         else:
@@ -122,7 +123,10 @@ class Contact(ContactTerm):
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers, and by how much faces are nearer than their corners."""
         miss, change, forces, penalties = law.update_multipliers(positions, self.reals, self.integers)
-        return max(miss, self._judge(change, forces, penalties), self._correct(positions))
+        missed = max(miss, self._judge(change, forces, penalties), self._correct(positions))
+        if not (self.stocky and forces > 0.0 and self.reals[gap.FRICTION] > 0.0):
+            return missed
+        return self._settling.way(positions, missed)  # limits and directions of friction follow what presses
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether points that were left out may touch by now, and take them in."""

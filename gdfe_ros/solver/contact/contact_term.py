@@ -36,6 +36,7 @@ class ContactTerm(Term):
         share: of its multipliers, the forces at the end of a step, that is the force over a step in motion.
         missed: by how much [m] pairs of a surface missed their gaps and slips at the last update of a solve.
         gives_up: whether solves end where they are hopeless, since smaller steps may do better.
+        stocky: whether nothing but the ways of a body tells how far it has to go, and updates are extrapolated.
         buried: what `flaw` saw lies deep in something, not only beyond the bound.
         hopeless: what was apart has come so deep into each other that it is not found any more.
     """
@@ -46,7 +47,7 @@ class ContactTerm(Term):
     def __init__(self, name: str, body: Body, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         super().__init__(name, reals, integers)
         self._body, self.resolution, self.share = body, np.inf, 1.0
-        self.missed, self.gives_up, self.hopeless, self.buried = 0.0, False, False, False
+        self.missed, self.gives_up, self.stocky, self.hopeless, self.buried = 0.0, False, False, False, False
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return nothing: contact stores nothing."""

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.self_contact import NAME, SelfContact
-from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact import pair_law as law
 from gdfe_ros.solver.contact.contact_term import PENALTY, ContactTerm
 from gdfe_ros.solver.contact.inside import Inside
 from gdfe_ros.solver.contact.own_surface import Nearest, OwnSurface
 from gdfe_ros.solver.contact.pair_touch import across, frames, touching_vertices
+from gdfe_ros.solver.contact.settling import Settling, parted
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
@@ -26,8 +26,6 @@ REACH, FARTHEST = 0.02, 0.25
 """Distance, over the body's size, within which faces are looked for beside twice of what a step moves, and the most."""
 ROUNDING = 1e-9
 """Share of the largest shear that friction holds, below which a pair sticks."""
-PLAIN = 2
-"""Updates of multipliers in a solve before they are extrapolated."""
 DEEPEST = 1e-4
 """How deep, over the body's size, a vertex may be at the end of a step that counts as converged."""
 BURIED = 1e-3
@@ -120,7 +118,7 @@ class OwnContact(ContactTerm):
         some = saved["face"] >= 0.0
         axes = frames(positions, self._quads[saved["face"][some].astype(np.int64)])
         self._press, self._shear, self._normal = saved["press"].copy(), saved["shear"].copy(), saved["normal"]
-        self._mixing, self._updated = Anderson(), 0
+        self._settling, self._scale = Settling(positions, held=self.reals[law.FRICTION] > 0.0), 0.0
         self._shear[some] = np.einsum("kij,kj->ki", axes, saved["shear"][some])
         self._hold, self._hold_weights = face, np.where(kept[:, None], saved["weights"], found.weights)
         self._offset = last[self._vertices] - np.einsum("ka,kai->ki", self._hold_weights, last[self._quads[face]])
@@ -134,36 +132,37 @@ class OwnContact(ContactTerm):
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the multipliers and look for the nearest faces anew."""
-        rows, chosen, self._updated = self._rows(), self._chosen, self._updated + 1
+        rows, chosen = self._rows(), self._chosen
+        self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
         self._held = self._multipliers()
         miss, change, forces, penalties = law.update_pairs(positions, self.reals, self.integers)
         gaps, _, _, _, slid = self._forces(positions)
-        press, pushed = rows[:, law.PRESS].copy(), rows[:, law.PRESS] > 0.0
+        press = rows[:, law.PRESS].copy()
+        pushed, given_up = press > 0.0, press / rows[:, law.PENALTY]
         self._press[chosen], self._shear[chosen] = press, rows[:, law.SHEAR : law.SHEAR + 3]
-        given_up = press / rows[:, law.PENALTY]
         found = self.surface.look(positions, self._from, self._reach, self._sunk)
         self._follow(found, positions, slid)
         self._pack(found, positions)
         kept = pushed & (self._press[chosen] > 0.0)
         shifted = np.abs(found.gap[chosen] - gaps)[kept].max(initial=0.0)
         miss = max(miss, float(shifted), float(given_up[pushed & ~kept].max(initial=0.0)))
-        deepest = -float(found.gap[self._chosen].min(initial=0.0))
+        chosen, held = self._chosen, self._rows()[:, law.PRESS] / self._rows()[:, law.PENALTY]
+        deepest = float((found.support[chosen] * (held - found.gap[chosen]) - held).max(initial=0.0))
         self.missed = max(miss, deepest)
-        return max(self.missed, self._judge(change, forces, penalties))
+        missed = max(self.missed, self._judge(change, forces, penalties))
+        way = self._settling.way(positions, missed)
+        return way if self.stocky else missed
 
-    def hasten(self) -> None:
-        """Extrapolate the multipliers from their last updates, if there were several.
-
-        Where both sides have their vertices, gaps hang on each other: what a few multipliers miss together is mended
-        by little in each update.
-        """
-        if self._updated < PLAIN:
+    def hasten(self, near: float) -> None:
+        """Extrapolate multipliers and normals from their last updates, if there were several."""
+        if not self._on:
             return
         found = self._multipliers()
-        mixed = self._mixing.next(self._held.ravel(), (found - self._held).ravel()).reshape(found.shape)
+        mixed = self._settling.mixed(self._held, found, near)
         rows, chosen = self._rows(), self._chosen
         on = (found[chosen, 0] > 0.0) & (mixed[chosen, 0] > 0.0)
-        rows[on, law.PRESS], rows[on, law.SHEAR : law.HOLD] = mixed[chosen[on], 0], mixed[chosen[on], 1:]
+        press, shear, normal = parted(mixed[chosen[on]], rows[on, law.NORMAL : law.WEIGHTS], SAME_SIDE)
+        rows[on, law.PRESS], rows[on, law.SHEAR : law.HOLD], rows[on, law.NORMAL : law.WEIGHTS] = press, shear, normal
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell whether anything has come to touch that did not."""
@@ -277,7 +276,7 @@ class OwnContact(ContactTerm):
         rows[:, law.PENALTY], rows[:, law.PRESS] = PENALTY / give[chosen], self._press[chosen]
         rows[:, law.NORMAL : law.WEIGHTS], rows[:, law.WEIGHTS : law.SHEAR] = normal, self._weights
         rows[:, law.SHEAR : law.HOLD], rows[:, law.HOLD : law.OFFSET] = shear, self._hold_weights[chosen]
-        rows[:, law.OFFSET :] = self._offset[chosen]
+        rows[:, law.OFFSET : law.SUPPORT], rows[:, law.SUPPORT] = self._offset[chosen], found.support[chosen]
         ends = self.integers[law.VERTICES : law.VERTICES + law.WIDTH * len(chosen)].reshape(-1, law.WIDTH)
         ends[:, law.VERTEX], ends[:, law.FACE : law.HELD] = self._vertices[chosen], corners[chosen]
         ends[:, law.HELD :] = self._quads[self._hold[chosen]]
@@ -291,9 +290,10 @@ class OwnContact(ContactTerm):
         return gaps, presses, shears, slips, slid
 
     def _multipliers(self) -> NDArray[np.float64]:
-        """Return press and shear [N] of all vertices (k, 4)."""
-        rows, found = self._rows(), np.zeros((len(self._vertices), 4))
-        found[self._chosen, 0], found[self._chosen, 1:] = rows[:, law.PRESS], rows[:, law.SHEAR : law.HOLD]
+        """Return press and shear [N] of all vertices, and the normals of what presses times their mean [N], (k, 7)."""
+        rows, chosen, found = self._rows(), self._chosen, np.zeros((len(self._vertices), 7))
+        found[chosen, 0], found[chosen, 1:4] = rows[:, law.PRESS], rows[:, law.SHEAR : law.HOLD]
+        found[chosen, 4:] = self._scale * (rows[:, law.PRESS, None] > 0.0) * rows[:, law.NORMAL : law.WEIGHTS]
         return found
 
     def _rows(self) -> NDArray[np.float64]:

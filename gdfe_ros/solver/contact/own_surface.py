@@ -55,12 +55,14 @@ class Nearest:
         weights: (k, 4) of its corners at the closest point.
         normal: (k, 3) of the plane that the vertex must stay in front of.
         gap: (k,) [m] to that plane; infinite where there is no face.
+        support: (k,) share that the face bears, 1 over it and 0 where the vertex has left it over an edge.
     """
 
     face: NDArray[np.int64]
     weights: NDArray[np.float64]
     normal: NDArray[np.float64]
     gap: NDArray[np.float64]
+    support: NDArray[np.float64]
 
 
 class OwnSurface:
@@ -131,10 +133,11 @@ class OwnSurface:
         corner_normals(areas, surface.smooth_starts, surface.smooth, normals)
         distance, face = np.full(count, np.inf), np.full(count, -1, dtype=np.int64)
         weights, normal, gap = np.zeros((count, 4)), np.zeros((count, 3)), np.full(count, np.inf)
+        support = np.zeros(count)
         pairs, faces = np.ascontiguousarray(near["i"]), np.ascontiguousarray(near["j"])
-        found = (distance, face, weights, normal, gap)
+        found = (distance, face, weights, normal, gap, support)
         nearest_faces(x, last, sunk, pairs, faces, surface, areas, normals, reach, *found)
-        return Nearest(face, weights, normal, gap)
+        return Nearest(face, weights, normal, gap, support)
 
 
 def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:

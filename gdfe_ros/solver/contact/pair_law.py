@@ -6,6 +6,10 @@ through the point sum w_a x_a of its face: g = n . (x - sum w_a x_a). Friction h
 face where it stuck last: s is what x - sum v_b x_b - o has in the plane, with o from when it stuck. Both are linear in
 the positions and do not change when all is shifted: what a vertex is pushed by, its faces are pushed back by, to
 rounding.
+
+A vertex beside its face's edge has a share c of the face's support, 1 over the face and 0 where it has left it: its
+press is c max(0, l - k g). In the end the gap is as if a spring of stiffness k c / (1 - c) lay between them, so a
+vertex that slides off an edge lets go of it by and by, and an equilibrium is not skipped.
 """
 
 from __future__ import annotations
@@ -18,8 +22,8 @@ from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 FRICTION, HEAD = 0, 1
 """Where the coefficient lies among the numbers, and where pairs begin."""
-PENALTY, PRESS, NORMAL, WEIGHTS, SHEAR, HOLD, OFFSET, STRIDE = 0, 1, 2, 5, 9, 12, 16, 19
-"""Of each pair: k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,)."""
+PENALTY, PRESS, NORMAL, WEIGHTS, SHEAR, HOLD, OFFSET, SUPPORT, STRIDE = 0, 1, 2, 5, 9, 12, 16, 19, 20
+"""Of each pair: k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,), c."""
 COUNT, VERTICES = 0, 1
 """Where the number of pairs lies among the integers, and where those of pairs begin."""
 VERTEX, FACE, HELD, WIDTH = 0, 1, 5, 9
@@ -84,8 +88,9 @@ def pair_energy(x, reals, integers, force, size):
     for pair in range(integers[COUNT]):
         r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
         k, held = reals[r + PENALTY], reals[r + PRESS]
-        press = max(0.0, held - k * gap_of(x, reals, integers, r, i))
-        stored, given = press * press, held * held
+        trial = max(0.0, held - k * gap_of(x, reals, integers, r, i))
+        press = reals[r + SUPPORT] * trial
+        stored, given = press * trial, held * held
         if press > 0.0:
             n0, n1, n2 = reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
             push(reals, integers, r + WEIGHTS, i + VERTEX, i + FACE, -press * n0, -press * n1, -press * n2, force)
@@ -112,7 +117,7 @@ def pair_forces(x, reals, integers, gaps, presses, shears, slips, slid):
     for pair in range(integers[COUNT]):
         r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
         gaps[pair] = gap_of(x, reals, integers, r, i)
-        presses[pair] = max(0.0, reals[r + PRESS] - reals[r + PENALTY] * gaps[pair])
+        presses[pair] = reals[r + SUPPORT] * max(0.0, reals[r + PRESS] - reals[r + PENALTY] * gaps[pair])
         limit = reals[FRICTION] * reals[r + PRESS]
         t0, t1, t2, trial = shear_of(x, reals, integers, r, i, limit)
         slips[pair] = trial >= limit
@@ -132,7 +137,7 @@ def update_pairs(x, reals, integers):
     for pair in range(integers[COUNT]):
         r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
         k, held = reals[r + PENALTY], reals[r + PRESS]
-        press = max(0.0, held - k * gap_of(x, reals, integers, r, i))
+        press = reals[r + SUPPORT] * max(0.0, held - k * gap_of(x, reals, integers, r, i))
         change = abs(press - held)
         t0, t1, t2, _ = shear_of(x, reals, integers, r, i, reals[FRICTION] * press)
         if reals[FRICTION] > 0.0:

@@ -147,6 +147,8 @@ class Solve:
             return
         for count in range(MOST_UPDATES):
             coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
+            if count == 0 and self._minimiser.certified:  # what the last step's forces tell is not worth a descent
+                coarser = np.inf
             fine, left = coarser * self._actuation.resolution, limit - self.iterations
             fine, rough = max(fine, ROUGH * self._actuation.missed), ROUGH * self._actuation.missed > fine
             aims = {"tolerance": self._aim * min(inner, fine), "final": self._aim * min(tolerance, fine)}
@@ -159,13 +161,14 @@ class Solve:
             if failed or not updates or self._actuation.hopeless:
                 break
             # Where no descent is left above the tolerance, new pressures and scales may open one.
-            last = (inner == tolerance and not rough) or ended is not End.NONE
+            coarse = aims["tolerance"] > self._aim * min(inner, self._actuation.resolution)
+            last = (inner == tolerance and not rough and not coarse) or ended is not End.NONE
             quiet = self._settled and went.iterations == 0
             self._settled = self._update(active, still=went.iterations == 0) and last
             if self._settled and (quiet or not self._minimiser.certified):
                 break
             if not self._settled and self._level is None:  # slender bodies give way far more than penalties do
-                self._actuation.hasten()
+                self._actuation.hasten(tolerance)
             inner = max(tolerance, TIGHTEN * inner)
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
             if self._cut:

@@ -53,7 +53,7 @@ class Stepper:
             options = {"skip": settings.skip, "threads": settings.threads}
             self.equilibrium = EnergyEquilibrium(body, self.actuation, **options)
             for contact in self.actuation.contacts:
-                contact.gives_up = True
+                contact.gives_up, contact.stocky = True, not self.equilibrium.minimiser.certified
         else:
             self.equilibrium = RelativeEquilibrium(body, self.actuation)
 

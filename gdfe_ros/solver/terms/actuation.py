@@ -114,10 +114,10 @@ class Actuation:
         misses = [term.update(positions) for term in self.terms if term.updates]
         return max(misses, default=0.0) / self._body.size
 
-    def hasten(self) -> None:
+    def hasten(self, near: float) -> None:
         """Take multipliers farther than their last update did, which was not enough."""
         for term in self.contacts:
-            term.hasten()
+            term.hasten(near * self._body.size)
 
     @property
     def resolution(self) -> float:

@@ -144,8 +144,8 @@ class Term:
         """Update the multipliers between descents; return the largest miss [m] of what they keep."""
         return 0.0
 
-    def hasten(self) -> None:
-        """Take the multipliers farther than the last update did, where that was not enough."""
+    def hasten(self, near: float) -> None:
+        """Take the multipliers farther than the last update did, where that left more than ``near`` [m]."""
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Tell after a descent whether it came upon what the term had left out, and take that in."""

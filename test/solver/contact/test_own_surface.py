@@ -57,6 +57,23 @@ def test_what_has_passed_a_face_is_remembered() -> None:
     assert (never.gap > -surface.topology.depth).all()
 
 
+def test_a_vertex_leaves_a_face_over_its_edge_by_and_by() -> None:
+    """Beside an edge the face bears less of what presses the farther the vertex is, and nothing beyond the rim."""
+    simulation = stack(2, 2)
+    surface, rest = the_contact(simulation).surface, simulation.mesh.vertices
+    corner = np.flatnonzero(
+        (surface.topology.vertices >= 27) & (rest[surface.topology.vertices] == rest[27]).all(axis=1)
+    )
+    shares = []
+    for beside in (0.0, 0.5, 0.99, 1.01):
+        x = rest.copy()
+        x[27:, 0] -= beside * surface.topology.rim
+        x[27:, 2] -= 3e-4
+        found = surface.look(x, rest, 0.02)
+        shares.append(float(found.support[corner[0]]))
+    assert shares == pytest.approx([1.0, 0.75, 1.0 - 0.99**2, 0.0], abs=1e-9)
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.05, 5.0])
 def test_the_gradient_is_that_of_the_energy_and_sums_to_nothing(friction: float) -> None:
     """Central differences agree with the forces, sticking or slipping; what acts is what acts back, to rounding."""
