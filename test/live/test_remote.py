@@ -266,7 +266,7 @@ def test_a_node_that_goes_is_told_of(shown: Callable[..., Shown]) -> None:
     viewer.wait(lambda: any("is the node /gdfe_sim running" in note for note in viewer.notes), "a note")
     with NodeProcess(page.parameters):
         viewer.wait(lambda: "nothing heard" not in viewer.text(), "its return")
-        viewer.wait(lambda: page.session._commander.heard(), "the node to listen")
+        viewer.wait(lambda: page.session._commander._actuation.get_subscription_count(), "the node to listen")
         viewer.move("left, tension [N]", 1.25)
         viewer.wait(lambda: page.session.commands["left"] == 1.25, "its command")
         assert not page.session.outdated
