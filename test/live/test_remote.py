@@ -125,7 +125,7 @@ def test_what_others_command_is_shown(shown: Callable[..., Shown]) -> None:
     uuid = viewer.controls["left, tension [N]"]["uuid"]
     with NodeSession("gdfe_sim", patience=60.0) as other:
         other.start(told=lambda view: None, warn=print)
-        viewer.wait(other._commander.heard, "the node to listen")
+        viewer.wait(other._commander._actuation.get_subscription_count, "the node to listen")
         other.command("left", ActuatorOrder({"left": 0.75}))
         viewer.wait(lambda: viewer.values[uuid] == 0.75, "the slider")
     assert page.session.commands["lower"] == 0.0
