@@ -72,7 +72,7 @@ def load_state(simulation: Simulation, data: bytes) -> None:
         snapshot = from_tree(tree, arrays)
     except (*_DAMAGED, zipfile.zlib.error) as error:
         raise GdfeError(f"the state is damaged: {error!r}") from error
-    simulation.restore(replace(snapshot, scene=simulation.scene.source))
+    simulation.restore(replace(snapshot, scene=simulation.snapshot().scene))
 
 
 def _difference(key: str, given: object, own: str) -> str:

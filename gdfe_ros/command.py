@@ -18,6 +18,7 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
 
 FARTHEST = 1000.0
@@ -47,10 +48,15 @@ class Orders:
 
     Args:
         scene: its handles, actuators and loads.
+        settings: that it is solved with.
+
+    Attributes:
+        text: of what decides where its equilibria are: scene, policy and torsion.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, settings: SolverSettings) -> None:
         self._scene = scene
+        self.text = f"{scene.source}\npolicy {settings.policy.value}, torsion {settings.torsion.value}"
         self._handles = {handle.name: handle for handle in scene.handles}
         self._actuators = {actuator.name: actuator for actuator in scene.actuators}
         self._loads = {load.name: load for load in scene.loads}
@@ -96,6 +102,9 @@ class Orders:
         """
         if command is not None and not isinstance(command, Command):
             raise CommandError(f"a step follows a Command, or None; got {command!r}")
+        for name, given in vars(command or Command()).items():
+            if not isinstance(given, Mapping):
+                raise CommandError(f"{name} of a Command are a mapping by name; got {given!r}")
         targets = dict(last)
         for name, pose in (command.handles if command else {}).items():
             _require_pose(f"handle {name!r}: the target", pose)
@@ -126,14 +135,12 @@ class Orders:
         """Refuse a snapshot of another scene, whose forces are not those of this one where it looks the same.
 
         Raises:
-            CommandError: materials, dynamics or anything else in its text differ, or it is none.
+            CommandError: materials, dynamics or anything else in its text differ, or policy or torsion.
         """
-        if not isinstance(snapshot, Snapshot):
-            raise CommandError(f"a snapshot is what Simulation.snapshot returned; got {snapshot!r}")
-        if snapshot.scene != self._scene.source:
+        if snapshot.scene != self.text:
             raise CommandError(
-                f"the snapshot is one of another scene than {self._scene.name!r}, or of one with another text; "
-                "remedy: restore it where it was taken, or begin from its shape with set_positions"
+                f"the snapshot is one of another scene than {self._scene.name!r}, or of one with another text, policy "
+                "or torsion; remedy: restore it where it was taken, or begin from its shape with set_positions"
             )
 
     def _require_near(self, what: str, pose: Pose) -> None:
@@ -179,8 +186,21 @@ class Orders:
         return limited
 
 
-def require_times(*, dt: object, deadline: object, cut_after: object) -> None:
+def require_snapshot(given: object) -> None:
+    """Refuse what is no snapshot.
+
+    Raises:
+        CommandError: it is something else.
+    """
+    if not isinstance(given, Snapshot):
+        raise CommandError(f"a snapshot is what Simulation.snapshot returned; got {given!r}")
+
+
+def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
     """Refuse what is no time: ``dt`` and ``deadline`` [s], or no count; None is no deadline, and no count.
+
+    Returns:
+        ``dt`` in double precision: times that are summed up in less stand still.
 
     Raises:
         CommandError: it is no finite number, or below zero.
@@ -190,6 +210,7 @@ def require_times(*, dt: object, deadline: object, cut_after: object) -> None:
             raise CommandError(f"{name} is {value!r}; allowed: finite, 0 or more [s]")
     if cut_after is not None and not (_is_number(cut_after, numbers.Integral) and cut_after >= 0):
         raise CommandError(f"cut_after is {cut_after!r}; allowed: whole numbers, 0 or more")
+    return float(dt)
 
 
 def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

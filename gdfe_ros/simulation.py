@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators import ActuatorState
-from gdfe_ros.command import Command, Orders, checked_positions, require_times
+from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot, require_times
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import CommandError
@@ -64,7 +64,7 @@ class Simulation:
         self.scene = scene
         self.settings = settings or scene.solver
         refuse_unsolvable(scene, self.settings)
-        self._orders = Orders(scene)
+        self._orders = Orders(scene, self.settings)
         self._origin = working_origin(scene.mesh)
         body = scene_body(scene, self._origin, self.settings.torsion)
         self._stepper = make_stepper(scene, self.settings, body, terms)
@@ -109,15 +109,15 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """Return all that changes, as a value; `restore` goes back to it."""
-        given = {"targets": self.targets, "commands": self.commands, "scene": self.scene.source}
+        given = {"targets": self.targets, "commands": self.commands, "scene": self._orders.text}
         return Snapshot(state=self._state, time=self.time, **given)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go to a snapshot of a simulation of the same scene; that of another one is a `CommandError`."""
-        self._orders.require_own(snapshot)
+        require_snapshot(snapshot)
         state = self._stepper.completed(snapshot.state)
-        self._state = state
-        self.time, self.result = snapshot.time, None
+        self._orders.require_own(snapshot)
+        self._state, self.time, self.result = state, snapshot.time, None
         self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)
 
     def warm_up(self) -> None:
@@ -151,7 +151,7 @@ class Simulation:
         started, moves = time.perf_counter(), self.scene.dynamics
         if dt is None:
             dt = moves.step if moves else 0.0
-        require_times(dt=dt, deadline=deadline, cut_after=cut_after)
+        dt = require_times(dt=dt, deadline=deadline, cut_after=cut_after)
         targets, places = self._orders.targets(command, self.targets), self._orders.places(command)
         commands = self._orders.values(command, self.commands)
         self._state = self._stepper.put(self._state, places) if places else self._state

@@ -21,7 +21,7 @@ from gdfe_ros.errors import CommandError
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
-from gdfe_ros.solver.settings import Policy, SolverSettings
+from gdfe_ros.solver.settings import Policy, SolverSettings, Torsion
 from gdfe_ros.steppers import RELATIVE_STEPS
 
 SCENE = """\
@@ -176,6 +176,25 @@ def test_a_snapshot_is_solved_on_to_a_smaller_tolerance(simulate: MakeSimulation
     result = fine.step()
     assert result.converged
     assert result.residual <= 1e-8
+
+
+@pytest.mark.parametrize("other", [{"policy": Policy.RELATIVE}, {"torsion": Torsion.SECTION}], ids=str)
+def test_a_snapshot_of_another_method_is_refused(simulate: MakeSimulation, other: dict) -> None:
+    """Restore what was solved by another policy, or with another torsion: its equilibria are others."""
+    one, two = simulate(), simulate(settings=SolverSettings(tolerance=1e-5, **other))
+    one.step(tip(z=0.02))
+    with pytest.raises(CommandError, match="policy or torsion; remedy"):
+        two.restore(replace(one.snapshot()))
+    assert two.time == 0.0
+
+
+def test_time_is_kept_in_double_precision(simulate: MakeSimulation) -> None:
+    """Give steps in single precision, as those who learn do: time is summed up in double."""
+    simulation = simulate()
+    for _ in range(3):
+        simulation.step(dt=np.float32(0.1))
+    assert type(simulation.time) is float
+    assert simulation.time == pytest.approx(3 * float(np.float32(0.1)), abs=1e-15)
 
 
 def test_reactions_are_in_newtons_and_balance(simulate: MakeSimulation) -> None:

@@ -66,6 +66,16 @@ def test_values_of_the_wrong_kind_are_named(command: Command) -> None:
     assert simulation.commands == {"pull": 0.0, "weight": 1.0}
 
 
+@pytest.mark.parametrize("part", ["handles", "actuators", "loads", "bodies"])
+@pytest.mark.parametrize("given", [None, [], "tip"], ids=str)
+def test_parts_of_a_command_are_mappings(part: str, given: Any) -> None:
+    """Give a list, a word or nothing instead: named, nothing has changed."""
+    simulation = Simulation(scene_from_text(SCENE))
+    with pytest.raises(CommandError, match=f"{part} of a Command are a mapping by name"):
+        simulation.step(Command(**{part: given}))
+    assert simulation.time == 0.0
+
+
 def test_positions_that_are_no_numbers_are_named() -> None:
     """Give a word as positions: refused."""
     with pytest.raises(CommandError, match="no array of numbers"):
