@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``make bench``: run time against error beside FElupe, CalculiX and MuJoCo; streaming; scaling."""
+"""``make bench``: run time against error beside FElupe, CalculiX and MuJoCo; scaling."""
 
 from __future__ import annotations
 

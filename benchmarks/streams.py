@@ -14,11 +14,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.cases import CaseName
 from benchmarks.cold import Job, jobs, run_jobs
 from benchmarks.markdown import markdown_table
 from benchmarks.peers.peer import PeerError, PeerResult, Solver
-from benchmarks.tables import NAMES
+from benchmarks.tables import NAMES, front_rows
 
 REPEATS = 3
 SOLVERS = (Solver.GDFE, Solver.MUJOCO)
@@ -54,19 +53,8 @@ def stream_table(results: Sequence[PeerResult]) -> str:
 
 
 def front_table(results: Sequence[PeerResult]) -> str:
-    """Return each solver's fastest stream on any mesh within a limit of error at its end."""
-    rows = []
-    for name in (CaseName.BEND5, CaseName.TWIST90_UNIFORM):
-        for limit in LIMITS:
-            row = [name.value, f"{limit:g}"]
-            for solver in SOLVERS:
-                within = [
-                    item for item in results
-                    if item.solver is solver and item.scene == name.value and 100 * item.mean_error <= limit
-                ]  # fmt: skip
-                best = max(within, key=steps_a_second, default=None)
-                row.append("-" if best is None else f"{steps_a_second(best):.0f} ({best.mesh})")
-            rows.append(tuple(row))
+    """Return each solver's fastest stream, of as many steps each, on any mesh within a limit of error at its end."""
+    rows = front_rows(results, SOLVERS, LIMITS, lambda item: f"{steps_a_second(item):.0f}")
     heads = ("scene", "error at the end at most [%]", *(f"{NAMES[solver]}, steps/s" for solver in SOLVERS))
     return markdown_table(heads, rows)
 

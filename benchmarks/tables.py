@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -115,19 +115,30 @@ def joint_table(joints: Iterable[dict[str, Any]]) -> str:
 
 def front_table(results: Sequence[PeerResult]) -> str:
     """Return each solver's fastest run on any mesh within a limit of error."""
+    rows = front_rows(results, tuple(Solver), LIMITS, lambda item: f"{1e3 * item.time_solve:.2f}")
+    return markdown_table(("scene", "error at most [%]", *(f"{NAMES[solver]} [ms]" for solver in Solver)), rows)
+
+
+def front_rows(
+    results: Sequence[PeerResult],
+    solvers: Sequence[Solver],
+    limits: Sequence[float],
+    figure: Callable[[PeerResult], str],
+) -> list[tuple[str, ...]]:
+    """Return, by scene and limit of error [%], the figure and the mesh of each solver's fastest run within it."""
     rows = []
     for name in (CaseName.BEND5, CaseName.TWIST90_UNIFORM):
-        for limit in LIMITS:
+        for limit in limits:
             row = [name.value, f"{limit:g}"]
-            for solver in Solver:
+            for solver in solvers:
                 within = [
                     result for result in results
                     if result.solver is solver and result.scene == name.value and 100 * result.mean_error <= limit
                 ]  # fmt: skip
                 best = min(within, key=lambda item: item.time_solve, default=None)
-                row.append("-" if best is None else f"{1e3 * best.time_solve:.2f} ({best.mesh})")
+                row.append("-" if best is None else f"{figure(best)} ({best.mesh})")
             rows.append(tuple(row))
-    return markdown_table(("scene", "error at most [%]", *(f"{NAMES[solver]} [ms]" for solver in Solver)), rows)
+    return rows
 
 
 def scaling_table(sizes: Iterable[dict[str, Any]]) -> str:

@@ -28,8 +28,6 @@ NEAR = 8
 """Points about one of a skin of which one touches for it: the nearest on its side of a wall."""
 ALIKE = -1e-9
 """Cosine between two directions, beyond which they lie on one side of a wall: those at right angles do."""
-
-
 PLACE = 1e-12
 """Error of places in cells, in reference coordinates."""
 

@@ -256,7 +256,7 @@ class Snapshot:
         state: of the body.
         time: simulation time [s].
         targets, commands: poses by handle; values by actuator and load, before rate limits.
-        scene: text of the scene that it is of.
+        scene: text of the scene, policy and torsion that it is of.
     """
 
     state: State
