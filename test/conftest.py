@@ -37,8 +37,20 @@ WAITING = (
     "benchmarks",
     "commands",
 )
-"""Rooms whose tests wait for other processes: begun first, those that compute fill the gaps and the end."""
-LONG = ("test_same_bits", "test_same_equilibrium", "test_sample", "test_robots", "test_folds", "test_threads")
+"""Rooms whose tests wait for other processes, those that wait longest first."""
+LONG = (
+    "test_contact_scenes",
+    "test_same_bits",
+    "test_sample",
+    "test_same_equilibrium",
+    "test_rigid_pairs",
+    "test_robots",
+    "test_blows",
+    "test_skin",
+    "test_certified",
+    "test_folds",
+    "test_threads",
+)
 """Files that compute longest: begun before the others, lest one is left over when all workers but one are done."""
 APART = ("materials", "mesh", "packaging")
 """Rooms whose tests neither solve nor start nodes."""
@@ -100,14 +112,17 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the tests that wait before those that compute, and of these the long ones first."""
+    """Mix files whose tests wait with those that compute, the long ones first: cores are neither idle nor crowded."""
+    files = list(dict.fromkeys(item.path for item in items))
+    waiting = sorted((path for path in files if _room(path) in WAITING), key=lambda path: WAITING.index(_room(path)))
+    computing = sorted((path for path in files if _room(path) not in WAITING), key=_rank)
+    places = {path: (k + 0.5) / len(each) for each in (waiting, computing) for k, path in enumerate(each)}
+    items.sort(key=lambda item: (places[item.path], str(item.path)))
 
-    def place(item: pytest.Item) -> tuple[int, int]:
-        room, name = _room(item.path), item.path.stem
-        waiting = WAITING.index(room) if room in WAITING else len(WAITING)
-        return waiting, LONG.index(name) if name in LONG else len(LONG)
 
-    items.sort(key=place)
+def _rank(path: Path) -> int:
+    """Return the place of a file in `LONG`, or that after them all."""
+    return LONG.index(path.stem) if path.stem in LONG else len(LONG)
 
 
 @pytest.hookimpl(tryfirst=True)

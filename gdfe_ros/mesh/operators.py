@@ -29,6 +29,8 @@ MODES = np.stack(
 
 NEWTON_STEPS = 25
 """To find a point's place in a cell; on a parallelepiped the first is exact."""
+SETTLED = 1e-8
+"""Last change of a point's reference coordinates: the error is its square, below what doubles resolve."""
 PARALLEL = 1e-9
 """Largest hourglass amplitude, over the shortest edge, of an element that counts as a parallelepiped."""
 
@@ -72,32 +74,27 @@ def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def reference_coordinates(
-    points: NDArray[np.float64], corners: NDArray[np.float64], *, within: float = 0.0
+    points: NDArray[np.float64], corners: NDArray[np.float64], *, within: float = SETTLED
 ) -> NDArray[np.float64]:
     """Invert the trilinear map of cells (k, 8, 3) at points (k, 3), or at one (3,), by Newton's method.
 
-    It ends when no coordinate changes by more than ``within``.
+    It ends for a point when no coordinate of it changes by more than ``within``.
 
     Returns:
         Reference coordinates (k, 3), within -3 .. 3.
     """
-    reference = np.zeros((len(corners), 3))
+    reference, sought = np.zeros((len(corners), 3)), np.arange(len(corners))
+    points = np.broadcast_to(points, reference.shape)
     for _ in range(NEWTON_STEPS):
-        factors = 1.0 + reference[:, None, :] * CORNERS
-        gap = points - np.einsum("ka,kai->ki", 0.125 * factors.prod(axis=2), corners)
-        local = 0.125 * np.stack(
-            [
-                CORNERS[:, 0] * factors[..., 1] * factors[..., 2],
-                CORNERS[:, 1] * factors[..., 0] * factors[..., 2],
-                CORNERS[:, 2] * factors[..., 0] * factors[..., 1],
-            ],
-            axis=2,
-        )
-        jacobian = np.einsum("kai,kaj->kij", corners, local)
-        last = reference
-        reference = last + np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
-        reference = np.clip(reference, -3.0, 3.0)
-        if np.abs(reference - last).max(initial=0.0) <= within:
+        last, nodes = reference[sought], corners[sought]
+        xi, eta, zeta = np.moveaxis(1.0 + last[:, None, :] * CORNERS, 2, 0)
+        slopes = CORNERS * np.stack([eta * zeta, xi * zeta, xi * eta], axis=2)
+        gap = points[sought] - np.einsum("ka,kai->ki", 0.125 * xi * eta * zeta, nodes)
+        jacobian = nodes.transpose(0, 2, 1) @ (0.125 * slopes)
+        moved = last + np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
+        reference[sought] = np.clip(moved, -3.0, 3.0)
+        sought = sought[np.abs(reference[sought] - last).max(axis=1) > within]
+        if len(sought) == 0:
             break
     return reference
 

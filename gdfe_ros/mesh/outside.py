@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
-from gdfe_ros.mesh.operators import reference_coordinates, trilinear_weights
+from gdfe_ros.mesh.operators import SETTLED, reference_coordinates, trilinear_weights
 from gdfe_ros.mesh.refinement import refine
 
 NEAR = 12
@@ -114,7 +114,7 @@ def carry_skin(
 
 
 def hang(
-    vertices: NDArray[np.float64], cells: NDArray[np.int32], points: NDArray[np.float64], *, within: float = 0.0
+    vertices: NDArray[np.float64], cells: NDArray[np.int32], points: NDArray[np.float64], *, within: float = SETTLED
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """Return the cell (k,) that carries each of some points (k, 3) [m], and the weights (k, 8) of its corners.
 

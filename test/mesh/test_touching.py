@@ -29,12 +29,12 @@ def lined(surface: trimesh.Trimesh, cell: float, cells: Cells = Cells.CUT, mesh:
 
 @pytest.mark.parametrize("cells", list(Cells))
 def test_points_are_on_the_skin_and_no_more_than_vertices(cells: Cells) -> None:
-    """Take balls of 5120 and of 20 480 triangles: points on them, no more than vertices of faces, where they were."""
+    """Take balls of 1280 and of 5120 triangles: points on them, no more than vertices of faces, where they were."""
     counts = []
-    for detail in (4, 5):
+    for detail in (3, 4):
         mesh = lined(trimesh.creation.icosphere(detail, RADIUS), RADIUS / 6.0, cells)
         at_rest = mesh.touching.at(mesh.vertices)
-        np.testing.assert_allclose(np.linalg.norm(at_rest, axis=1), RADIUS, rtol=2e-3)
+        np.testing.assert_allclose(np.linalg.norm(at_rest, axis=1), RADIUS, rtol=8e-3)
         assert 0.4 * len(np.unique(mesh.surface())) < len(at_rest) <= len(np.unique(mesh.surface()))
         matrix, shift = RNG.normal(size=(3, 3)), RNG.normal(size=3)
         np.testing.assert_allclose(
@@ -46,7 +46,7 @@ def test_points_are_on_the_skin_and_no_more_than_vertices(cells: Cells) -> None:
 
 def test_a_cylinder_reaches_to_its_radius_with_an_error_of_second_order() -> None:
     """Look at a cut cylinder from all sides: it reaches to its radius, four times as near on half cells."""
-    rod = trimesh.creation.cylinder(RADIUS, 4.0 * RADIUS, sections=400)
+    rod = trimesh.creation.cylinder(RADIUS, 1.5 * RADIUS, sections=400)
     turn = np.linspace(0.0, 2.0 * np.pi, 720)
     views = np.column_stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)])
     misses = []
@@ -142,11 +142,11 @@ def test_a_skin_that_ends_before_its_body_is_refused() -> None:
 
 def test_a_skin_that_leaves_out_a_hollow_is_refused() -> None:
     """Line a block with a wide hollow by its outside only: the cells about the hollow are told."""
-    block = bar([0.2, 0.2, 0.2], [20, 20, 20])
+    block = bar([0.2, 0.2, 0.2], [14, 14, 14])
     hole = (np.abs(block.centroids - block.centroids.mean(axis=0)) < 0.04).all(axis=1)
     mesh = HexMesh(*used(block.vertices, block.cells[~hole]))
     skin = trimesh.creation.box((0.2, 0.2, 0.2)).apply_translation([0.1, 0.0, 0.0])
-    with pytest.raises(MeshError, match=r" 384 cells at the boundary .*no part of it near them"):
+    with pytest.raises(MeshError, match=r" 216 cells at the boundary .*no part of it near them"):
         lined(skin, 0.0, mesh=mesh)
 
 

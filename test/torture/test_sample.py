@@ -33,6 +33,9 @@ LONG = (
     "an arch through",
     "bending_tube",
     "three_chamber_arm",
+    "capsules",
+    "boxes, coarse",
+    "fork",  # test_certified.py draws them
 )
 """Cases of many seconds: `make torture` has them."""
 SAMPLE = [case for case in CASES if case.group is not Group.WALKS and case.law != "its own"][::6]

@@ -33,7 +33,7 @@ LOWEST = {"cube": -0.05, "bar": -0.015, "ball": -0.05, "pair": -0.025}
 SCHEMES = {
     "newmark": {"scheme": "newmark"},
     "bdf2": {"scheme": "bdf2"},
-    **{f"alpha {rho}": {"scheme": "generalised_alpha", "rho_inf": rho} for rho in (0.0, 0.5, 0.8, 0.9, 1.0)},
+    **{f"alpha {rho}": {"scheme": "generalised_alpha", "rho_inf": rho} for rho in (0.0, 0.8, 1.0)},
 }
 
 
@@ -65,13 +65,13 @@ THROWN = [
 
 @pytest.mark.parametrize(("mesh", "young", "step", "scheme"), THROWN)
 def test_a_blow_makes_no_energy(mesh: str, young: float, step: float, scheme: str) -> None:
-    """Throw it at a floor, which it reaches at three moments of a step: it comes back, and never with more energy.
+    """Throw it at a floor, which it reaches at two moments of a step: it comes back, and never with more energy.
 
     What damps nothing keeps the energy of linear bodies; that of these ones swings a little where steps are long.
     """
-    swing = 0.03 if scheme in ("newmark", "alpha 0.9", "alpha 1.0") else 1e-3
+    swing = 0.03 if scheme in ("newmark", "alpha 1.0") else 1e-3
     text, lowest = f"name: thrown\n{MESHES[mesh]}{SOFT}", LOWEST[mesh]
-    for phase in (0.0, 0.3, 0.7):
+    for phase in (0.0, 0.4):
         held, result = played(thrown(text, SCHEMES[scheme], young, step, phase, lowest=lowest), 40)
         assert max(held) < 1.0 + swing
         assert result.velocities[:, 2].max() > 0.0
