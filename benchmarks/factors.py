@@ -20,11 +20,11 @@ from benchmarks.robots import ROBOTS
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.matrix.ordering import narrow_order
 from gdfe_ros.solver.tangent.band import Band
 from gdfe_ros.solver.tangent.factor import Factor, factor_for, least_filled
 from gdfe_ros.solver.tangent.fronts import Fronts
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.ordering import narrow_order
 
 REPEATS = 21
 HEADINGS = (

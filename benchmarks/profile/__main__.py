@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.sparse.linalg import splu
 
 from benchmarks.markdown import markdown_table
 from benchmarks.profile.machine import Machine, fastest
@@ -21,7 +20,6 @@ from benchmarks.profile.phases import (
     SOLVES,
     TANGENTS,
     UPDATES,
-    WHOLE,
     Phases,
 )
 from gdfe_ros.scene import load_scene
@@ -31,7 +29,7 @@ from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
 from gdfe_ros.steppers import scene_body
 
-PHASES = (EVALUATIONS, SOLVES, HISTORY, WHOLE, TANGENTS, CERTIFICATES, UPDATES, ENERGIES, REST)
+PHASES = (EVALUATIONS, SOLVES, HISTORY, TANGENTS, CERTIFICATES, UPDATES, ENERGIES, REST)
 NUMBER = 8
 """Bytes of one."""
 ELEMENT = 8 * 4 + (24 + GEOMETRY_ROWS + 5) * NUMBER + (24 + 1) * NUMBER
@@ -98,7 +96,7 @@ def solve_table(machine: Machine) -> str:
         matrix, free = ConstantMatrix(assembled, body.rest, body.unknowns), body.unknowns.free
         right, out = np.ones((len(free), 3)), np.empty((len(free), 3))
         taken = fastest(lambda matrix=matrix, right=right, out=out: matrix.solve(right, out))
-        factor = splu(assembled[free][:, free].tocsc(), permc_spec="MMD_AT_PLUS_A").L.nnz
+        factor = int(matrix.coupling.inverse.value_start[-1])
         cells = (f"{1e6 * value:.0f}" for value in (taken, 2 * factor * NUMBER / machine.bandwidth))
         rows.append((scene, str(len(free)), str(factor), *cells))
     return markdown_table(("scene", "free vertices", "entries of a factor", "a solve [us]", "its bytes [us]"), rows)

@@ -12,21 +12,23 @@ from typing import Any
 
 from benchmarks.profile.machine import fastest
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.descent import minimiser, quasi_newton
+from gdfe_ros.solver.descent import minimiser, pairs, quasi_newton
 from gdfe_ros.solver.descent.certified import CertifiedMinimiser
+from gdfe_ros.solver.descent.workspace import Workspace, numbers
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, apply_inverse
 from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.tangent.substitution import solve_kept
 
-EVALUATIONS, SOLVES, HISTORY, WHOLE = "evaluations", "solves", "history", "descents in one"
+EVALUATIONS, SOLVES, HISTORY = "evaluations", "solves", "history"
 TANGENTS, CERTIFICATES, UPDATES, ENERGIES = "tangents", "certificates", "updates", "energies"
 REST = "everything else"
 _TIMED: tuple[tuple[object, str, str], ...] = (
     (quasi_newton, "advance", EVALUATIONS),
-    (quasi_newton, "remember", HISTORY),
-    (quasi_newton, "take_products", HISTORY),
-    (quasi_newton, "descend", WHOLE),
-    (quasi_newton, "descend_kept", WHOLE),
+    (pairs, "remember", HISTORY),
+    (pairs, "take_products", HISTORY),
+    (quasi_newton, "descend", HISTORY),
+    (quasi_newton, "descend_kept", HISTORY),
     (ConstantMatrix, "solve", SOLVES),
     (minimiser, "close_coupling", SOLVES),
     (TangentLevel, "solve", SOLVES),
@@ -37,6 +39,12 @@ _TIMED: tuple[tuple[object, str, str], ...] = (
     (Solve, "measure", ENERGIES),
 )
 """Where a function is looked up, its name, and the phase that it belongs to."""
+
+_APPLY: dict[str, Callable[[Any, Any, Workspace], None]] = {
+    "descend": lambda problem, coupling, work: apply_inverse(work.gradient, coupling, work.step, problem.threads),
+    "descend_kept": lambda problem, kept, work: solve_kept(kept, work.gradient, work.step),
+}
+"""What solves in a descent that is one compiled call."""
 
 
 class Phases:
@@ -53,6 +61,7 @@ class Phases:
         self._inside: list[float] = []
         self._last: tuple[Any, ...] = ()
         self._directions = 0
+        self._inner = {"descend": Descents(), "descend_kept": Descents()}
 
     @classmethod
     def played(cls, simulation: Simulation, steps: int | None) -> Phases:
@@ -65,6 +74,7 @@ class Phases:
             results = list(simulation.play(steps))
             whole = time.perf_counter() - started
         phases._split_directions()
+        phases._split_descents()
         phases.seconds[REST] = whole - sum(phases.seconds.values())
         phases.calls[REST] = len(results)
         return phases
@@ -73,14 +83,17 @@ class Phases:
     def _timing(self) -> Iterator[None]:
         plain = [(owner, name, vars(owner)[name]) for owner, name, _ in _TIMED]
         for owner, name, phase in _TIMED:
-            setattr(owner, name, self._timed(getattr(owner, name), phase))
+            setattr(owner, name, self._timed(name, getattr(owner, name), phase))
         try:
             yield
         finally:
             for owner, name, function in plain:
                 setattr(owner, name, function)
 
-    def _timed(self, function: Callable[..., Any], phase: str) -> Callable[..., Any]:
+    def _timed(self, name: str, function: Callable[..., Any], phase: str) -> Callable[..., Any]:
+        if name in self._inner:
+            function = self._inner[name].counted(function)
+
         def timed(*arguments: Any, **options: Any) -> Any:
             self._inside.append(0.0)
             started = time.perf_counter()
@@ -105,3 +118,46 @@ class Phases:
         share = fastest(lambda: quasi_newton.advance(problem, work, math.inf, False)) * self._directions
         self.seconds[EVALUATIONS] -= share
         self.seconds[HISTORY] += share
+
+    def _split_descents(self) -> None:
+        """Take evaluations and solves out of descents that are one compiled call: what is left is the history."""
+        for name, inner in self._inner.items():
+            if inner.last:
+                problem, work, given, *_ = inner.last
+                self._move(
+                    EVALUATIONS, inner.evaluations, lambda p=problem, w=work: quasi_newton.advance(p, w, 0.0, True)
+                )
+                apply = _APPLY[name]
+                self._move(SOLVES, inner.solves, lambda a=apply, w=work, g=given, p=problem: a(p, g, w))
+
+    def _move(self, phase: str, count: int, work: Callable[[], Any]) -> None:
+        share = fastest(work) * count
+        self.seconds[phase] += share
+        self.seconds[HISTORY] -= share
+        self.calls[phase] += count
+
+
+class Descents:
+    """Counts what descents do inside of one compiled call.
+
+    Attributes:
+        evaluations, solves: made in all of them.
+        last: arguments of the last one; empty for none.
+    """
+
+    def __init__(self) -> None:
+        self.evaluations = self.solves = 0
+        self.last: tuple[Any, ...] = ()
+
+    def counted(self, descend: Callable[..., int]) -> Callable[..., int]:
+        """Return the function, counting."""
+
+        def counting(problem: Any, work: Workspace, *given: Any) -> int:
+            before = int(numbers(work)["evaluations"])
+            iterations = descend(problem, work, *given)
+            self.evaluations += int(numbers(work)["evaluations"]) - before
+            self.solves += iterations + (descend.__name__ == "descend")
+            self.last = problem, work, *given
+            return iterations
+
+        return counting

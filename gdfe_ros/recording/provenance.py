@@ -18,7 +18,7 @@ import gdfe_ros
 SCENE_FILE = "scene.yaml"
 STATE_FILE = "state.bin"
 """Attachment of a bag that did not begin at rest: the state that its first step starts from (checkpoint.py)."""
-_LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "cholespy")
+_LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
 
 
 @dataclass(frozen=True, kw_only=True)

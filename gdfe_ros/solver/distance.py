@@ -31,3 +31,12 @@ def largest_distance(a, b):
             return square
         most = max(most, square)
     return math.sqrt(most)
+
+
+@kernel
+def largest(step):
+    """Return the largest vertex displacement [m] of a preconditioned step (3 r,)."""
+    most = 0.0
+    for i in range(0, len(step), 3):
+        most = max(most, step[i] ** 2 + step[i + 1] ** 2 + step[i + 2] ** 2)
+    return math.sqrt(most)

@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
-from gdfe_ros.solver.matrix import factor
 from gdfe_ros.solver.matrix.constant_matrix import (
     ConstantMatrix,
     apply_inverse,
@@ -130,20 +129,11 @@ def test_harmonic_predictor_stays_between_the_handles(end: End) -> None:
 
 
 def test_small_systems_take_an_explicit_inverse() -> None:
-    """Choose: dense up to a few hundred vertices, cholespy beyond."""
+    """Choose: dense up to a few hundred vertices, supernodes beyond."""
     small, large = bar([1.0, 1.0, 1.0], [3, 3, 3]), bar([1.0, 1.0, 1.0], [7, 7, 7])
     assert small.n_vertices <= DENSE_UP_TO < large.n_vertices
     kinds = [kind_of(mesh) for mesh in (small, large)]
-    assert kinds == [Factorisation.DENSE, Factorisation.CHOLESPY]
-
-
-def test_scipy_serves_where_cholespy_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Take the extra away: scipy is chosen, and asking for cholespy by name says how to get it."""
-    monkeypatch.setattr(factor, "cholespy", None)
-    large = bar([1.0, 1.0, 1.0], [7, 7, 7])
-    assert kind_of(large) is Factorisation.SCIPY
-    with pytest.raises(ValueError, match=r"cholespy is not installed; install the extra"):
-        kind_of(large, library=Factorisation.CHOLESPY)
+    assert kinds == [Factorisation.DENSE, Factorisation.SUPERNODES]
 
 
 def test_a_body_held_everywhere_has_nothing_to_solve(end: End) -> None:
@@ -154,11 +144,11 @@ def test_a_body_held_everywhere_has_nothing_to_solve(end: End) -> None:
     assert matrix.extend(np.ones((MESH.n_vertices, 3))).shape == (0, 3)
 
 
-def kind_of(mesh: HexMesh, *, library: Factorisation | None = None) -> Factorisation:
+def kind_of(mesh: HexMesh) -> Factorisation:
     """Return what solves a mesh held at its first vertex."""
     unknowns = number_unknowns(mesh.vertices, mesh.cells, [Handle("one", np.zeros(1, np.int32))])
     matrix = assemble_centring(shape_operators(mesh.vertices, mesh.cells))
-    return ConstantMatrix(matrix, mesh.vertices, unknowns, library=library).kind
+    return ConstantMatrix(matrix, mesh.vertices, unknowns).kind
 
 
 def gradient(unknowns: Unknowns) -> NDArray[np.float64]:
@@ -171,10 +161,10 @@ def gradient(unknowns: Unknowns) -> NDArray[np.float64]:
 def solve(
     matrix: ConstantMatrix, right: NDArray[np.float64], unknowns: Unknowns, *, coupling: Coupling | None = None
 ) -> NDArray[np.float64]:
-    """Solve for all rows as the solvers do: with the explicit inverse where there is one."""
+    """Solve for all rows as the solvers do: in compiled code where that can."""
     out, count, coupling = np.zeros_like(right), len(unknowns.free), coupling or matrix.coupling
-    if matrix.kind is Factorisation.DENSE:
-        apply_inverse(right.ravel(), coupling, out.ravel())
+    if matrix.kind is not Factorisation.SCIPY:
+        apply_inverse(right.ravel(), coupling, out.ravel(), None)
     else:
         matrix.solve(right[:count], out[:count])
         close_coupling(right.ravel(), coupling, out.ravel())

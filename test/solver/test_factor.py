@@ -36,9 +36,9 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[Factorisation]:
     """Return what is factored from here on, as it happens."""
     found, make = [], factor.Factor
 
-    def watched(matrix: object, kind: Factorisation) -> factor.Factor:
+    def watched(matrix: object, points: object, kind: Factorisation) -> factor.Factor:
         found.append(kind)
-        return make(matrix, kind)
+        return make(matrix, points, kind)
 
     monkeypatch.setattr(factor, "Factor", watched)
     return found
@@ -83,12 +83,12 @@ def test_another_matrix_has_another_factor(kind: Factorisation) -> None:
     """Change one entry in the last bit: its own factor; and each solves with its own matrix."""
     random = np.random.default_rng(0)
     root = random.standard_normal((30, 30))
-    matrix = factor.sparse.csc_matrix(root @ root.T + np.eye(30))
+    matrix, points = factor.sparse.csc_matrix(root @ root.T + np.eye(30)), random.standard_normal((30, 3))
     other = matrix.copy()
     other[0, 0] = np.nextafter(matrix[0, 0], np.inf)
-    assert factor_of(matrix, kind) is not factor_of(other, kind)
-    kept, right = factor_of(matrix, kind), random.standard_normal((30, 3))
-    assert factor_of(matrix.copy(), kind) is kept
+    assert factor_of(matrix, points, kind) is not factor_of(other, points, kind)
+    kept, right = factor_of(matrix, points, kind), random.standard_normal((30, 3))
+    assert factor_of(matrix.copy(), points, kind) is kept
     out = np.empty_like(right)
     kept.solve(right, out)
     np.testing.assert_allclose(matrix @ out, right, atol=1e-9)

@@ -193,7 +193,7 @@ def test_a_free_axis_finds_its_place(series: Callable[..., tuple[Body, NDArray[n
     np.testing.assert_allclose(outcome.positions, body.rest, atol=1e-5)
 
 
-@pytest.mark.parametrize("library", [Factorisation.CHOLESPY, Factorisation.SCIPY])
+@pytest.mark.parametrize("library", [Factorisation.SUPERNODES, Factorisation.SCIPY])
 def test_every_library_finds_the_same_shapes(
     series: Callable[..., tuple[Body, NDArray[np.float64]]], library: Factorisation
 ) -> None:

@@ -50,7 +50,7 @@ def scene_rows(run: BagRun) -> Rows:
     if node:
         rows.append(("clock", f"{node.get('clock')}, dt {node.get('dt')} s, deadline {node.get('deadline') or 'none'}"))
     machine = origin.machine
-    libraries = [f"{key} {machine[key]}" for key in ("python", "numpy", "numba", "cholespy") if key in machine]
+    libraries = [f"{key} {machine[key]}" for key in ("python", "numpy", "scipy", "numba") if key in machine]
     place = (machine.get("processor", ""), f"{machine.get('cores', '?')} cores", machine.get("platform", ""))
     return [
         *rows,

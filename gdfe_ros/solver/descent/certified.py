@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
-from gdfe_ros.solver.descent import quasi_newton
+from gdfe_ros.solver.descent import pairs
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Descended, Task
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.descent.tangent import PATIENT, WORTH, TangentMinimiser
 from gdfe_ros.solver.descent.workspace import End
+from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.estimate import HIDDEN, Estimate, estimate
 from gdfe_ros.solver.tangent.level import TangentLevel
@@ -104,7 +105,7 @@ class CertifiedMinimiser(TangentMinimiser):
     def _ask(self, task: Task, target: float) -> Estimate:
         self._product.begin(task)
         work = task.active.workspace
-        before = quasi_newton.largest(work.step)
+        before = largest(work.step)
         least = self.tangent.softest or 1.0
         found = estimate(self._product, work.gradient, work.step, self._level.solve, target, least=least)
         if found.known and before > 0.0:
@@ -134,20 +135,20 @@ class CertifiedMinimiser(TangentMinimiser):
 
     def _away(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a step along a direction (3 r,) of negative curvature that is long enough to leave it."""
-        return AWAY * self._body.size / quasi_newton.largest(direction) * direction
+        return AWAY * self._body.size / largest(direction) * direction
 
     def _follow(self, task: Task, step: NDArray[np.float64]) -> bool:
         """Search along a step (3 r,); tell whether it leads down."""
         work, status = task.active.workspace, task.active.status
         if status["pending"]:
-            quasi_newton.take_products(work)
-        status["slope"], status["distance"] = float(work.gradient @ step), quasi_newton.largest(step)
+            pairs.take_products(work, None)
+        status["slope"], status["distance"] = float(work.gradient @ step), largest(step)
         if not status["slope"] < 0.0:
             return False
         work.direction[...], status["given"], status["ended"] = step, 1, End.NONE
         if task.advance(0.0):
             return False
         task.precondition(work.gradient, work.step)
-        quasi_newton.remember(work)
+        pairs.remember(work)
         self._work, self._prepared = self._work + 1, True
         return True

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.descent import quasi_newton
+from gdfe_ros.solver.descent import pairs, quasi_newton
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.lumps import find_lumps, largest_turn
 from gdfe_ros.solver.descent.stopping import way_left
@@ -37,7 +37,7 @@ LEAST_FLOOR = 1e-9
 FARTHEST = 3000.0
 """Of the body's size: where a vertex or a step goes farther, the body runs away."""
 CHUNK = 20
-"""Iterations of the compiled loop between two looks at the clock."""
+"""Iterations with an explicit inverse between two looks at the clock."""
 _TEAM = threading.Lock()
 """Numba's threads serve one caller at a time: the simplest of its threading layers ends the process otherwise."""
 Observer = Callable[[float, float, bool], None]
@@ -150,7 +150,7 @@ class Minimiser:
             if not ended.iterations or task.active.ended is not End.NONE:
                 break
         if task.active.status["pending"]:
-            quasi_newton.take_products(task.active.workspace)
+            pairs.take_products(task.active.workspace, None)
         return Descended(used, ended.cut)
 
     def residual(self, active: ActiveSet) -> float:
@@ -183,24 +183,27 @@ class Minimiser:
 
         At the first ``least`` iterations only the ``floor`` ends it.
         """
-        dense = task.active.matrix.kind is Factorisation.DENSE
-        later = dense and limit > 0 and not self.observer  # the compiled iterations evaluate them, too
+        compiled = task.active.matrix.kind is not Factorisation.SCIPY
+        later = compiled and limit > 0 and not self.observer  # the compiled iterations evaluate them, too
         if evaluate and not later:
             task.evaluate()
-        if dense:
-            return self._run_dense(task, target, floor, least, limit, evaluate=evaluate and later)
+        if compiled:
+            return self._run_constant(task, target, floor, least, limit, evaluate=evaluate and later)
         return self._run_stepwise(task, target, floor, least, limit)
 
-    def _run_dense(
+    def _run_constant(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool
     ) -> Descended:
-        """Iterate with the explicit inverse."""
+        """Iterate with the constant matrix's inverse, explicit or by supernodes."""
+        dense = task.active.matrix.kind is Factorisation.DENSE
+        unasked, chunk = (least, CHUNK) if dense else (0, 1)
         given = task.problem, task.active.workspace, task.coupling, floor
 
         def iterate(done: int, most: int) -> int:
             return quasi_newton.descend(*given, least - done, target, most, evaluate and done == 0)
 
-        return self._run_compiled(task, iterate, limit, least=least, chunk=CHUNK)
+        with nullcontext() if task.problem.threads is None else _TEAM:
+            return self._run_compiled(task, iterate, limit, least=unasked, chunk=chunk)
 
     def _run_kept(self, task: Task, target: float, limit: int, *, prepared: bool) -> Descended:
         """Iterate with a kept tangent; where it is ``prepared``, the first step is preconditioned."""
@@ -252,7 +255,7 @@ class Minimiser:
             if ended:
                 return Descended(iteration, cut=False)
             task.precondition(work.gradient, work.step)
-            quasi_newton.remember(work)
+            pairs.remember(work)
             if past(task.deadline):
                 return Descended(iteration + 1, cut=True)
         return Descended(limit, cut=True)

@@ -10,6 +10,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent import quasi_newton
 from gdfe_ros.solver.descent.minimiser import Task
 from gdfe_ros.solver.descent.workspace import allocate
+from gdfe_ros.solver.distance import largest
 
 SPACING = 1e-7
 """Largest displacement of a difference, over the body's size: truncation is a millionth of the product where a body's
@@ -35,7 +36,7 @@ class TangentProducts:
 
     def __call__(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return K direction (3 r,) [N]."""
-        beside, step = self._beside, self._spacing / quasi_newton.largest(direction)
+        beside, step = self._beside, self._spacing / largest(direction)
         beside.u[...] = self._u + step * direction
         quasi_newton.advance(self._problem, beside, 0.0, True)
         return (beside.gradient - self._gradient) / step

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from gdfe_ros.compiled import internal, kernel, merged, vector_kernel
+from gdfe_ros.compiled import internal, kernel, merged
+from gdfe_ros.solver.descent.pairs import find_direction, inner, remember
 from gdfe_ros.solver.descent.stopping import LONGEST_WAY, note_step, way_left
 from gdfe_ros.solver.descent.workspace import End
 from gdfe_ros.solver.elements.response import evaluate
@@ -26,11 +25,6 @@ MAX_CUTS = 30
 MOST_BLOCKED = 4
 """Full steps in a row into infinite energy after which the body counts as running away."""
 ROUNDING = 1e-13
-CURVATURE = 1e-10
-MOST_SHORTENED = 1e-4
-"""Factor by which the history may shorten the plain preconditioned step. The last pairs of a very exact solve are made
-of rounding; were they believed, a body whose command has changed would seem to be at rest."""
-
 MOST_FLAT = 60
 """Iterations in which neither the energy falls by more than its rounding nor the step halves: no more is to be had."""
 
@@ -60,126 +54,6 @@ def energy_and_gradient(u, problem, work):
         work.status[0].outside = work.size[0]
     gather_rigid_rows(u, work.x, work.force, work.outside, pushed, problem.frame, problem.unknowns, work.gradient)
     return total
-
-
-@vector_kernel
-def inner(a, b):
-    """Return the inner product of two flat vectors."""
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
-    return total
-
-
-@internal
-def drop_oldest(work, count):
-    """Shift the history so that its last slot is free."""
-    oldest = work.row[0]
-    for i in range(count - 1):
-        work.row[i] = work.row[i + 1]
-        for j in range(count - 1):
-            work.triangle[i, j] = work.triangle[i + 1, j + 1]
-            work.gram[i, j] = work.gram[i + 1, j + 1]
-        work.products[0, i] = work.products[0, i + 1]
-        work.products[1, i] = work.products[1, i + 1]
-    work.row[count - 1] = oldest
-
-
-@vector_kernel
-def remember(work):
-    """Add the pair of the last accepted step; skip it where the curvature is not positive.
-
-    Its products with the older pairs come with the next direction, which needs their products with the gradient anyway.
-    """
-    status = work.status[0]
-    count = status.count
-    s, g, old, z, z_old = work.direction, work.gradient, work.old, work.step, work.trial
-    curvature, norm, length, change = 0.0, 0.0, 0.0, 0.0
-    for n in range(len(s)):
-        y = g[n] - old[n]
-        curvature += s[n] * y
-        norm += (z[n] - z_old[n]) * y
-        length += s[n] * s[n]
-        change += y * y
-    if not curvature > CURVATURE * np.sqrt(length * change):
-        return
-    if count == len(work.row):
-        drop_oldest(work, count)
-        count -= 1
-    steps, images = work.steps[work.row[count]], work.images[work.row[count]]
-    for n in range(len(s)):
-        steps[n] = s[n]
-        images[n] = z[n] - z_old[n]
-    work.triangle[count, count] = curvature
-    work.gram[count, count] = norm
-    status.serial += 1
-    work.serial[work.row[count]] = status.serial
-    status.count = count + 1
-    status.pending = 1
-
-
-@kernel
-def largest(step):
-    """Return the largest vertex displacement [m] of a preconditioned step (3 r,)."""
-    most = 0.0
-    for i in range(0, len(step), 3):
-        most = max(most, step[i] ** 2 + step[i + 1] ** 2 + step[i + 2] ** 2)
-    return math.sqrt(most)
-
-
-@kernel
-def take_products(work):
-    """Take the history's products with the gradient, and with them those of the newest pair with the older ones."""
-    status = work.status[0]
-    count, g = status.count, work.gradient
-    p, w = work.products[0], work.products[1]
-    new = count - 1 if status.pending == 1 else count
-    for i in range(count):
-        along, image = inner(work.steps[work.row[i]], g), inner(work.images[work.row[i]], g)
-        if i < new < count:
-            work.triangle[i, new] = along - p[i]
-            work.gram[i, new] = work.gram[new, i] = image - w[i]
-        p[i], w[i] = along, image
-    status.pending = 0
-
-
-@internal
-def find_direction(work):
-    """Write the quasi-Newton direction d = -H g and its slope g . d and size."""
-    status = work.status[0]
-    count = status.count
-    take_products(work)
-    g, z, d = work.gradient, work.step, work.direction
-    p, w = work.products[0], work.products[1]
-    scale = work.triangle[count - 1, count - 1] / work.gram[count - 1, count - 1] if count else 1.0
-    lower, upper = work.products[2], work.products[3]
-    for i in range(count - 1, -1, -1):
-        lower[i] = p[i]
-        for j in range(i + 1, count):
-            lower[i] -= work.triangle[i, j] * lower[j]
-        lower[i] /= work.triangle[i, i]
-    for i in range(count):
-        upper[i] = work.triangle[i, i] * lower[i] - scale * w[i]
-        for j in range(count):
-            upper[i] += scale * work.gram[i, j] * lower[j]
-    for i in range(count):
-        for j in range(i):
-            upper[i] -= work.triangle[j, i] * upper[j]
-        upper[i] /= work.triangle[i, i]
-    for n in range(len(d)):
-        d[n] = -scale * z[n]
-    for i in range(count):
-        a, b = upper[i], scale * lower[i]
-        s, v = work.steps[work.row[i]], work.images[work.row[i]]
-        for n in range(len(d)):
-            d[n] += b * v[n] - a * s[n]
-    status.slope = inner(d, g)
-    far, plain = largest(d), largest(z)
-    if count and not (status.slope < 0.0 and far > MOST_SHORTENED * plain):
-        status.count = 0
-        find_direction(work)
-    else:
-        status.distance = far
 
 
 @merged
@@ -251,7 +125,7 @@ def advance(problem, work, target, first):
         if status.given == 1:
             status.given = 0
         else:
-            find_direction(work)
+            find_direction(work, problem.threads)
         note_step(work)
         if status.distance <= target and way_left(work) <= LONGEST_WAY * target:
             return True
@@ -273,18 +147,18 @@ def advance(problem, work, target, first):
 
 @kernel
 def descend(problem, work, coupling, floor, least, target, limit, evaluate):
-    """Iterate with the explicit inverse until the quasi-Newton step is at most ``target`` [m]; return iterations.
+    """Iterate with the constant matrix until the quasi-Newton step is at most ``target`` [m]; return iterations.
 
     Before ``least`` of them it is the ``floor`` [m]. The terms at the start are evaluated where they have yet to be.
     """
     if evaluate:
         advance(problem, work, target, evaluate)
-    apply_inverse(work.gradient, coupling, work.step)
+    apply_inverse(work.gradient, coupling, work.step, problem.threads)
     first = limit < 0  # not the literal: numba would compile a copy of `advance` for it, and the two round differently
     for iteration in range(limit):
         if advance(problem, work, floor if iteration < least else target, first):
             return iteration
-        apply_inverse(work.gradient, coupling, work.step)
+        apply_inverse(work.gradient, coupling, work.step, problem.threads)
         remember(work)
     return limit
 

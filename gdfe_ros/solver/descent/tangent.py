@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
-from gdfe_ros.solver.descent import quasi_newton
+from gdfe_ros.solver.descent import pairs
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Descended, Minimiser, Task
 from gdfe_ros.solver.descent.workspace import End
+from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
@@ -101,7 +102,7 @@ class TangentMinimiser(Minimiser):
             return Descended(0, cut=False)
         descended = self._approach(task, target, limit, known=known, last=tolerance <= final)
         if task.active.status["pending"]:
-            quasi_newton.take_products(task.active.workspace)
+            pairs.take_products(task.active.workspace, None)
         return descended
 
     def residual(self, active: ActiveSet) -> float:
@@ -136,7 +137,7 @@ class TangentMinimiser(Minimiser):
         work = task.active.workspace
         task.precondition(work.gradient, work.step)
         self._prepared = True
-        left = SLACK * self._shortfall * quasi_newton.largest(work.step)
+        left = SLACK * self._shortfall * largest(work.step)
         if left <= target:
             self._distance = max(left, self._distance)
         return left <= target

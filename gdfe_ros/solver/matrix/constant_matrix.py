@@ -13,6 +13,7 @@ from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.matrix.coupling import Coupling, RigidFields, close_coupling
 from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
+from gdfe_ros.solver.matrix.inverse import apply_free
 from gdfe_ros.solver.matrix.unknowns import Frame, Unknowns, gather_rigid_rows, handle_centres
 
 
@@ -53,15 +54,12 @@ class ConstantMatrix:
         matrix: the assembled matrix (n, n), symmetric.
         rest: (n, 3) rest vertices [m].
         unknowns: the numbering of the unknowns.
-        library: which library factors; None takes cholespy where it is installed, else scipy.
+        library: what factors; None chooses by size.
 
     Attributes:
         kind: what solves.
         coupling: of the handles as they stand at rest.
         assembled: the matrix of all vertices (n, n).
-
-    Raises:
-        ValueError: cholespy was asked for and is not installed.
     """
 
     def __init__(
@@ -77,9 +75,9 @@ class ConstantMatrix:
         rows = matrix[free]
         block = rows[:, free].tocsc()
         self._prescribed = rows[:, unknowns.prescribed].tocsr()
-        self.kind = library or usual_kind(len(free))
-        self._factor = factor_of(block, self.kind)
-        self._fields = RigidFields(matrix, rest, unknowns, self.solve)
+        self._factor = factor_of(block, rest[free], library or usual_kind(len(free)))
+        self.kind = self._factor.kind
+        self._fields = RigidFields(matrix, rest, unknowns, self.solve_exactly)
         self.coupling = self.turned([np.eye(3)] * len(unknowns.slides))
 
     def part(self, unknowns: Unknowns) -> ConstantMatrix:
@@ -91,8 +89,12 @@ class ConstantMatrix:
         return self._fields.coupling(rotations, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Solve A_ff out = right for the free vertices, three right-hand sides (f, 3)."""
+        """Solve A_ff out = right for the free vertices, three right-hand sides (f, 3), as well as descents need it."""
         self._factor.solve(right, out)
+
+    def solve_exactly(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        """Do so to double precision."""
+        self._factor.solve(right, out, exact=True)
 
     def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return A_ff motion (f, 3) of the free vertices."""
@@ -114,7 +116,7 @@ class ConstantMatrix:
         no_corners = unknowns._replace(corner_start=np.zeros_like(unknowns.corner_start))
         gather_rigid_rows(rest, self._rest, none, force, True, frame, no_corners, right.reshape(-1))
         out = np.zeros_like(right)
-        self.solve(right[:count], out[:count])
+        self.solve_exactly(right[:count], out[:count])
         close_coupling(right.reshape(-1), self.coupling, out.reshape(-1))
         return float(np.vdot(right, out))
 
@@ -122,20 +124,12 @@ class ConstantMatrix:
         """Spread the motion (b, 3) [m] of the prescribed vertices over the free ones: the harmonic predictor (f, 3)."""
         right = np.ascontiguousarray(-(self._prescribed @ motion))
         out = np.empty_like(right)
-        self.solve(right, out)
+        self.solve_exactly(right, out)
         return out
 
 
 @vector_kernel
-def apply_inverse(gradient, coupling, out):
-    """Write A^-1 gradient (3 r,) by the explicit inverse of the free block."""
-    count = len(coupling.inverse)
-    for i in range(count):
-        for axis in range(3):
-            out[3 * i + axis] = 0.0
-        for j in range(count):
-            weight = coupling.inverse[i, j]
-            out[3 * i] += weight * gradient[3 * j]
-            out[3 * i + 1] += weight * gradient[3 * j + 1]
-            out[3 * i + 2] += weight * gradient[3 * j + 2]
+def apply_inverse(gradient, coupling, out, threads):
+    """Write A^-1 gradient (3 r,) to ``out``, the rigid rows included; ``threads`` as of `apply_free`."""
+    apply_free(coupling.inverse, gradient, out, threads)
     close_coupling(gradient, coupling, out)

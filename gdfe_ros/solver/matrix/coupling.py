@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import pinvh
 
 from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.matrix.inverse import Inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 SINGULAR = 1e-10
@@ -34,14 +35,14 @@ class Coupling(NamedTuple):
         harmonic: (f, k) float64, A_ff^-1 columns.
         motion: (3, k, 3 q) float64, by axis: coefficient of each field in each component of the rigid rows.
         inverse_schur: (3 q, 3 q) float64, inverse of the rigid rows' Schur complement, zero where prescribed.
-        inverse: (f, f) float64 explicit inverse of the free block, or (0, 0).
+        inverse: of the free block, as kernels take it.
     """
 
     columns: NDArray[np.float64]
     harmonic: NDArray[np.float64]
     motion: NDArray[np.float64]
     inverse_schur: NDArray[np.float64]
-    inverse: NDArray[np.float64]
+    inverse: Inverse
 
 
 class RigidFields:
@@ -74,7 +75,7 @@ class RigidFields:
             self.harmonic[:, k] = solution[:, 0]
         self._gram = fields.T @ (matrix @ fields) - self.columns.T @ self.harmonic
 
-    def coupling(self, turned: Sequence[NDArray[np.float64]], inverse: NDArray[np.float64]) -> Coupling:
+    def coupling(self, turned: Sequence[NDArray[np.float64]], inverse: Inverse) -> Coupling:
         """Return the coupling with each handle turned by a rotation matrix (3, 3), tangents about theta = 0."""
         motion = self._motion(turned)
         schur = np.einsum("ika,kl,ilb->ab", motion, self._gram, motion)

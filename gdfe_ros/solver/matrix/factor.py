@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import hashlib
-import threading
-from collections.abc import Callable
 from enum import Enum
 from weakref import WeakValueDictionary
 
@@ -14,20 +12,23 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-try:
-    import cholespy
-except ImportError:  # an extra: scipy serves where it is missing
-    cholespy = None
+from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
+from gdfe_ros.solver.matrix.supernodes import NotDefiniteError, supernodal
 
 DENSE_UP_TO = 200
 """Free vertices up to which an explicit inverse, applied in compiled code, is the fastest."""
+SOUND = 1e-3
+"""Share of a solution that its correction may be where a factor is kept in single precision: it stands in for the
+matrix in descents, and tells how far an equilibrium is."""
+REFINED = 3
+"""Corrections of a solution with such a factor: each leaves at most that share of the error."""
 
 
 class Factorisation(str, Enum):
     """What solves with the constant matrix."""
 
     DENSE = "dense inverse"
-    CHOLESPY = "cholespy"
+    SUPERNODES = "supernodes"
     SCIPY = "scipy splu"
 
 
@@ -36,67 +37,77 @@ class Factor:
 
     Args:
         matrix: (f, f), symmetric positive definite.
-        kind: what factors it; `Factorisation.DENSE` is beside the inverse scipy's.
+        points: (f, 3) where its vertices are [m].
+        kind: what factors it. Where a matrix is so close to singular that `Factorisation.SUPERNODES` finds it not
+            definite, scipy's LU takes its place.
 
     Attributes:
-        inverse: (f, f) of `Factorisation.DENSE`; (0, 0) of the others.
-
-    Raises:
-        ValueError: cholespy was asked for and is not installed.
+        kind: what solves.
+        inverse: as kernels take it; that of scipy has none.
     """
 
-    def __init__(self, matrix: sparse.csc_matrix, kind: Factorisation) -> None:
-        if kind is Factorisation.CHOLESPY and cholespy is None:
-            raise ValueError("cholespy is not installed; install the extra: pip install 'gdfe_ros[fast]'")
-        self._solve, self._lock = _solver(matrix, kind), threading.Lock()
-        dense = kind is Factorisation.DENSE
-        self.inverse = np.ascontiguousarray(np.linalg.inv(matrix.toarray())) if dense else np.zeros((0, 0))
+    def __init__(self, matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> None:
+        self.kind, self.inverse, self._matrix = kind, Inverse.of(), matrix
+        self._library = None
+        if matrix.shape[0] == 0:
+            return
+        if kind is Factorisation.DENSE:
+            self.inverse = Inverse.of(np.ascontiguousarray(np.linalg.inv(matrix.toarray())))
+        elif kind is Factorisation.SUPERNODES:
+            try:
+                self.inverse = supernodal(matrix, points)
+                if not self._sound():
+                    self.inverse = supernodal(matrix, points, exact=True)
+            except NotDefiniteError:
+                self.kind = Factorisation.SCIPY
+        if self.kind is Factorisation.SCIPY:
+            options = {"SymmetricMode": True}
+            self._library = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
-    def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``; one thread at a time."""
-        with self._lock:
-            self._solve(right, out)
+    def solve(self, right: NDArray[np.float64], out: NDArray[np.float64], *, exact: bool = False) -> None:
+        """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``.
+
+        Where the factor is kept in single precision, it is within `SOUND`, unless it is to be ``exact``.
+        """
+        if self._library is not None:
+            out[...] = self._library.solve(right)
+            return
+        apply_free(self.inverse, right.reshape(-1), out.reshape(-1), None)
+        for _ in range(REFINED if exact and len(self.inverse.coarse) else 0):
+            out += self._correction(right, out)
+
+    def _sound(self) -> bool:
+        """Tell whether the factor is close enough to the matrix, in its softest motions most of all."""
+        if not len(self.inverse.coarse):
+            return True
+        right = np.random.default_rng(0).standard_normal((self._matrix.shape[0], 3))
+        out = np.empty_like(right)
+        apply_free(self.inverse, right.reshape(-1), out.reshape(-1), None)
+        return bool(np.linalg.norm(self._correction(right, out)) <= SOUND * np.linalg.norm(out))
+
+    def _correction(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what a solution ``out`` (f, 3) lacks."""
+        change = np.empty_like(out)
+        apply_free(self.inverse, (right - self._matrix @ out).reshape(-1), change.reshape(-1), None)
+        return change
 
 
 _MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
-"""Factors that some body of the process has, by the digest of their matrix."""
+"""Factors that some body of the process has, by the digest of their matrix and its vertices."""
 
 
-def factor_of(matrix: sparse.csc_matrix, kind: Factorisation) -> Factor:
-    """Return the factor of a matrix (f, f): that which another body of the process has of an equal one, or a new one.
-
-    Raises:
-        ValueError: as `Factor`.
-    """
+def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> Factor:
+    """Return the factor of a matrix (f, f): that of an equal one which some body of the process has, or a new one."""
     digest = hashlib.blake2b(f"{kind.value} {matrix.shape}".encode())
-    for part in (matrix.indptr, matrix.indices, matrix.data):
+    for part in (matrix.indptr, matrix.indices, matrix.data, points):
         digest.update(np.ascontiguousarray(part).data)
     key = digest.digest()
     found = _MADE.get(key)
     if found is None:
-        found = _MADE.setdefault(key, Factor(matrix, kind))
+        found = _MADE.setdefault(key, Factor(matrix, points, kind))
     return found
 
 
 def usual_kind(count: int) -> Factorisation:
-    """Return what is fastest for a number of free vertices, of what is installed."""
-    if count <= DENSE_UP_TO:
-        return Factorisation.DENSE
-    return Factorisation.SCIPY if cholespy is None else Factorisation.CHOLESPY
-
-
-def _solver(
-    matrix: sparse.csc_matrix, kind: Factorisation
-) -> Callable[[NDArray[np.float64], NDArray[np.float64]], None]:
-    if matrix.shape[0] == 0:
-        return lambda right, out: None
-    if kind is Factorisation.CHOLESPY:
-        entries = matrix.tocoo()
-        indices = entries.row.astype(np.int32), entries.col.astype(np.int32)
-        return cholespy.CholeskySolverD(matrix.shape[0], *indices, entries.data, cholespy.MatrixType.COO).solve
-    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-    def solve(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        out[...] = factor.solve(right)
-
-    return solve
+    """Return what is fastest for a number of free vertices."""
+    return Factorisation.DENSE if count <= DENSE_UP_TO else Factorisation.SUPERNODES

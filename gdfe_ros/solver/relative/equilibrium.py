@@ -16,7 +16,7 @@ from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import Movable
 from gdfe_ros.solver.descent.minimiser import Observer
-from gdfe_ros.solver.descent.quasi_newton import largest
+from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.elements.fields import corner_forces, store_energies, strain_states, volume_pressures
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigvalsh_tridiagonal
 
-from gdfe_ros.solver.descent.quasi_newton import largest
+from gdfe_ros.solver.distance import largest
 
 MOST_PRODUCTS = 60
 """Products of the tangent after which it is said that the distance is not known."""

@@ -9,10 +9,10 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from gdfe_ros.solver.matrix.elimination import Elimination, eliminated
+from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order, spread
 from gdfe_ros.solver.tangent.band import Band
-from gdfe_ros.solver.tangent.elimination import Elimination, eliminated
 from gdfe_ros.solver.tangent.fronts import Fronts
-from gdfe_ros.solver.tangent.ordering import least_degree, narrow_order, spread
 
 PACE = 1.7
 """Multiplications of LAPACK's band in the time of one in a front, on a processor with AVX-512."""

@@ -16,7 +16,7 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel, vector_kernel
-from gdfe_ros.solver.tangent.elimination import Elimination
+from gdfe_ros.solver.matrix.elimination import Elimination
 from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_kept
 
 PANEL = 6

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gdfe_ros.solver.descent.quasi_newton import largest
+from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.tangent.estimate import HIDDEN, estimate
 from gdfe_ros.solver.tangent.softness import smooth_field, softness
 

@@ -11,12 +11,12 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh import bar
-from gdfe_ros.solver.tangent import elimination
+from gdfe_ros.solver.matrix import elimination
+from gdfe_ros.solver.matrix.elimination import eliminated
+from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
 from gdfe_ros.solver.tangent.band import Band
-from gdfe_ros.solver.tangent.elimination import eliminated
 from gdfe_ros.solver.tangent.factor import Factor, factor_for
 from gdfe_ros.solver.tangent.fronts import Fronts
-from gdfe_ros.solver.tangent.ordering import least_degree, narrow_order
 
 Make = Callable[[sparse.csr_matrix, NDArray[np.float64]], Factor]
 
@@ -113,10 +113,9 @@ def test_a_factor_is_the_same_to_the_last_bit(make: Make) -> None:
 @pytest.mark.parametrize("slack", [0.0, 0.3])
 def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compare supernodes with the entries of a dense factor: none is missing, without slack none is too many."""
-    monkeypatch.setattr(elimination, "SLACK", slack)
     monkeypatch.setattr(elimination, "NARROW", 0)
     graph, _ = _hand(2, 3)
-    found = eliminated(graph, least_degree(graph))
+    found = eliminated(graph, least_degree(graph), slack=slack)
     dense = graph.toarray()[np.ix_(found.order, found.order)] + 100.0 * np.eye(graph.shape[0])
     filled = np.zeros_like(dense, bool)
     for node in range(len(found.first) - 1):

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
+LEAF = 60
+"""Vertices of a part that is not divided any more."""
 DIGITS = 6
 """Of coordinates over the body's size: vertices of one cross-section count as level with each other."""
 
@@ -39,6 +41,36 @@ def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
     definite = (sparse.diags_array(np.diff(graph.indptr) + 1.0) - links).tocsc()
     options = {"SymmetricMode": True}
     return np.argsort(splu(definite, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).perm_c)
+
+
+def dissected(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return an order (f,) by nested dissection (George 1973): halves first, and last what separates them.
+
+    A body is halved across its longest axis; of the upper half what has neighbours in the lower one separates the two.
+    For bodies of thousands of vertices in each direction's section far less is filled than in a narrow order.
+
+    Args:
+        graph: (f, f), an entry for every two vertices that share an element.
+        points: (f, 3) [m].
+    """
+    order, side = np.empty(len(points), np.int64), np.zeros(len(points), np.int8)
+    links = sparse.csr_matrix((np.ones(len(graph.indices), np.int32), graph.indices, graph.indptr), shape=graph.shape)
+    parts = [(np.arange(len(points)), 0)]
+    while parts:
+        ids, begin = parts.pop()
+        along = points[ids, np.argmax(np.ptp(points[ids], axis=0))] if len(ids) > LEAF else np.zeros(len(ids))
+        low = along < np.median(along) if len(ids) else np.zeros(0, bool)
+        if not low.any():
+            order[begin : begin + len(ids)] = ids[np.lexsort(points[ids].T)]
+            continue
+        lower, upper = ids[low], ids[~low]
+        side[lower] = 1
+        between = links[upper] @ side > 0
+        side[lower] = 0
+        end, middle = begin + len(ids), upper[between]
+        order[end - len(middle) : end] = middle
+        parts += [(lower, begin), (upper[~between], begin + len(lower))]
+    return order
 
 
 def spread(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> int:

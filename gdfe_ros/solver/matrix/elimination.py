@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 
 SLACK = 0.05
-"""Share of a supernode that may be zeros: fewer and broader ones are faster."""
+"""Share of a supernode that may be zeros: fewer and broader ones are faster, where the matrix is factored often."""
+SMALL = 1.0
+"""Share of a group's even part of the work up to which a subtree is not opened."""
 NARROW = 2
 """Vertices up to which a supernode is merged with its parent at any rate."""
 
@@ -210,14 +212,73 @@ def structure(indptr, indices, order, rank, first, row_start, parent):
     return rows, above
 
 
-def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> Elimination:
-    """Return what eliminating the vertices of a symmetric graph (f, f) in an order (f,) fills."""
+def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64], *, slack: float = SLACK) -> Elimination:
+    """Return what eliminating the vertices of a symmetric graph (f, f) in an order (f,) fills.
+
+    Supernodes are merged where at most a share ``slack`` of them is zeros.
+    """
     indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
     order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]
     rank = np.argsort(order)
     parent = elimination_tree(indptr, indices, order, rank)
-    first, heights = merge(parent, column_heights(indptr, indices, order, rank, parent), SLACK, NARROW)
+    first, heights = merge(parent, column_heights(indptr, indices, order, rank, parent), slack, NARROW)
     row_start = np.concatenate([[0], np.cumsum(heights)])
     rows, above = structure(indptr, indices, order, rank, first, row_start, parent)
     ascending = np.lexsort((rows, np.repeat(np.arange(len(heights)), heights)))
     return Elimination(order, first, rows[ascending], row_start, above)
+
+
+def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int64]]:
+    """Return an elimination in which ``count`` groups of subtrees come first, and where each begins (count + 1,).
+
+    Subtrees of much work are opened until all are small beside a group; what has been opened comes last.
+    """
+    if count == 0:
+        return found, np.zeros(1, np.int64)
+    work = found.widths * found.heights
+    whole = work.copy()
+    for node, above in enumerate(found.parent):
+        if above >= 0:
+            whole[above] += whole[node]
+    roots, group = _opened(found, whole, count), np.full(len(work), -1)
+    filled = np.zeros(count)
+    for root in sorted(roots, key=lambda node: -whole[node]):
+        group[root] = np.argmin(filled)
+        filled[group[root]] += whole[root]
+    for node in range(len(work) - 1, -1, -1):
+        if group[node] < 0 and found.parent[node] >= 0:
+            group[node] = group[found.parent[node]]
+    group[group < 0] = count
+    nodes = np.argsort(group, kind="stable")
+    return _reordered(found, nodes), np.searchsorted(group[nodes], np.arange(count + 1))
+
+
+def _opened(found: Elimination, whole: NDArray[np.int64], count: int) -> list[int]:
+    """Return the roots of subtrees that are small beside a group."""
+    below: dict[int, list[int]] = {}
+    for node, above in enumerate(found.parent.tolist()):
+        below.setdefault(above, []).append(node)
+    waiting, roots = list(below[-1]), []
+    most = SMALL * found.entries / count
+    while waiting:
+        node = waiting.pop()
+        if whole[node] > most:
+            waiting += below.get(node, [])
+        else:
+            roots.append(node)
+    return roots
+
+
+def _reordered(found: Elimination, nodes: NDArray[np.int64]) -> Elimination:
+    """Return the same elimination with its supernodes (s,) in another order, children before parents all the same."""
+    place, widths = np.argsort(nodes), found.widths
+    first = np.concatenate([[0], np.cumsum(widths[nodes])])
+    moved = first[place] - found.first[:-1]
+    owner = np.searchsorted(found.first, found.rows, side="right") - 1
+    rows, node = found.rows + moved[owner], place[found.owner]
+    ascending = np.lexsort((rows, node))
+    order = np.empty_like(found.order)
+    order[np.arange(len(order)) + np.repeat(moved, widths)] = found.order
+    row_start = np.concatenate([[0], np.cumsum(found.heights[nodes])])
+    parent = np.where(found.parent[nodes] >= 0, place[found.parent[nodes]], -1)
+    return Elimination(order, first, rows[ascending], row_start, parent)

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Factors of constant matrices, ours and those of libraries, in turn: ``python -m benchmarks.constant_factors``.
+
+Processor time of one thread; scipy's SuperLU always, CHOLMOD where cholespy is installed (the extra `bench`).
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from benchmarks.markdown import markdown_table
+from benchmarks.scaling import SIZES
+from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.operators import shape_operators
+from gdfe_ros.solver.matrix.constant_matrix import assemble
+from gdfe_ros.solver.matrix.factor import Factor, Factorisation
+from gdfe_ros.solver.matrix.inverse import apply_free
+
+REPEATS = 9
+LARGEST = {"SuperLU": 40_000, "CHOLMOD": 200_000}
+"""Vertices up to which each library is waited for."""
+HEADINGS = ("vertices", "numbers in the factor [10^6]", "kept in", "factor [s]", "a solve [ms]")
+Solve = Callable[[], object]
+
+
+def rows() -> list[dict[str, Any]]:
+    """Measure every size of the benchmark's bars, held at one end."""
+    return [measured(cells) for cells in SIZES]
+
+
+def measured(cells: tuple[int, int, int]) -> dict[str, Any]:
+    """Return sizes and times [s] of each kind for one mesh."""
+    matrix, points = held_bar(cells)
+    right = np.random.default_rng(0).standard_normal((len(points), 3))
+    out, flat = np.empty_like(right), right.reshape(-1)
+    began = time.process_time()
+    factor = Factor(matrix, points, Factorisation.SUPERNODES)
+    taken = {"supernodes": time.process_time() - began}
+    solves: dict[str, Solve] = {"supernodes": lambda: apply_free(factor.inverse, flat, out.reshape(-1), None)}
+    for name, prepare in {"SuperLU": _superlu, "CHOLMOD": _cholmod}.items():
+        if len(points) <= LARGEST[name]:
+            began = time.process_time()
+            solve = prepare(matrix, right, out)
+            if solve is not None:
+                taken[name], solves[name] = time.process_time() - began, solve
+    times = [{name: _seconds(solve) for name, solve in solves.items()} for _ in range(REPEATS)]
+    return {
+        "vertices": len(points),
+        "entries": int(factor.inverse.value_start[-1]),
+        "single": len(factor.inverse.coarse) > 0,
+        "factor": taken,
+        "solve": {name: median(each[name] for each in times) for name in solves},
+    }
+
+
+def held_bar(cells: Sequence[int]) -> tuple[sparse.csc_matrix, NDArray[np.float64]]:
+    """Return the constant matrix of a bar's free vertices, and where these are [m]."""
+    mesh = bar([0.1 * count for count in cells], cells)
+    shape = shape_operators(mesh.vertices, mesh.cells)
+    free = np.flatnonzero(mesh.vertices[:, 0] > 1e-9)
+    assembled = assemble(shape, np.ones(mesh.n_cells), np.full(mesh.n_cells, 0.02))
+    return assembled[free][:, free].tocsc(), mesh.vertices[free]
+
+
+def table(report: Sequence[Mapping[str, Any]]) -> str:
+    """Return the comparison as a Markdown table."""
+    names = [name for name in ("SuperLU", "CHOLMOD") if any(name in row["solve"] for row in report)]
+    heads = [*HEADINGS, *(f"{name}: {what}" for name in names for what in ("factor [s]", "a solve [ms]"))]
+    found = []
+    for row in report:
+        cells = [str(row["vertices"]), f"{row['entries'] / 1e6:.2f}", "single" if row["single"] else "double"]
+        for name in ("supernodes", *names):
+            known = name in row["solve"]
+            cells += [f"{row['factor'][name]:.3g}", f"{1e3 * row['solve'][name]:.3g}"] if known else ["-", "-"]
+        found.append(cells)
+    return markdown_table(heads, found)
+
+
+def _superlu(matrix: sparse.csc_matrix, right: NDArray[np.float64], out: NDArray[np.float64]) -> Solve:
+    from scipy.sparse.linalg import splu
+
+    options = {"SymmetricMode": True}
+    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    return lambda: factor.solve(right)
+
+
+def _cholmod(matrix: sparse.csc_matrix, right: NDArray[np.float64], out: NDArray[np.float64]) -> Solve | None:
+    try:
+        import cholespy
+    except ImportError:
+        return None
+    entries = matrix.tocoo()
+    indices = entries.row.astype(np.int32), entries.col.astype(np.int32)
+    factor = cholespy.CholeskySolverD(matrix.shape[0], *indices, entries.data, cholespy.MatrixType.COO)
+    return lambda: factor.solve(right, out)
+
+
+def _seconds(work: Solve) -> float:
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
+def main() -> None:
+    """Measure, keep in runs/bench/constant_factors.json, print."""
+    held = held_bar(SIZES[0])
+    Factor(*held, Factorisation.SUPERNODES)  # compiled
+    found = rows()
+    path = Path("runs/bench/constant_factors.json")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(found, indent=1))
+    print(table(found))
+
+
+if __name__ == "__main__":
+    main()

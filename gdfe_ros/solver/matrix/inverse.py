@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What applies the inverse of the constant matrix in compiled code: as it is, or by the supernodes of a factor U^T U.
+
+Three right-hand sides are solved at once: each entry of the factor is read once for x, y and z. Rows of the factor are
+taken four at a time, where there are fewer with rows of zeros in their place, and lines of eight numbers as a whole:
+what stands left of the diagonal in a row, or beyond its end, is zero. Inner loops count in unsigned numbers: an index
+that might be negative is looked at each time, and nothing is SIMD.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import prange
+from numpy import uint64
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import kernel, parallel_kernel, vector_kernel
+
+TAKEN, LINE = 4, 8
+"""Rows that are taken at a time, and numbers that each row's length is a multiple of."""
+
+
+class Inverse(NamedTuple):
+    """An inverse (f, f) as kernels take it; nothing of it is ever written, so that threads may share it.
+
+    Attributes:
+        explicit: (f, f) the inverse itself, or (0, 0).
+        order, first, row_start, rows: of the `Elimination` of the factor; empty where there is none.
+        group_start: (g + 1,) first supernode of each group, none of which needs another; after them come those which
+            need several.
+        length: (s,) of the rows of each supernode.
+        value_start: (s + 1,) where they begin.
+        values: of all rows, one over the diagonal in its place, and last a row of zeros; empty where ``coarse`` is not.
+        coarse: the same in single precision, or empty.
+    """
+
+    explicit: NDArray[np.float64]
+    order: NDArray[np.int64]
+    first: NDArray[np.int64]
+    row_start: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    group_start: NDArray[np.int64]
+    length: NDArray[np.int64]
+    value_start: NDArray[np.int64]
+    values: NDArray[np.float64]
+    coarse: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, explicit: NDArray[np.float64] | None = None) -> Inverse:
+        """Return an inverse that is known as a matrix (f, f), or that of a matrix which a library solves with."""
+        start, none = np.zeros(1, np.int64), np.zeros(0, np.int64)
+        known = np.zeros((0, 0)) if explicit is None else explicit
+        return cls(known, none, start, start, none, start, none, start, np.zeros(0), np.zeros(0, np.float32))
+
+
+@vector_kernel
+def apply_free(inverse, right, out, threads):
+    """Write A_ff^-1 right to the first rows of ``out``, for three right-hand sides (f, 3), flat.
+
+    Any number of ``threads`` writes the same bits; None, for one, spares the compilation of the other way.
+    """
+    if len(inverse.order) == 0:
+        apply_explicit(inverse.explicit, right, out)
+        return
+    x = np.empty(3 * len(inverse.order))
+    for i in range(len(inverse.order)):
+        for axis in range(3):
+            x[3 * i + axis] = right[3 * inverse.order[i] + axis]
+    if len(inverse.coarse) > 0:
+        solve_rows(inverse, inverse.coarse, x, threads)
+    else:
+        solve_rows(inverse, inverse.values, x, threads)
+    for i in range(len(inverse.order)):
+        for axis in range(3):
+            out[3 * inverse.order[i] + axis] = x[3 * i + axis]
+
+
+@vector_kernel
+def apply_explicit(explicit, right, out):
+    """Do so by the inverse itself."""
+    for i in range(len(explicit)):
+        for axis in range(3):
+            out[3 * i + axis] = 0.0
+        for j in range(len(explicit)):
+            weight = explicit[i, j]
+            out[3 * i] += weight * right[3 * j]
+            out[3 * i + 1] += weight * right[3 * j + 1]
+            out[3 * i + 2] += weight * right[3 * j + 2]
+
+
+@vector_kernel
+def solve_rows(inverse, values, x, threads):
+    """Solve U^T U x = x (f, 3), flat, in the order of elimination: groups, each apart, before and after the others."""
+    groups = len(inverse.group_start) - 1
+    begin, end = inverse.group_start[groups], len(inverse.length)
+    above = x[3 * inverse.first[begin] :]
+    taken = np.zeros((groups, len(above)))
+    if threads is None:
+        reduce_groups(inverse, values, x, taken, 0, groups)
+    else:
+        reduce_in_threads(threads, inverse, values, x, taken)
+    for group in range(groups):
+        for i in range(len(above)):
+            above[i] += taken[group, i]
+    reduce_nodes(inverse, values, x, above, begin, end)
+    expand_nodes(inverse, values, x, begin, end)
+    if threads is None:
+        expand_nodes(inverse, values, x, 0, begin)
+    else:
+        expand_in_threads(threads, inverse, values, x)
+
+
+@kernel
+def reduce_groups(inverse, values, x, taken, first, last):
+    """Reduce some groups; what they make of what lies above them goes to ``taken`` (g, 3 k)."""
+    for group in range(first, last):
+        reduce_nodes(inverse, values, x, taken[group], inverse.group_start[group], inverse.group_start[group + 1])
+
+
+@parallel_kernel
+def reduce_in_threads(threads, inverse, values, x, taken):
+    """Share the groups out to threads."""
+    groups = len(inverse.group_start) - 1
+    for part in prange(threads):
+        reduce_groups(inverse, values, x, taken, part * groups // threads, (part + 1) * groups // threads)
+
+
+@parallel_kernel
+def expand_in_threads(threads, inverse, values, x):
+    """Share the groups out to threads."""
+    groups = len(inverse.group_start) - 1
+    for part in prange(threads):
+        first, last = part * groups // threads, (part + 1) * groups // threads
+        expand_nodes(inverse, values, x, inverse.group_start[first], inverse.group_start[last])
+
+
+@vector_kernel
+def reduce_nodes(inverse, values, x, above, begin, end):
+    """Solve U^T x = x for the supernodes ``begin`` to ``end``; ``above`` are the rows after those of all groups."""
+    local, blank = np.empty(3 * longest(inverse, begin, end)), len(values) - inverse.length.max()
+    top = inverse.first[inverse.group_start[-1]]
+    for node in range(begin, end):
+        start, length = inverse.first[node], inverse.length[node]
+        rows = inverse.rows[inverse.row_start[node] : inverse.row_start[node + 1]]
+        own = inverse.first[node + 1] - start
+        u, v, w = local[:length], local[length : 2 * length], local[2 * length : 3 * length]
+        for k in range(own):
+            u[k], v[k], w[k] = x[3 * (start + k)], x[3 * (start + k) + 1], x[3 * (start + k) + 2]
+        u[own:], v[own:], w[own:] = 0.0, 0.0, 0.0
+        reduce_rows(values, inverse.value_start[node], blank, u, v, w, own)
+        for k in range(own):
+            x[3 * (start + k)], x[3 * (start + k) + 1], x[3 * (start + k) + 2] = u[k], v[k], w[k]
+        for k in range(own, len(rows)):
+            target, row = (above, 3 * (rows[k] - top)) if rows[k] >= top else (x, 3 * rows[k])
+            target[row] += u[k]
+            target[row + 1] += v[k]
+            target[row + 2] += w[k]
+
+
+@vector_kernel
+def expand_nodes(inverse, values, x, begin, end):
+    """Solve U x = x for the supernodes ``begin`` to ``end``, the last one first."""
+    local, blank = np.empty(3 * longest(inverse, begin, end)), len(values) - inverse.length.max()
+    for node in range(end - 1, begin - 1, -1):
+        start, length = inverse.first[node], inverse.length[node]
+        rows = inverse.rows[inverse.row_start[node] : inverse.row_start[node + 1]]
+        own, height = inverse.first[node + 1] - start, len(rows)
+        u, v, w = local[:length], local[length : 2 * length], local[2 * length : 3 * length]
+        for k in range(height):
+            u[k], v[k], w[k] = x[3 * rows[k]], x[3 * rows[k] + 1], x[3 * rows[k] + 2]
+        u[height:], v[height:], w[height:] = 0.0, 0.0, 0.0
+        expand_rows(values, inverse.value_start[node], blank, u, v, w, own)
+        for k in range(own):
+            x[3 * (start + k)], x[3 * (start + k) + 1], x[3 * (start + k) + 2] = u[k], v[k], w[k]
+
+
+@vector_kernel
+def longest(inverse, begin, end):
+    """Return the length of the longest rows of some supernodes."""
+    most = 0
+    for node in range(begin, end):
+        most = max(most, inverse.length[node])
+    return most
+
+
+@vector_kernel
+def row_of(values, at, blank, length, number, own):
+    """Return row ``number`` of a supernode, a row of zeros beyond its ``own``."""
+    begin = at + number * length if number < own else blank
+    return values[begin : begin + length]
+
+
+@vector_kernel
+def forward(u, first, a, b, c, d):
+    """Solve with four rows of U^T, one axis."""
+    p = u[first] * a[first]
+    q = (u[first + 1] - a[first + 1] * p) * b[first + 1]
+    r = (u[first + 2] - a[first + 2] * p - b[first + 2] * q) * c[first + 2]
+    s = (u[first + 3] - a[first + 3] * p - b[first + 3] * q - c[first + 3] * r) * d[first + 3]
+    return p, q, r, s
+
+
+@vector_kernel
+def backward(taken, first, a, b, c, d):
+    """Solve with four rows of U, one axis, of what the other rows have left."""
+    p, q, r, s = taken
+    s *= d[first + 3]
+    r = (r - c[first + 3] * s) * c[first + 2]
+    q = (q - b[first + 3] * s - b[first + 2] * r) * b[first + 1]
+    p = (p - a[first + 3] * s - a[first + 2] * r - a[first + 1] * q) * a[first]
+    return p, q, r, s
+
+
+@vector_kernel
+def four_of(u, first):
+    """Return four numbers in a row."""
+    return u[first], u[first + 1], u[first + 2], u[first + 3]
+
+
+@vector_kernel
+def put(found, u, first, own):
+    """Write four numbers in a row, but for those that are not a supernode's ``own``."""
+    p, q, r, s = found
+    u[first] = p
+    if first + 1 < own:
+        u[first + 1] = q
+    if first + 2 < own:
+        u[first + 2] = r
+    if first + 3 < own:
+        u[first + 3] = s
+
+
+@vector_kernel
+def reduce_rows(values, at, blank, u, v, w, own):
+    """Solve with the ``own`` rows of U^T of a supernode, and take what they make of the others from these."""
+    length = len(u)
+    for first in range(0, own, TAKEN):
+        a, b = row_of(values, at, blank, length, first, own), row_of(values, at, blank, length, first + 1, own)
+        c, d = row_of(values, at, blank, length, first + 2, own), row_of(values, at, blank, length, first + 3, own)
+        x0, x1, x2, x3 = forward(u, first, a, b, c, d)
+        y0, y1, y2, y3 = forward(v, first, a, b, c, d)
+        z0, z1, z2, z3 = forward(w, first, a, b, c, d)
+        for j in range(uint64(first // LINE * LINE), uint64(length)):
+            u[j] -= x0 * a[j] + x1 * b[j] + x2 * c[j] + x3 * d[j]
+            v[j] -= y0 * a[j] + y1 * b[j] + y2 * c[j] + y3 * d[j]
+            w[j] -= z0 * a[j] + z1 * b[j] + z2 * c[j] + z3 * d[j]
+        put((x0, x1, x2, x3), u, first, own)
+        put((y0, y1, y2, y3), v, first, own)
+        put((z0, z1, z2, z3), w, first, own)
+
+
+@vector_kernel
+def expand_rows(values, at, blank, u, v, w, own):
+    """Solve with the ``own`` rows of U of a supernode, of which the others are known."""
+    length = len(u)
+    for first in range((own - 1) // TAKEN * TAKEN, -1, -TAKEN):
+        a, b = row_of(values, at, blank, length, first, own), row_of(values, at, blank, length, first + 1, own)
+        c, d = row_of(values, at, blank, length, first + 2, own), row_of(values, at, blank, length, first + 3, own)
+        x0, x1, x2, x3 = four_of(u, first)
+        y0, y1, y2, y3 = four_of(v, first)
+        z0, z1, z2, z3 = four_of(w, first)
+        nothing = (0.0, 0.0, 0.0, 0.0)
+        put(nothing, u, first, own)
+        put(nothing, v, first, own)
+        put(nothing, w, first, own)
+        for j in range(uint64(first // LINE * LINE), uint64(length)):
+            x0 -= a[j] * u[j]
+            y0 -= a[j] * v[j]
+            z0 -= a[j] * w[j]
+            x1 -= b[j] * u[j]
+            y1 -= b[j] * v[j]
+            z1 -= b[j] * w[j]
+            x2 -= c[j] * u[j]
+            y2 -= c[j] * v[j]
+            z2 -= c[j] * w[j]
+            x3 -= d[j] * u[j]
+            y3 -= d[j] * v[j]
+            z3 -= d[j] * w[j]
+        put(backward((x0, x1, x2, x3), first, a, b, c, d), u, first, own)
+        put(backward((y0, y1, y2, y3), first, a, b, c, d), v, first, own)
+        put(backward((z0, z1, z2, z3), first, a, b, c, d), w, first, own)

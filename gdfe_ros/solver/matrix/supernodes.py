@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sparse Cholesky factor A = U^T U of the constant matrix: multifrontal (Liu 1992), dense fronts by LAPACK.
+
+Each supernode gathers its part of the matrix and what its children leave in a dense front, eliminates its own vertices
+there, and leaves the rest to its parent.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+from scipy.linalg.blas import dsyrk, dtrsm
+from scipy.linalg.lapack import dpotrf
+
+from gdfe_ros.blas import one_blas_thread
+from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.matrix.elimination import Elimination, eliminated, grouped
+from gdfe_ros.solver.matrix.inverse import LINE, Inverse
+from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
+
+COARSE_FROM = 4_000_000
+"""Entries from which a factor is kept in single precision: it no longer fits into any cache, and reading it is what a
+solve takes."""
+
+GROUPS = 4
+"""Groups of supernodes of a large factor that threads may share."""
+ZEROS = 0.15
+"""Share of a supernode that may be zeros: what is factored once and solved with often is fastest with few of them."""
+
+
+class NotDefiniteError(ArithmeticError):
+    """A matrix has no Cholesky factor in double precision."""
+
+
+@kernel
+def extend(left, places, front):
+    """Add what a child leaves (p, p), lower triangle, at the ``places`` (p,) of its vertices in the front."""
+    for b in range(len(places)):
+        row, line = left[b], front[places[b]]
+        for a in range(b + 1):
+            line[places[a]] += row[a]
+
+
+def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact: bool = False) -> Inverse:
+    """Return the factor of a matrix (f, f) between vertices at ``points`` (f, 3) [m], as kernels take it.
+
+    A large one is kept in single precision, unless it is to be ``exact``.
+
+    Raises:
+        NotDefiniteError: it is not positive definite.
+    """
+    graph = matrix.tocsr()
+    graph.sort_indices()
+    orders = narrow_order(graph, points), dissected(graph, points)
+    found = min((eliminated(graph, order, slack=ZEROS) for order in orders), key=lambda each: each.entries)
+    large = found.entries >= COARSE_FROM
+    found, group_start = grouped(found, GROUPS if large else 0)
+    length = -(-found.heights // LINE) * LINE
+    start = np.concatenate([[0], np.cumsum(found.widths * length)]).astype(np.int64)
+    coarse = large and not exact
+    values = np.zeros(start[-1] + length.max(), np.float32 if coarse else np.float64)
+    with one_blas_thread():
+        _factor(graph, found, start, values)
+    kept = (np.zeros(0), values) if coarse else (values, np.zeros(0, np.float32))
+    explicit = np.zeros((0, 0))
+    return Inverse(explicit, found.order, found.first, found.row_start, found.rows, group_start, length, start, *kept)
+
+
+def _factor(graph: sparse.csr_matrix, found: Elimination, value_start: NDArray, values: NDArray) -> None:
+    """Write the rows of the factor to ``values``, supernode by supernode."""
+    part_start, rows, columns, entries = _parts(graph, found)
+    inside, widths = found.inside(), found.widths
+    left: dict[int, list[tuple[NDArray[np.float64], NDArray[np.int64]]]] = {}
+    for node in range(len(widths)):
+        begin, end = found.row_start[node : node + 2]
+        own, height = int(widths[node]), int(end - begin)
+        front = np.zeros((height, height), order="F")
+        parts = slice(*part_start[node : node + 2])
+        front[rows[parts], columns[parts]] = entries[parts]
+        for child, places in reversed(left.pop(node, [])):
+            extend(child, places, front.T)
+        upper, failed = dpotrf(front[:own, :own], clean=1)
+        if failed:
+            raise NotDefiniteError
+        kept = values[value_start[node] : value_start[node + 1]].reshape(own, -1)
+        kept[:, :own] = upper
+        kept[range(own), range(own)] = 1.0 / np.diag(upper)
+        if own == height:
+            continue
+        beyond = dtrsm(1.0, upper, front[:own, own:], trans_a=1)
+        kept[:, own:height] = beyond
+        rest = dsyrk(-1.0, beyond, beta=1.0, c=front[own:, own:], trans=1)
+        left.setdefault(int(found.parent[node]), []).append((rest.T, inside[begin + own : end]))
+
+
+def _parts(graph: sparse.csr_matrix, found: Elimination) -> tuple[NDArray, ...]:
+    """Return where the parts of each supernode begin (s + 1,), and row, column and value (k,) of all in its front."""
+    rank = np.argsort(found.order)
+    row = rank[np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))]
+    column = rank[graph.indices]
+    taken = np.flatnonzero(row <= column)
+    owner = np.searchsorted(found.first, row[taken], side="right") - 1
+    by_owner = np.argsort(owner, kind="stable")
+    taken, owner = taken[by_owner], owner[by_owner]
+    start = np.searchsorted(owner, np.arange(len(found.first)))
+    return start, row[taken] - found.first[owner], found.stand(owner, column[taken]), graph.data[taken]

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Factors of the constant matrix beside those of libraries: what is measured is solved, and told by name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks import constant_factors
+
+
+def test_every_kind_is_measured_and_told() -> None:
+    """Measure a small bar: a row with a time for ours and for SuperLU, and a dash for what was not waited for."""
+    small = constant_factors.measured((6, 2, 2))
+    assert small["vertices"] == 54
+    assert {"supernodes", "SuperLU"} <= set(small["solve"])
+    assert all(seconds > 0.0 for seconds in small["solve"].values())
+    large = {**small, "factor": {"supernodes": 1.0}, "solve": {"supernodes": 0.01}}
+    lines = constant_factors.table([small, large]).splitlines()
+    assert "SuperLU: a solve [ms]" in lines[0]
+    assert lines[-1].split("|")[6].strip() == "-"
+
+
+def test_the_libraries_solve_the_same_matrix() -> None:
+    """Solve with SuperLU as it is measured: the residual is rounding."""
+    matrix, points = constant_factors.held_bar((6, 2, 2))
+    right = np.random.default_rng(0).standard_normal((len(points), 3))
+    found = constant_factors._superlu(matrix, right, np.empty_like(right))()
+    np.testing.assert_allclose(matrix @ found, right, atol=1e-10)

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The factor of the constant matrix by supernodes: exact, whatever the body's shape and however it is kept."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+from scipy.sparse.linalg import spsolve
+
+from gdfe_ros.mesh import HexMesh, bar
+from gdfe_ros.mesh.operators import shape_operators
+from gdfe_ros.mesh.round_bodies import sphere
+from gdfe_ros.solver.matrix import supernodes
+from gdfe_ros.solver.matrix.constant_matrix import assemble
+from gdfe_ros.solver.matrix.factor import Factor, Factorisation
+from gdfe_ros.solver.matrix.ordering import dissected
+
+MESHES = {
+    "bar": bar([1.0, 0.2, 0.2], [30, 6, 6]),
+    "cube": bar([1.0, 1.0, 1.0], [9, 9, 9]),
+    "plate": bar([1.0, 1.0, 0.05], [25, 25, 1]),
+    "ball": sphere(0.5, 1.0, [6, 4]),
+    "row": bar([1.0, 0.1, 0.1], [300, 1, 1]),
+    "cell": bar([1.0, 1.0, 1.0], [1, 1, 1]),
+}
+
+
+def stiffness(mesh: HexMesh, *, contrast: float = 1.0) -> sparse.csc_matrix:
+    """Return the matrix of a mesh held by springs at all vertices, half of its cells stiffer by ``contrast``."""
+    count = len(mesh.cells)
+    weight = np.where(np.arange(count) < count // 2, contrast, 1.0)
+    matrix = assemble(shape_operators(mesh.vertices, mesh.cells), weight, 0.1 * weight)
+    return (matrix + 1e-3 * sparse.eye_array(mesh.n_vertices) * matrix.diagonal().max()).tocsc()
+
+
+def right_of(mesh: HexMesh) -> NDArray[np.float64]:
+    """Return three right-hand sides."""
+    return np.random.default_rng(3).normal(size=(mesh.n_vertices, 3))
+
+
+def solved(factor: Factor, right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the solution."""
+    out = np.empty_like(right)
+    factor.solve(right, out, exact=True)
+    return out
+
+
+@pytest.mark.parametrize("coarse_from", [1, 10**9], ids=["single", "double"])
+@pytest.mark.parametrize("name", MESHES)
+def test_it_solves(name: str, coarse_from: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Solve with a thousandfold contrast, the factor kept in either precision: SuperLU's solution to 1e-9."""
+    monkeypatch.setattr(supernodes, "COARSE_FROM", coarse_from)
+    mesh = MESHES[name]
+    matrix, right = stiffness(mesh, contrast=1e3), right_of(mesh)
+    factor = Factor(matrix, mesh.vertices, Factorisation.SUPERNODES)
+    assert factor.kind is Factorisation.SUPERNODES
+    assert (len(factor.inverse.coarse) > 0) == (coarse_from == 1)
+    wanted = spsolve(matrix, right)
+    np.testing.assert_allclose(solved(factor, right), wanted, atol=1e-9 * np.abs(wanted).max())
+
+
+def test_single_precision_is_left_where_it_is_too_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hold a long bar at nearly nothing: its softest motions would be lost, and the factor is kept in double."""
+    monkeypatch.setattr(supernodes, "COARSE_FROM", 1)
+    mesh = MESHES["row"]
+    held = sparse.diags_array(np.where(mesh.vertices[:, 0] < 1e-9, 1e-12, 0.0))
+    matrix = (assemble(shape_operators(mesh.vertices, mesh.cells), *np.ones((2, 300))) + held).tocsc()
+    factor = Factor(matrix, mesh.vertices, Factorisation.SUPERNODES)
+    assert len(factor.inverse.coarse) == 0
+    right = right_of(mesh)
+    wanted = spsolve(matrix, right)
+    np.testing.assert_allclose(solved(factor, right), wanted, atol=1e-2 * np.abs(wanted).max())
+
+
+def test_pieces_that_nothing_joins_are_solved_each() -> None:
+    """Solve for two bars side by side, and for one with a vertex of its own: as each alone."""
+    mesh = MESHES["bar"]
+    one = stiffness(mesh)
+    both = sparse.block_diag([one, one, [[2.0]]]).tocsc()
+    points = np.concatenate([mesh.vertices, mesh.vertices + np.array([0.0, 3.0, 0.0]), [[9.0, 9.0, 9.0]]])
+    right = right_of(mesh)
+    found = solved(Factor(both, points, Factorisation.SUPERNODES), np.concatenate([right, 2.0 * right, [[2.0] * 3]]))
+    wanted = spsolve(one, right)
+    np.testing.assert_allclose(found, np.concatenate([wanted, 2.0 * wanted, [[1.0] * 3]]), rtol=1e-8, atol=1e-12)
+
+
+def test_a_matrix_that_is_not_definite_goes_to_scipy() -> None:
+    """Factor one with a negative eigenvalue: scipy's LU solves with it, and says that it does."""
+    mesh = MESHES["bar"]
+    matrix = stiffness(mesh)
+    matrix[0, 0] = -1.0
+    factor = Factor(matrix, mesh.vertices, Factorisation.SUPERNODES)
+    assert factor.kind is Factorisation.SCIPY
+    right = right_of(mesh)
+    np.testing.assert_allclose(matrix @ solved(factor, right), right, atol=1e-8)
+
+
+def test_the_same_bits_in_every_thread() -> None:
+    """Solve in four threads at a time with one factor: each time the same bits."""
+    mesh = MESHES["cube"]
+    factor = Factor(stiffness(mesh), mesh.vertices, Factorisation.SUPERNODES)
+    right = right_of(mesh)
+    alone = solved(factor, right)
+    with ThreadPoolExecutor(4) as pool:
+        assert all(np.array_equal(found, alone) for found in pool.map(lambda _: solved(factor, right), range(40)))
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_dissection_separates(name: str) -> None:
+    """Order a body: every vertex once; what a thick body fills is far less than in a narrow order."""
+    mesh = MESHES[name]
+    graph = stiffness(mesh).tocsr()
+    order = dissected(graph, mesh.vertices)
+    np.testing.assert_array_equal(np.sort(order), np.arange(mesh.n_vertices))
+
+
+def test_dissection_fills_less_where_a_body_is_thick() -> None:
+    """Eliminate a cube of 15 cells a side: at most 0.8 of what cross-section by cross-section fills."""
+    mesh = bar([1.0, 1.0, 1.0], [15, 15, 15])
+    graph = stiffness(mesh).tocsr()
+    narrow, halves = (
+        supernodes.eliminated(graph, order(graph, mesh.vertices)).entries
+        for order in (supernodes.narrow_order, supernodes.dissected)
+    )
+    assert halves < 0.8 * narrow
+
+
+def test_points_at_one_place_are_no_obstacle() -> None:
+    """Put all vertices to one place, as a mesh of cells without extent would: an order there is all the same."""
+    graph = stiffness(MESHES["bar"]).tocsr()
+    order = dissected(graph, np.zeros((graph.shape[0], 3)))
+    np.testing.assert_array_equal(np.sort(order), np.arange(graph.shape[0]))
