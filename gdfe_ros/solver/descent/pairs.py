@@ -15,6 +15,8 @@ from gdfe_ros.compiled import internal, kernel, parallel_kernel, vector_kernel
 from gdfe_ros.solver.distance import largest
 
 CURVATURE = 1e-10
+LARGE = 50_000
+"""Unknowns from which it pays to share the history among threads."""
 MOST_SHORTENED = 1e-4
 """Factor by which the history may shorten the plain preconditioned step. The last pairs of a very exact solve are made
 of rounding; were they believed, a body whose command has changed would seem to be at rest."""
@@ -96,7 +98,7 @@ def take_products(work, threads):
     """Take the history's products with the gradient, and with them those of the newest pair with the older ones."""
     status = work.status[0]
     count = status.count
-    if threads is None:
+    if threads is None or len(work.direction) < LARGE:
         multiply_history(work, 0, count)
     else:
         multiply_in_threads(threads, work, count)
@@ -155,7 +157,7 @@ def find_direction(work, threads):
         for j in range(i):
             upper[i] -= work.triangle[j, i] * upper[j]
         upper[i] /= work.triangle[i, i]
-    if threads is None:
+    if threads is None or len(d) < LARGE:
         combine(work, scale, 0, len(d))
     else:
         combine_in_threads(threads, work, scale)

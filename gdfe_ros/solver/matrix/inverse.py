@@ -97,7 +97,7 @@ def solve_rows(inverse, values, x, threads):
     begin, end = inverse.group_start[groups], len(inverse.length)
     above = x[3 * inverse.first[begin] :]
     taken = np.zeros((groups, len(above)))
-    if threads is None:
+    if threads is None or groups == 0:
         reduce_groups(inverse, values, x, taken, 0, groups)
     else:
         reduce_in_threads(threads, inverse, values, x, taken)
@@ -106,7 +106,7 @@ def solve_rows(inverse, values, x, threads):
             above[i] += taken[group, i]
     reduce_nodes(inverse, values, x, above, begin, end)
     expand_nodes(inverse, values, x, begin, end)
-    if threads is None:
+    if threads is None or groups == 0:
         expand_nodes(inverse, values, x, 0, begin)
     else:
         expand_in_threads(threads, inverse, values, x)
