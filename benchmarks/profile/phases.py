@@ -131,7 +131,7 @@ class Phases:
                 self._move(SOLVES, inner.solves, lambda a=apply, w=work, g=given, p=problem: a(p, g, w))
 
     def _move(self, phase: str, count: int, work: Callable[[], Any]) -> None:
-        share = fastest(work) * count
+        share = min(fastest(work) * count, self.seconds[HISTORY])
         self.seconds[phase] += share
         self.seconds[HISTORY] -= share
         self.calls[phase] += count

@@ -23,7 +23,7 @@ def test_phases_add_up(scene: str, steps: int) -> None:
     assert phases.calls[EVALUATIONS] > steps
     assert phases.calls[SOLVES] > steps
     assert (phases.calls[TANGENTS] > 0) == (scene == "tendon_finger")
-    assert min(phases.seconds.values()) > 0.0
+    assert min(phases.seconds.values()) >= 0.0
 
 
 def test_numbers_count_what_is_done_with_them() -> None:
