@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from benchmarks import constant_factors, contact, cut_cells, factors, motion, second_level, streams
+from benchmarks import batches, constant_factors, contact, cut_cells, factors, motion, second_level, streams
 from benchmarks.coarse_meshes import table as coarse_meshes
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.node import tables as node_tables
@@ -38,6 +38,7 @@ def texts() -> dict[str, str]:
         "scene": scene_reference.markdown(),
         "node": node_reference.markdown(),
         "constants": constant_table(),
+        "batches": batches.batch_table(json.loads((DATA / "batches.json").read_text())),
         "constant factors": constant_factors.table(json.loads((DATA / "constant_factors.json").read_text())),
         "factors": factors.table(json.loads((DATA / "factors.json").read_text())),
         "robots_level": second_level.table(json.loads((DATA / "robots_level.json").read_text())["rows"]),
