@@ -2,7 +2,7 @@
 """Many simulations at once: one after another, in threads of one process, in processes; steps a second, summed.
 
 ``python -m benchmarks.batches [DIRECTORY]`` writes ``batches.json`` into the directory (default: runs/batches) and
-prints the table. Each way runs in a process of its own, in turns; medians count. Bodies with an
+prints the table of docs/benchmark.md. Each way runs in a process of its own, in turns; medians count. Bodies with an
 equal matrix share its factor in a process: what the first one of them and each further one takes stands beside.
 """
 

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from benchmarks.factors import seconds
 from benchmarks.markdown import markdown_table
 from benchmarks.scaling import SIZES
 from gdfe_ros.mesh import bar
@@ -52,7 +53,7 @@ def measured(cells: tuple[int, int, int]) -> dict[str, Any]:
             solve = prepare(matrix, right, out)
             if solve is not None:
                 taken[name], solves[name] = time.process_time() - began, solve
-    times = [{name: _seconds(solve) for name, solve in solves.items()} for _ in range(REPEATS)]
+    times = [{name: seconds(solve) for name, solve in solves.items()} for _ in range(REPEATS)]
     return {
         "vertices": len(points),
         "entries": int(factor.inverse.value_start[-1]),
@@ -86,11 +87,8 @@ def table(report: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _superlu(matrix: sparse.csc_matrix, right: NDArray[np.float64], out: NDArray[np.float64]) -> Solve:
-    from scipy.sparse.linalg import splu
-
-    options = {"SymmetricMode": True}
-    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-    return lambda: factor.solve(right)
+    factor = Factor(matrix, np.zeros((len(right), 3)), Factorisation.SCIPY)
+    return lambda: factor.solve(right, out)
 
 
 def _cholmod(matrix: sparse.csc_matrix, right: NDArray[np.float64], out: NDArray[np.float64]) -> Solve | None:
@@ -102,12 +100,6 @@ def _cholmod(matrix: sparse.csc_matrix, right: NDArray[np.float64], out: NDArray
     indices = entries.row.astype(np.int32), entries.col.astype(np.int32)
     factor = cholespy.CholeskySolverD(matrix.shape[0], *indices, entries.data, cholespy.MatrixType.COO)
     return lambda: factor.solve(right, out)
-
-
-def _seconds(work: Solve) -> float:
-    began = time.process_time()
-    work()
-    return time.process_time() - began
 
 
 def main() -> None:

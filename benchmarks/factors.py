@@ -57,8 +57,8 @@ def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray) -> dict[str, 
     band, found = Band(graph, narrow), least_filled(graph, narrow)
     kinds: tuple[Factor, Factor] = band, Fronts(graph, found)
     right = np.random.default_rng(0).standard_normal(3 * count)
-    factors = [[_seconds(lambda kind=kind: kind.factor(blocks)) for kind in kinds] for _ in range(REPEATS)]
-    solves = [[_seconds(lambda kind=kind: kind.solve(right)) for kind in kinds] for _ in range(REPEATS)]
+    factors = [[seconds(lambda kind=kind: kind.factor(blocks)) for kind in kinds] for _ in range(REPEATS)]
+    solves = [[seconds(lambda kind=kind: kind.solve(right)) for kind in kinds] for _ in range(REPEATS)]
     return {
         "unknowns": 3 * count,
         "taken": type(factor_for(graph, points)).__name__,
@@ -68,7 +68,8 @@ def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray) -> dict[str, 
     }
 
 
-def _seconds(run: Callable[[], Any]) -> float:
+def seconds(run: Callable[[], Any]) -> float:
+    """Return the processor time [s] of a run."""
     started = time.process_time()
     run()
     return time.process_time() - started

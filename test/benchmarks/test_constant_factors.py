@@ -24,5 +24,6 @@ def test_the_libraries_solve_the_same_matrix() -> None:
     """Solve with SuperLU as it is measured: the residual is rounding."""
     matrix, points = constant_factors.held_bar((6, 2, 2))
     right = np.random.default_rng(0).standard_normal((len(points), 3))
-    found = constant_factors._superlu(matrix, right, np.empty_like(right))()
+    found = np.empty_like(right)
+    constant_factors._superlu(matrix, right, found)()
     np.testing.assert_allclose(matrix @ found, right, atol=1e-10)

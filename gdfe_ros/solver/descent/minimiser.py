@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +62,11 @@ class Task:
     deadline: Deadline | None = None
     level: TangentLevel | None = None
 
+    @property
+    def turn(self) -> AbstractContextManager[object]:
+        """What is entered around a call that may share its work among threads."""
+        return nullcontext() if self.problem.threads is None else _TEAM
+
     def evaluate(self) -> None:
         """Evaluate all terms where the unknowns are."""
         self.advance(0.0, first=True)
@@ -77,7 +82,7 @@ class Task:
 
     def advance(self, goal: float, *, first: bool = False) -> bool:
         """Do one iteration towards a step of at most ``goal`` [m]; see `quasi_newton.advance`."""
-        with nullcontext() if self.problem.threads is None else _TEAM:
+        with self.turn:
             return quasi_newton.advance(self.problem, self.active.workspace, goal, first)
 
 
@@ -202,8 +207,7 @@ class Minimiser:
         def iterate(done: int, most: int) -> int:
             return quasi_newton.descend(*given, least - done, target, most, evaluate and done == 0)
 
-        with nullcontext() if task.problem.threads is None else _TEAM:
-            return self._run_compiled(task, iterate, limit, least=unasked, chunk=chunk)
+        return self._run_compiled(task, iterate, limit, least=unasked, chunk=chunk)
 
     def _run_kept(self, task: Task, target: float, limit: int, *, prepared: bool) -> Descended:
         """Iterate with a kept tangent; where it is ``prepared``, the first step is preconditioned."""
@@ -214,8 +218,7 @@ class Minimiser:
         def iterate(done: int, most: int) -> int:
             return quasi_newton.descend_kept(task.problem, work, task.level.kept, target, most)
 
-        with nullcontext() if task.problem.threads is None else _TEAM:
-            return self._run_compiled(task, iterate, limit, least=0, chunk=1)
+        return self._run_compiled(task, iterate, limit, least=0, chunk=1)
 
     def _run_compiled(
         self, task: Task, iterate: Callable[[int, int], int], limit: int, *, least: int, chunk: int
@@ -231,7 +234,8 @@ class Minimiser:
             if task.deadline:
                 most = min(most, least - done if done < least else chunk)
             most = 1 if self.observer else most
-            used = iterate(done, most)
+            with task.turn:
+                used = iterate(done, most)
             self._show(work, begins=False)
             done += used
             if used < most:

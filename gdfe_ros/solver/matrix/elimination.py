@@ -70,6 +70,22 @@ class Elimination(NamedTuple):
         size = len(self.order)
         return np.searchsorted(self.owner * size + self.rows, nodes * size + rows) - self.row_start[nodes]
 
+    def parts(self, graph: sparse.csr_matrix) -> tuple[NDArray[np.int64], ...]:
+        """Return what each supernode takes of the matrix: its upper triangle (k,), supernode by supernode.
+
+        Returns:
+            Number among the graph's entries, row and place in the supernode's front (k,), and where each one's
+            begin (s + 1,).
+        """
+        rank = np.argsort(self.order)
+        row, column = rank[np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))], rank[graph.indices]
+        taken = np.flatnonzero(row <= column)
+        owner = np.searchsorted(self.first, row[taken], side="right") - 1
+        by_owner = np.argsort(owner, kind="stable")
+        taken, owner = taken[by_owner], owner[by_owner]
+        begin = np.searchsorted(owner, np.arange(len(self.first)))
+        return taken, row[taken] - self.first[owner], self.stand(owner, column[taken]), begin
+
     def inside(self) -> NDArray[np.int64]:
         """Return where each row (r,) beyond a supernode's own stands among its parent's; -1 elsewhere."""
         owner = self.owner

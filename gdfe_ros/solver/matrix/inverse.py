@@ -139,7 +139,8 @@ def expand_in_threads(threads, inverse, values, x):
 @vector_kernel
 def reduce_nodes(inverse, values, x, above, begin, end):
     """Solve U^T x = x for the supernodes ``begin`` to ``end``; ``above`` are the rows after those of all groups."""
-    local, blank = np.empty(3 * longest(inverse, begin, end)), len(values) - inverse.length.max()
+    longest = inverse.length.max()
+    local, blank = np.empty(3 * longest), len(values) - longest
     top = inverse.first[inverse.group_start[-1]]
     for node in range(begin, end):
         start, length = inverse.first[node], inverse.length[node]
@@ -162,7 +163,8 @@ def reduce_nodes(inverse, values, x, above, begin, end):
 @vector_kernel
 def expand_nodes(inverse, values, x, begin, end):
     """Solve U x = x for the supernodes ``begin`` to ``end``, the last one first."""
-    local, blank = np.empty(3 * longest(inverse, begin, end)), len(values) - inverse.length.max()
+    longest = inverse.length.max()
+    local, blank = np.empty(3 * longest), len(values) - longest
     for node in range(end - 1, begin - 1, -1):
         start, length = inverse.first[node], inverse.length[node]
         rows = inverse.rows[inverse.row_start[node] : inverse.row_start[node + 1]]
@@ -174,15 +176,6 @@ def expand_nodes(inverse, values, x, begin, end):
         expand_rows(values, inverse.value_start[node], blank, u, v, w, own)
         for k in range(own):
             x[3 * (start + k)], x[3 * (start + k) + 1], x[3 * (start + k) + 2] = u[k], v[k], w[k]
-
-
-@vector_kernel
-def longest(inverse, begin, end):
-    """Return the length of the longest rows of some supernodes."""
-    most = 0
-    for node in range(begin, end):
-        most = max(most, inverse.length[node])
-    return most
 
 
 @vector_kernel

@@ -69,7 +69,8 @@ def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact:
 
 def _factor(graph: sparse.csr_matrix, found: Elimination, value_start: NDArray, values: NDArray) -> None:
     """Write the rows of the factor to ``values``, supernode by supernode."""
-    part_start, rows, columns, entries = _parts(graph, found)
+    taken, rows, columns, part_start = found.parts(graph)
+    entries = graph.data[taken]
     inside, widths = found.inside(), found.widths
     left: dict[int, list[tuple[NDArray[np.float64], NDArray[np.int64]]]] = {}
     for node in range(len(widths)):
@@ -92,16 +93,3 @@ def _factor(graph: sparse.csr_matrix, found: Elimination, value_start: NDArray, 
         kept[:, own:height] = beyond
         rest = dsyrk(-1.0, beyond, beta=1.0, c=front[own:, own:], trans=1)
         left.setdefault(int(found.parent[node]), []).append((rest.T, inside[begin + own : end]))
-
-
-def _parts(graph: sparse.csr_matrix, found: Elimination) -> tuple[NDArray, ...]:
-    """Return where the parts of each supernode begin (s + 1,), and row, column and value (k,) of all in its front."""
-    rank = np.argsort(found.order)
-    row = rank[np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))]
-    column = rank[graph.indices]
-    taken = np.flatnonzero(row <= column)
-    owner = np.searchsorted(found.first, row[taken], side="right") - 1
-    by_owner = np.argsort(owner, kind="stable")
-    taken, owner = taken[by_owner], owner[by_owner]
-    start = np.searchsorted(owner, np.arange(len(found.first)))
-    return start, row[taken] - found.first[owner], found.stand(owner, column[taken]), graph.data[taken]

@@ -156,7 +156,8 @@ class Fronts:
         room = 3 * int(heights.max(initial=0))
         inner = found.parent >= 0
         children = np.argsort(found.parent, kind="stable")[np.sum(~inner) :]
-        self._parts, part_start = _parts(graph, found)
+        taken, row, place, part_start = found.parts(graph)
+        self._parts = np.stack([taken, 3 * row, 3 * place], axis=1)
         self._plan = Plan(
             found.first,
             found.row_start,
@@ -185,20 +186,6 @@ class Fronts:
         solution = np.empty_like(right)
         solve_kept(self.kept, right, solution)
         return solution
-
-
-def _parts(graph: sparse.csr_matrix, found: Elimination) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return blocks of the upper triangle, and row and column (k, 3) where they go in a front; where each begins."""
-    rank = np.argsort(found.order)
-    row = rank[np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))]
-    column = rank[graph.indices]
-    taken = np.flatnonzero(row <= column)
-    owner = np.searchsorted(found.first, row[taken], side="right") - 1
-    taken = taken[np.argsort(owner, kind="stable")]
-    owner = np.sort(owner)
-    place = found.stand(owner, column[taken])
-    parts = np.stack([taken, 3 * (row[taken] - found.first[owner]), 3 * place], axis=1)
-    return parts, _starts(np.bincount(owner, minlength=len(found.first) - 1))
 
 
 def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
