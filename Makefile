@@ -2,7 +2,9 @@
 # make live [SCENE=pneunet] the running scene in the browser
 # make install            .venv with the commands gdfe, sim_node
 # make test-loaded        the tests five times beside two busy loops
+# make test-elsewhere     what computes with the rounding of other processors, and with vertices shifted by 1e-13
 # make torture            the numerical torture test             make bench run time against error
+# make measure            every table of the pages anew, where its solver is not this one [ONLY=robots] [AGAIN=1]
 # make profile            where the time of a step goes, and what the machine would allow
 # make bench-since COMMIT=...   run times over those of another commit, in turn
 # make bench-node         latency of commands, cost of the node beside the solver, idleness, floods of bad commands
@@ -33,9 +35,9 @@ STAMP   := $(VENV)/.installed-$(FLAVOUR)
 OTHER   := $(filter-out $(STAMP),$(wildcard $(VENV)/.installed-*))
 PIP     := $(BIN)/python -m pip --disable-pip-version-check --quiet install --use-pep517
 
-.PHONY: install run live test test-loaded browser torture manners bench bench-node bench-node-since bench-since bench-motion \
-        bench-contact bench-coarse bench-skip bench-streams bench-batches bench-sweep profile \
-        bags docs clean
+.PHONY: install run live test test-loaded test-elsewhere browser torture manners measure bench bench-node \
+        bench-node-since bench-since bench-motion bench-contact bench-coarse bench-skip bench-streams bench-batches \
+        bench-sweep profile bags docs clean
 
 install: $(STAMP)
 
@@ -98,6 +100,10 @@ test: $(VENV)/.extra-test $(VENV)/.extra-docs browser
 test-loaded: $(VENV)/.extra-test $(VENV)/.extra-docs browser
 	@$(BIN)/python test/loaded.py $(PARALLEL)
 
+# One rounding alone, or each twice: make test-elsewhere ELSEWHERE='--only zen3'
+test-elsewhere: $(VENV)/.extra-test
+	@$(BIN)/python test/elsewhere.py $(ELSEWHERE) -n 2 --dist loadfile --no-loadscope-reorder
+
 # Half an hour, most of it three walks of 100 000 steps; TORTURE_WALK_STEPS=1000 shortens them.
 # TORTURE_EXAMPLES=2500 makes the fuzzing of test/torture long: pytest test/torture/test_fuzz_scenes.py
 torture: $(VENV)/.extra-test
@@ -152,6 +158,11 @@ bench-sweep: install
 bench: $(VENV)/.extra-test $(VENV)/.extra-bench
 	@$(BIN)/python -m pytest -q -m bench
 	@$(BIN)/python -m benchmarks
+
+# An hour on two quiet cores, table by table into test/data; what is interrupted goes on where it stopped.
+# CalculiX is measured where it is installed: apt-get install calculix-ccx
+measure: $(VENV)/.extra-test $(VENV)/.extra-bench
+	@$(BIN)/python -m benchmarks.measure $(if $(ONLY),--only $(ONLY)) $(if $(AGAIN),--again)
 
 bags: install
 	@$(BIN)/python bags/record.py

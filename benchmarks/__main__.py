@@ -3,19 +3,21 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
-import platform
 import sys
 from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
 
+from benchmarks.cases import CaseName, get_case
 from benchmarks.cold import Job, jobs, missing, run_jobs
+from benchmarks.peers import gdfe_peer
 from benchmarks.peers.peer import PeerError, PeerResult
-from benchmarks.scaling import measure_ratios, measure_scaling
+from benchmarks.references import load_reference, measure_error
+from benchmarks.replay import summed
+from benchmarks.report import options, write_report
+from benchmarks.scaling import SIZES, measure_ratios, measure_scaling, scaling_probe
 from benchmarks.series import PAPER, exact_joint, simulated_joint
 from benchmarks.tables import all_tables
 from gdfe_ros.materials import Law
@@ -24,10 +26,9 @@ from gdfe_ros.solver.settings import Policy
 
 def main() -> int:
     """Measure, write bench.json and the picture, print the tables; return 1 where a run failed."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("runs/bench"), help="directory of bench.json and the picture")
+    parser = options("benchmarks", "Run time against error beside FElupe, CalculiX and MuJoCo; scaling.", "bench")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each kind; the median counts (default: 3)")
-    parser.add_argument("--quick", action="store_true", help="leave out runs of more than ten seconds")
+    parser.add_argument("--quick", action="store_true", help="leave out runs of more than ten seconds, and sizes")
     arguments = parser.parse_args()
     console, failures = Console(), []
     for name, reason in missing().items():
@@ -44,22 +45,36 @@ def main() -> int:
     wanted = jobs(slow=not arguments.quick, threads=os.cpu_count() or 1)
     results = run_jobs(wanted, repeats=arguments.repeats, done=done)
     report = {
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
         "missing": missing(),
         "failures": failures,
         "results": [result.to_json() for result in results],
         "joint": _joints(),
-        "scaling": measure_scaling(),
+        "scaling": measure_scaling(SIZES[:2] if arguments.quick else SIZES),
         "ratios": measure_ratios(),
     }
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / "bench.json").write_text(json.dumps(report, indent=1))
-    _draw(arguments.out / "front.png", results)
+    write_report(arguments.out, report, probe())
+    picture = (arguments.pictures or arguments.out.parent) / "front.png"
+    _draw(picture, results)
     for name, text in all_tables(report).items():
         console.print(f"\n{name}\n", style="bold")
         print(text)
-    console.print(f"\nwritten: {arguments.out / 'bench.json'}, {arguments.out / 'front.png'}")
+    console.print(f"\nwritten: {arguments.out}, {picture}")
     return 1 if failures else 0
+
+
+def probe() -> dict[str, float]:
+    """Solve our coarsest mesh of every scene and the paper's, from rest, and the smallest size of all."""
+    found = scaling_probe(SIZES[:1])
+    for name in CaseName:
+        case, reference = get_case(name), load_reference(name)
+        cold = [item for item in gdfe_peer.variants(case) if item.steps == 1]
+        smallest = min(item.cells for item in cold)
+        for variant in [item for item in cold if item.cells in (smallest, case.cells)]:
+            solution = gdfe_peer.solve(case, variant, reference.vertices)
+            label = f"{name.value} {variant.label}"
+            found[f"{label}: iterations"] = solution.settings["iterations"]
+            found[f"{label}: error"] = measure_error(solution.displacement, reference.displacement).mean
+    return summed(found)
 
 
 def _joints() -> list[dict[str, float | str]]:

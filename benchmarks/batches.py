@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many simulations at once: one after another, in threads of one process, in processes; steps a second, summed.
 
-``python -m benchmarks.batches [DIRECTORY]`` writes ``batches.json`` into the directory (default: runs/batches) and
-prints the table of docs/benchmark.md. Each way runs in a process of its own, in turns; medians count. Bodies with an
-equal matrix share its factor in a process: what the first one of them and each further one takes stands beside.
+``python -m benchmarks.batches [--out FILE]`` prints the table of docs/benchmark.md. Each way runs in a process of its
+own, in turns; medians count. Bodies with an equal matrix share its factor in a process: what the first one of them and
+each further one takes stands beside.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from enum import Enum
 from functools import cache
-from pathlib import Path
 from statistics import mean, median
 from time import perf_counter
 from typing import Any
 
 from benchmarks.markdown import markdown_table
 from benchmarks.peers.peer import worker_environment
+from benchmarks.replay import first_steps
+from benchmarks.report import options, write_report
 
 SCENE = "bend5"
 MESHES = ((10, 1, 1), (20, 2, 2), (50, 5, 5))
@@ -132,16 +133,24 @@ def _play_anew(cells: list[int]) -> None:
     _play(_OWN[key])
 
 
-def main(out: Path) -> None:
-    """Measure and print."""
+def probe() -> dict[str, float]:
+    """Replay the first steps of every mesh."""
+    found: dict[str, float] = {}
+    for cells in MESHES:
+        found |= first_steps("x".join(map(str, cells)), _simulation(list(cells)), STEPS)
+    return found
+
+
+def main() -> None:
+    """Measure, keep, print."""
+    given = options("benchmarks.batches", "Many simulations at once.", "batches").parse_args()
     report = [measure(cells, os.cpu_count() or 1) for cells in MESHES]
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "batches.json").write_text(json.dumps(report, indent=1))
+    write_report(given.out, report, probe())
     print(batch_table(report))
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 4:
+    if len(sys.argv) == 4 and not sys.argv[1].startswith("-"):
         print(json.dumps(_batch(Way(sys.argv[1]), json.loads(sys.argv[2]), int(sys.argv[3]))))
     else:
-        main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/batches"))
+        main()

@@ -63,10 +63,7 @@ def measured_beam(load: int) -> Curve:
 
 def simulated_beam(load: int, damping: Mapping[str, float] | None) -> Curve:
     """Return the same of the scene `silicone_beam`: the mean of its end face; None takes the Prony branch."""
-    given: dict[str, Any] = {"dynamics": {"step": 0.005, **({"damping": damping} if damping else {"prony": PRONY})}}
-    if load:
-        given["masses"] = {"load": {"mass": 1e-3 * load, "where": {"face": "x+"}}}
-    simulation = Simulation(load_scene("silicone_beam", overrides=given))
+    simulation = beam_simulation(load, damping)
     end = simulation.mesh.vertices[:, 0] > 0.0999
     height, times = [], []
     while simulation.time < LASTS:
@@ -74,6 +71,14 @@ def simulated_beam(load: int, damping: Mapping[str, float] | None) -> Curve:
         height.append(1e3 * result.positions[end, 2].mean())
         times.append(result.time)
     return np.array(times), np.array(height)
+
+
+def beam_simulation(load: int, damping: Mapping[str, float] | None) -> Simulation:
+    """Return the simulation of the beam with a load [g] and a damping; None takes the Prony branch."""
+    given: dict[str, Any] = {"dynamics": {"step": 0.005, **({"damping": damping} if damping else {"prony": PRONY})}}
+    if load:
+        given["masses"] = {"load": {"mass": 1e-3 * load, "where": {"face": "x+"}}}
+    return Simulation(load_scene("silicone_beam", overrides=given))
 
 
 def measure_beam() -> dict[str, Any]:

@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A chamber robot beside FElupe on the same mesh, over its whole program.
 
-``python -m benchmarks.chamber [DIRECTORY]`` runs both (a few minutes), writes ``chamber.json`` and
-``bending_tube_felupe.npz`` into the directory (default: runs/chamber) and prints the table of docs/benchmark.md.
+``python -m benchmarks.chamber [--out FILE]`` runs both (a few minutes), writes ``bending_tube_felupe.npz`` into
+runs/chamber, and prints the table of docs/benchmark.md.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,10 +18,12 @@ from numpy.typing import NDArray
 
 from benchmarks.chamber_reference import solve_chamber
 from benchmarks.markdown import markdown_table
+from benchmarks.report import options, write_report
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Command, Simulation
 
 SCENE, ACTUATOR, PROBE = "bending_tube", "air", "tip"
+REFERENCE = Path("runs", "chamber", f"{SCENE}_felupe.npz")
 PRESSURES = np.arange(1, 12) * 1e3
 """Up to the largest pressure of the program [Pa]."""
 PACE = 27
@@ -34,10 +34,11 @@ ACROSS = ("tip", "tip_top")
 
 @dataclasses.dataclass(frozen=True)
 class Followed:
-    """Tip (k, 3) [m] and angle (k,) [degrees] at ascending pressures, and the time that all took [s]."""
+    """Tip (k, 3) [m] and angle (k,) [degrees] at ascending pressures, iterations and time [s] that all took."""
 
     tip: NDArray[np.float64]
     angle: NDArray[np.float64]
+    iterations: int
     seconds: float
 
 
@@ -46,10 +47,11 @@ def follow(scene: Scene, pressures: Sequence[float], *, tolerance: float | None 
     tolerance = scene.solver.tolerance if tolerance is None else tolerance
     simulation = Simulation(scene, settings=dataclasses.replace(scene.solver, tolerance=tolerance))
     simulation.warm_up()
-    started, tips, angles, last = time.process_time(), [], [], 0.0
+    started, tips, angles, last, iterations = time.process_time(), [], [], 0.0, 0
     for pressure in pressures:
         for value in np.linspace(last, pressure, pace + 1)[1:]:
             result = simulation.step(Command(actuators={ACTUATOR: float(value)}), dt=1.0)
+            iterations += result.iterations
             if not result.converged:
                 raise RuntimeError(f"{scene.name} at {value:g} Pa: {result.message}")
         last = float(pressure)
@@ -57,7 +59,7 @@ def follow(scene: Scene, pressures: Sequence[float], *, tolerance: float | None 
         across = probes[ACROSS[1]] - probes[ACROSS[0]]
         tips.append(probes[PROBE])
         angles.append(np.degrees(np.arctan2(across[0], across[2])))
-    return Followed(np.array(tips), np.array(angles), time.process_time() - started)
+    return Followed(np.array(tips), np.array(angles), iterations, time.process_time() - started)
 
 
 def deviation(scene: Scene, tip: NDArray[np.float64], exact: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,8 +81,15 @@ def chamber_table(report: dict[str, Any]) -> str:
     return markdown_table((*head, "difference [% of tip displacement]"), rows)
 
 
-def main(out: Path) -> None:
+def probe() -> dict[str, float]:
+    """Follow to the first pressure."""
+    found = follow(load_scene(SCENE), PRESSURES[:1])
+    return {"angle [degrees]": float(found.angle[0]), "iterations": found.iterations}
+
+
+def main() -> None:
     """Run both, keep what they found and print the table."""
+    given = options("benchmarks.chamber", "A chamber robot beside FElupe.", "chamber").parse_args()
     from pypardiso import spsolve
 
     scene = load_scene(SCENE)
@@ -99,9 +108,9 @@ def main(out: Path) -> None:
         "felupe_seconds": seconds,
         "seconds": ours.seconds,
     }
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "chamber.json").write_text(json.dumps(report, indent=1))
-    np.savez(out / f"{SCENE}_felupe.npz", pressure=PRESSURES, tip=exact)
+    write_report(given.out, report, probe())
+    REFERENCE.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(REFERENCE, pressure=PRESSURES, tip=exact)
     print(chamber_table(report))
 
 
@@ -110,4 +119,4 @@ def _millimetres(point: Sequence[float]) -> str:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/chamber"))
+    main()

@@ -6,10 +6,8 @@ Processor time of one thread; scipy's SuperLU always, CHOLMOD where cholespy is 
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 
 from benchmarks.factors import seconds
 from benchmarks.markdown import markdown_table
+from benchmarks.report import options, write_report
 from benchmarks.scaling import SIZES
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.operators import shape_operators
@@ -36,6 +35,15 @@ Solve = Callable[[], object]
 def rows() -> list[dict[str, Any]]:
     """Measure every size of the benchmark's bars, held at one end."""
     return [measured(cells) for cells in SIZES]
+
+
+def probe() -> dict[str, float]:
+    """Return the numbers in the factors of the two smallest bars."""
+    found = {}
+    for cells in SIZES[:2]:
+        factor = Factor(*held_bar(cells), Factorisation.SUPERNODES)
+        found[f"{cells[0]} cells long: numbers"] = int(factor.inverse.value_start[-1])
+    return found
 
 
 def measured(cells: tuple[int, int, int]) -> dict[str, Any]:
@@ -103,13 +111,13 @@ def _cholmod(matrix: sparse.csc_matrix, right: NDArray[np.float64], out: NDArray
 
 
 def main() -> None:
-    """Measure, keep in runs/bench/constant_factors.json, print."""
+    """Measure, keep, print."""
+    words = "Factors of constant matrices, ours and those of libraries."
+    given = options("benchmarks.constant_factors", words, "constant_factors").parse_args()
     held = held_bar(SIZES[0])
     Factor(*held, Factorisation.SUPERNODES)  # compiled
     found = rows()
-    path = Path("runs/bench/constant_factors.json")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(found, indent=1))
+    write_report(given.out, found, probe())
     print(table(found))
 
 

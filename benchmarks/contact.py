@@ -1,24 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Contact beside others and theory: a cube on a ball, a ball between plates, a slab on a slope, grips.
 
-``make bench-contact`` writes runs/contact/contact.json and prints the tables of docs/theory/contact.md;
-``python -m benchmarks.contact runs/contact grip`` only measures that part anew.
+``make bench-contact`` writes a report into runs/bench and prints the tables of docs/theory/contact.md.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from benchmarks import grasp, grip, pressing, self_contact
 from benchmarks.markdown import markdown_table
-from gdfe_ros.scene.loader import scene_from_text
+from benchmarks.replay import first_steps
+from benchmarks.report import options, write_report
+from gdfe_ros.scene.loader import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation
 
 SLIDER = """
@@ -32,6 +31,8 @@ dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
 """
 SLOPE, GRAVITY = math.radians(30.0), 9.81
 FRICTIONS = (0.1, 0.3, 0.57, 0.7, 1.0)
+SLID = 20
+"""Steps of a slab in the probe."""
 SETTLED, STUCK = 5.0, 60.0
 """Between which times [s] what sticks is watched."""
 
@@ -41,9 +42,7 @@ def slide(friction: float) -> dict[str, Any]:
 
     The drift [m/s] is that of the vertex that moves most, from `SETTLED` to `STUCK`; every step is solved.
     """
-    gravity = [GRAVITY * math.sin(SLOPE), 0.0, -GRAVITY * math.cos(SLOPE)]
-    overrides = {"obstacles.floor.friction": friction, "loads": {"weight": {"gravity": gravity}}, "solver.skip": []}
-    simulation, path, iterations = Simulation(scene_from_text(SLIDER, overrides=overrides)), [], 0
+    simulation, path, iterations = _slab(friction), [], 0
     for _ in range(400):
         result = simulation.step()
         iterations += result.iterations
@@ -61,6 +60,12 @@ def slide(friction: float) -> dict[str, Any]:
             assert result.converged, result.message
     moved = np.linalg.norm(simulation.positions - before, axis=1).max()
     return {**row, "drift": float(moved) / (STUCK - SETTLED)}
+
+
+def _slab(friction: float) -> Simulation:
+    gravity = [GRAVITY * math.sin(SLOPE), 0.0, -GRAVITY * math.cos(SLOPE)]
+    overrides = {"obstacles.floor.friction": friction, "loads": {"weight": {"gravity": gravity}}, "solver.skip": []}
+    return Simulation(scene_from_text(SLIDER, overrides=overrides))
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
@@ -91,16 +96,39 @@ MEASURES: dict[str, Callable[[], dict[str, Any]]] = {
 }
 
 
-def main(out: Path, names: Sequence[str]) -> None:
-    """Measure what is named, or all; keep, and print all that is kept."""
-    kept = out / "contact.json"
-    report = json.loads(kept.read_text()) if names and kept.exists() else {}
-    for name in names or MEASURES:
+def probe() -> dict[str, float]:
+    """Press blocks on each other, let slabs go, press the coarse cube a little, and begin the scene `grasp`."""
+    found: dict[str, float] = {}
+    for cells in self_contact.CELLS[:1]:
+        row = self_contact.press_blocks(*cells)
+        found |= {f"blocks of {cells} cells: {name}": row[name] for name in ("force", "iterations")}
+    for friction in (FRICTIONS[0], FRICTIONS[-1]):
+        slab = _slab(friction)
+        for _ in range(SLID):
+            slab.step()
+        moved = float((slab.positions - slab.mesh.vertices)[:, 0].mean())
+        found[f"slab with friction {friction:g}: moved down the slope [m]"] = moved
+    pressed = pressing.press_cube(8, "faces", moves=2)
+    found["cube on a ball: force [N]"] = sum(row["force"] for row in pressed)
+    return found | first_steps("grasp", Simulation(load_scene("grasp")), None)
+
+
+def main() -> None:
+    """Measure, keep, print."""
+    parser = options("benchmarks.contact", "Contact beside others and theory.", "contact")
+    parser.add_argument("part", nargs="*", help=f"only print these, as they are: {', '.join(MEASURES)}")
+    given = parser.parse_args()
+    if unknown := set(given.part) - set(MEASURES):
+        parser.error(f"no part {', '.join(sorted(unknown))}; there are {', '.join(MEASURES)}")
+    report: dict[str, Any] = {}
+    for name in given.part or MEASURES:
         report |= MEASURES[name]()
-    out.mkdir(parents=True, exist_ok=True)
-    kept.write_text(json.dumps(report, indent=1))
+    if given.part:
+        print(json.dumps(report, indent=1))
+        return
+    write_report(given.out, report, probe())
     print("\n\n".join(all_tables(report).values()))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/contact"), sys.argv[2:])
+    main()

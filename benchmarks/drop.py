@@ -78,10 +78,14 @@ def repeated(run: Callable[[], DropPath]) -> DropPath:
     return sorted(found, key=lambda each: each.seconds)[len(found) // 2]
 
 
+def drop_settings(cells: tuple[int, int, int], scheme: str, h: float) -> dict[str, Any]:
+    """Return the overrides of the scene `drop` for cells, a scheme and a step [s]."""
+    return {"mesh.bar.cells": list(cells), "dynamics.scheme": scheme, "dynamics.step": h}
+
+
 def measure_ours(cells: tuple[int, int, int], scheme: str, h: float) -> dict[str, Any]:
     """Return error, processor time and iterations of one of our runs."""
-    given = {"mesh.bar.cells": list(cells), "dynamics.scheme": scheme, "dynamics.step": h}
-    simulation = Simulation(load_scene("drop", overrides=given))
+    simulation = Simulation(load_scene("drop", overrides=drop_settings(cells, scheme, h)))
     simulation.warm_up()
     iterations: list[int] = []
 

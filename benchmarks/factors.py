@@ -6,16 +6,15 @@ Medians of the processor time of one thread; the kind that the solver takes is m
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
 
 from benchmarks.markdown import markdown_table
+from benchmarks.report import options, write_report
 from benchmarks.robots import ROBOTS
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import load_scene
@@ -39,17 +38,34 @@ HEADINGS = (
 )
 
 
-def rows() -> Iterator[dict[str, Any]]:
-    """Measure every robot that has a kept tangent."""
+PROBED = ("tendon_finger", "gripper", "shape_memory_strip")
+"""Robots of the probe."""
+
+
+def rows(repeats: int = REPEATS, names: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+    """Measure every robot that has a kept tangent, or those of them that are named."""
     for robot in ROBOTS:
+        if names and robot.scene not in names:
+            continue
         simulation = Simulation(load_scene(robot.scene))
         list(simulation.play(5))
         level = simulation._stepper.equilibrium._model.level
         if level is not None:
-            yield {"robot": robot.scene, **compared(level, simulation.mesh, simulation._stepper.body.unknowns.free)}
+            free = simulation._stepper.body.unknowns.free
+            yield {"robot": robot.scene, **compared(level, simulation.mesh, free, repeats)}
 
 
-def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray) -> dict[str, Any]:
+def probe() -> dict[str, float | str]:
+    """Return the sizes of three robots' factors, and the kind that is taken."""
+    found: dict[str, float | str] = {}
+    for row in rows(1, PROBED):
+        sizes = dict(zip(("in the band", "in fronts"), row["entries"], strict=True))
+        found |= {f"{row['robot']}: numbers {where}": count for where, count in sizes.items()}
+        found[f"{row['robot']}: kind"] = row["taken"]
+    return found
+
+
+def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray, repeats: int) -> dict[str, Any]:
     """Return sizes and times [s] of both kinds for the tangent that a simulation has taken."""
     count, graph = level._assembly.free, level._assembly.graph()[: level._assembly.free, : level._assembly.free].tocsr()
     blocks = level._loaded.blocks[level._among_free]
@@ -57,8 +73,8 @@ def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray) -> dict[str, 
     band, found = Band(graph, narrow), least_filled(graph, narrow)
     kinds: tuple[Factor, Factor] = band, Fronts(graph, found)
     right = np.random.default_rng(0).standard_normal(3 * count)
-    factors = [[seconds(lambda kind=kind: kind.factor(blocks)) for kind in kinds] for _ in range(REPEATS)]
-    solves = [[seconds(lambda kind=kind: kind.solve(right)) for kind in kinds] for _ in range(REPEATS)]
+    factors = [[seconds(lambda kind=kind: kind.factor(blocks)) for kind in kinds] for _ in range(repeats)]
+    solves = [[seconds(lambda kind=kind: kind.solve(right)) for kind in kinds] for _ in range(repeats)]
     return {
         "unknowns": 3 * count,
         "taken": type(factor_for(graph, points)).__name__,
@@ -93,11 +109,10 @@ def table(report: Sequence[Mapping[str, Any]]) -> str:
 
 
 def main() -> None:
-    """Measure, keep in runs/bench/factors.json, print."""
+    """Measure, keep, print."""
+    given = options("benchmarks.factors", "Factors of the robots' tangents.", "factors").parse_args()
     report = list(rows())
-    out = Path("runs/bench/factors.json")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps(report, indent=1))
+    write_report(given.out, report, probe())
     print(table(report))
 
 

@@ -16,6 +16,11 @@ def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
 
+def left_out(missing: Mapping[str, str]) -> str:
+    """Return the sentences below a table about solvers that were not installed, by name with the reason."""
+    return "".join(f"\n\nNot measured: {name}: {reason}." for name, reason in missing.items())
+
+
 def replace_tables(document: str, tables: Mapping[str, str]) -> str:
     """Return a document with every marked text replaced by that of its name.
 

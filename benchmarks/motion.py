@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion: error against time on `drop` beside other solvers, long runs, a measured beam, robots beside real time.
 
-``make bench-motion`` writes runs/motion/ (motion.json and two pictures) and prints the tables of docs/theory/motion.md.
+``make bench-motion`` writes a report and two pictures into runs/bench, and prints the tables of docs/theory/motion.md.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,9 +14,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.beam import TARGETS, draw_swings, measure_beam
-from benchmarks.drop import OURS, front, measure_ours, measure_peers
+from benchmarks.beam import LOADS, TARGETS, beam_simulation, draw_swings, measure_beam
+from benchmarks.drop import OURS, drop_settings, front, measure_ours, measure_peers
 from benchmarks.markdown import markdown_table
+from benchmarks.replay import STEPS as REPLAYED
+from benchmarks.replay import figures, first_steps, summed
+from benchmarks.report import options, write_report
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 
@@ -32,6 +33,8 @@ ROBOTS = (
     "silicone_beam",
 )
 STEPS = (0.002, 0.005, 0.010)
+FINE = 4
+"""Cells across from which on a mesh is too fine for a probe."""
 LASTS = 0.5
 """Simulated time of a robot [s]."""
 LONG, LONG_STEP = 10.0, 0.005
@@ -81,9 +84,7 @@ def measure_spin() -> dict[str, float]:
 
 def measure_robot(name: str, step: float) -> dict[str, Any]:
     """Return the simulated time over that of the processor in a robot's first half second, and iterations."""
-    scene = load_scene(name)
-    given = {"dynamics.step": step} if scene.dynamics else {"dynamics": {"step": step}}
-    simulation = Simulation(load_scene(name, overrides=given))
+    simulation = _moving(name, step)
     simulation.warm_up()
     started, results = time.process_time(), []
     for result in simulation.play():
@@ -94,6 +95,11 @@ def measure_robot(name: str, step: float) -> dict[str, Any]:
     iterations = float(np.mean([result.iterations for result in results]))
     done = all(result.converged for result in results)
     return {"robot": name, "step": step, "ratio": ratio, "iterations": iterations, "converged": done}
+
+
+def _moving(name: str, step: float) -> Simulation:
+    given = {"dynamics.step": step} if load_scene(name).dynamics else {"dynamics": {"step": step}}
+    return Simulation(load_scene(name, overrides=given))
 
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
@@ -108,6 +114,8 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     for name in dict.fromkeys(row["robot"] for row in report["robots"]):
         rows = [row for row in report["robots"] if row["robot"] == name]
         robots.append([f"`{name}`", *(f"{row['ratio']:.2g} ({row['iterations']:.0f})" for row in rows)])
+    fast = [row["robot"] for row in report["robots"] if row["step"] == STEPS[-1] and row["ratio"] > 1.0]
+    said = f"In steps of {1e3 * STEPS[-1]:g} ms {len(fast)} of {len(robots)} run faster than real time."
     heads = ("solver", "scheme or element", "cells", "h [ms]", "error [%]", "time [s]", "iterations a step")
     missing = "".join(f"\n\nNot measured: {text}." for text in report["missing"])
     return {
@@ -115,7 +123,7 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         "long": _long_table(report["long"]),
         "beam": _beam_table(report["beam"]["rows"]),
         "beam_theory": _theory_table(report["beam"]["theory"]),
-        "moving": markdown_table(("robot", *(f"h = {1e3 * step:g} ms" for step in STEPS)), robots),
+        "moving": f"{markdown_table(('robot', *(f'h = {1e3 * step:g} ms' for step in STEPS)), robots)}\n\n{said}",
     }
 
 
@@ -179,28 +187,39 @@ def draw_front(path: Path, rows: list[dict[str, Any]]) -> None:
     figure.savefig(path)
 
 
+def probe() -> dict[str, float]:
+    """Replay the first steps of `drop` on the coarser meshes, of the loaded beam, and of every robot."""
+    found: dict[str, float] = {}
+    for cells, scheme, h in OURS:
+        if cells[1] < FINE:
+            name = f"drop, {'x'.join(map(str, cells))}, {scheme}, {h:g} s"
+            simulation = Simulation(load_scene("drop", overrides=drop_settings(cells, scheme, h)))
+            found |= figures(name, [simulation.step() for _ in range(REPLAYED)], simulation)
+    beam = beam_simulation(LOADS[-1], None)
+    found |= figures("beam", [beam.step() for _ in range(REPLAYED)], beam)
+    for name in ROBOTS:
+        found |= first_steps(name, _moving(name, STEPS[-1]), None)
+    return summed(found)
+
+
 def main() -> None:
     """Measure, keep, draw, print."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.motion", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("runs/motion"))
-    parser.add_argument("--only", choices=("drop", "long", "beam", "robots"), help="the rest is kept as it was")
-    arguments = parser.parse_args()
-    kept = arguments.out / "motion.json"
-    report = json.loads(kept.read_text()) if arguments.only and kept.is_file() else {}
-    wanted = {arguments.only} if arguments.only else {"drop", "long", "beam", "robots"}
-    if "drop" in wanted:
-        peers, missing = measure_peers()
-        report |= {"drop": [measure_ours(*row) for row in OURS] + peers, "missing": missing}
-    if "long" in wanted:
-        report["long"] = {"energy": measure_energy(), "spin": measure_spin()}
-    if "beam" in wanted:
-        report["beam"] = measure_beam()
-    if "robots" in wanted:
-        report["robots"] = [measure_robot(name, step) for name in ROBOTS for step in STEPS]
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    kept.write_text(json.dumps(report, indent=1))
-    draw_front(arguments.out / "motion_front.png", report["drop"])
-    draw_swings(arguments.out / "beam.png", report["beam"]["swings"])
+    parser = options("benchmarks.motion", "Motion: error against time, long runs, a measured beam, robots.", "motion")
+    parser.add_argument("--quick", action="store_true", help="coarse meshes, no peers, one step of each robot")
+    given = parser.parse_args()
+    peers, missing = ([], ["peers"]) if given.quick else measure_peers()
+    runs, steps = ([row for row in OURS if row[0][1] < FINE], STEPS[-1:]) if given.quick else (OURS, STEPS)
+    report = {
+        "drop": [measure_ours(*row) for row in runs] + peers,
+        "missing": missing,
+        "long": {"energy": measure_energy(), "spin": measure_spin()},
+        "beam": measure_beam(),
+        "robots": [measure_robot(name, step) for name in ROBOTS for step in steps],
+    }
+    write_report(given.out, report, probe())
+    pictures = given.pictures or given.out.parent
+    draw_front(pictures / "motion_front.png", report["drop"])
+    draw_swings(pictures / "beam.png", report["beam"]["swings"])
     print("\n\n".join(all_tables(report).values()))
 
 

@@ -7,12 +7,9 @@ processor, medians over the steps; the error is the mean distance of the two fin
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +17,8 @@ from rich.console import Console
 
 from benchmarks.brush import RUBBER, Brush
 from benchmarks.markdown import markdown_table
+from benchmarks.replay import figures
+from benchmarks.report import options, write_report
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.materials import Law, Linear, Material, NeoHookean, preset
 from gdfe_ros.mesh import bar
@@ -28,8 +27,8 @@ from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.settings import Skip
 
 BRUSH = Brush()
-STEPS, SETTLING = 60, 10
-"""Steps of a motion, and those at its start that do not count: factors are made there."""
+STEPS, SETTLING, PROBED = 60, 10, 10
+"""Steps of a motion, those at its start that do not count (factors are made there), and those of the probe."""
 LINEAR = Linear(young=1e5, poisson=0.45)
 HYPERELASTIC: dict[str, Material] = {
     "neo-Hookean": RUBBER,
@@ -197,14 +196,27 @@ def saving_table(rows: Iterable[Saving]) -> str:
     return markdown_table(HEAD, (row.row for row in rows))
 
 
+def probe() -> dict[str, float]:
+    """Replay the first steps of the bars, and count what is left out of the last of them."""
+    found: dict[str, float] = {}
+    bars = {
+        Skip.HANDLES: _bar(RUBBER, held=0.5),
+        Skip.PRESSURES: _bar(NeoHookean(young=1e5, poisson=0.3)),
+        Skip.SHAPE_FACTORS: _bar(LINEAR),
+    }
+    for skip, scene in bars.items():
+        simulation = Simulation(scene)
+        results = [simulation.step(_lift(step / STEPS), dt=0.01) for step in range(1, PROBED + 1)]
+        found |= figures(skip.value, results, simulation)
+        found[f"{skip.value}: left out"] = results[-1].skipped.get(skip.value, 0)
+    return found
+
+
 def main() -> None:
     """Measure, print the table and write it down."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("runs/bench/skip.json"), help="where to write the figures")
-    path = parser.parse_args().out
+    path = options("benchmarks.savings", "What skipped work saves.", "skip").parse_args().out
     rows = savings()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"savings": [asdict(row) for row in rows]}, indent=1))
+    write_report(path, {"savings": [asdict(row) for row in rows]}, probe())
     console = Console()
     console.print(saving_table(rows), soft_wrap=True, markup=False)
     console.print(f"\nwritten: {path}")

@@ -11,10 +11,14 @@ import json
 import resource
 import subprocess
 import sys
+from collections.abc import Iterable, Sequence
 from time import perf_counter
 from typing import Any
 
 from benchmarks.peers.peer import PeerError, worker_environment
+from benchmarks.replay import first_steps
+from gdfe_ros.scene import Scene, load_scene
+from gdfe_ros.simulation import Simulation
 
 SIZES = ((20, 5, 5), (40, 10, 10), (80, 20, 20), (116, 30, 30))
 """500, 4000, 32 000 and 104 400 elements."""
@@ -24,9 +28,9 @@ _SCENE = "twist90_uniform"
 _TIMEOUT = 900.0
 
 
-def measure_scaling() -> list[dict[str, Any]]:
-    """Measure every size at nu = 0.45, one thread, one fresh process each."""
-    return [measure_size(cells) for cells in SIZES]
+def measure_scaling(sizes: Iterable[tuple[int, int, int]] = SIZES) -> list[dict[str, Any]]:
+    """Measure sizes at nu = 0.45, one thread, one fresh process each."""
+    return [measure_size(cells) for cells in sizes]
 
 
 def measure_ratios() -> list[dict[str, Any]]:
@@ -50,23 +54,30 @@ def measure_size(cells: tuple[int, int, int], *, poisson: float = 0.45, threads:
     return json.loads(process.stdout)
 
 
-def _measure(cells: list[int], poisson: float, threads: int) -> dict[str, Any]:
-    from gdfe_ros.scene import load_scene
-    from gdfe_ros.simulation import Simulation
+def scaling_probe(sizes: Iterable[Sequence[int]], *, poisson: float = 0.45, threads: int = 1) -> dict[str, float]:
+    """Solve meshes in this process; return iterations and mean displacements [m]."""
+    found: dict[str, float] = {}
+    for cells in sizes:
+        name = f"{'x'.join(map(str, cells))}, nu {poisson:g}, {threads} threads"
+        found |= first_steps(name, Simulation(_scene(cells, poisson, threads)), None)
+    return found
 
-    def scene(size: list[int]) -> Any:
-        material = next(iter(load_scene(_SCENE).materials))
-        overrides = {
-            "mesh.bar.cells": size,
-            f"materials.{material}.poisson": poisson,
-            "solver.tolerance": TOLERANCE,
-            "solver.threads": threads,
-        }
-        return load_scene(_SCENE, overrides=overrides)
 
-    list(Simulation(scene([20, 5, 5])).play())
+def _scene(cells: Sequence[int], poisson: float, threads: int) -> Scene:
+    material = next(iter(load_scene(_SCENE).materials))
+    overrides = {
+        "mesh.bar.cells": list(cells),
+        f"materials.{material}.poisson": poisson,
+        "solver.tolerance": TOLERANCE,
+        "solver.threads": threads,
+    }
+    return load_scene(_SCENE, overrides=overrides)
+
+
+def _measure(cells: Sequence[int], poisson: float, threads: int) -> dict[str, Any]:
+    list(Simulation(_scene((20, 5, 5), poisson, threads)).play())
     start = perf_counter()
-    big = scene(cells)
+    big = _scene(cells, poisson, threads)
     loaded = perf_counter()
     simulation = Simulation(big)
     built = perf_counter()

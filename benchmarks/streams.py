@@ -1,23 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Streams of small steps: how many a second, and how far from the reference where they end.
 
-``python -m benchmarks.streams [DIRECTORY]`` plays every solver that can on several meshes, writes ``streams.json`` into
-the directory (default: runs/streams) and prints the tables of docs/benchmark.md: every stream, and each solver's
-fastest one within a limit of error, whatever its mesh. A peer that lags behind its handle ends off the reference.
+``python -m benchmarks.streams [--out FILE]`` plays every solver that can on several meshes, and prints the tables of
+docs/benchmark.md: every stream, and each solver's fastest one within a limit of error, whatever its mesh. A peer that
+lags behind its handle ends off the reference.
 """
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from benchmarks.cold import Job, jobs, run_jobs
-from benchmarks.markdown import markdown_table
+from benchmarks.cases import CaseName, get_case
+from benchmarks.cold import Job, jobs, missing, run_jobs
+from benchmarks.markdown import left_out, markdown_table
+from benchmarks.peers import gdfe_peer
 from benchmarks.peers.peer import PeerError, PeerResult, Solver
+from benchmarks.replay import first_steps
+from benchmarks.report import options, write_report
 from benchmarks.tables import NAMES, front_rows
+from gdfe_ros.simulation import Simulation
 
 REPEATS = 3
 SOLVERS = (Solver.GDFE, Solver.MUJOCO)
@@ -29,7 +32,8 @@ LIMITS = (2.0, 1.0, 0.75, 0.5, 0.35)
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     """Return both tables of a streams.json by name."""
     results = [PeerResult.from_json(item) for item in report["results"]]
-    return {"streaming": stream_table(results), "stream front": front_table(results)}
+    below = left_out(report.get("missing", {}))
+    return {"streaming": stream_table(results) + below, "stream front": front_table(results) + below}
 
 
 def steps_a_second(result: PeerResult) -> float:
@@ -59,8 +63,24 @@ def front_table(results: Sequence[PeerResult]) -> str:
     return markdown_table(heads, rows)
 
 
-def main(out: Path) -> int:
+def probe() -> dict[str, float]:
+    """Replay the first steps of our stream on the coarsest mesh of every scene and on the paper's."""
+    found: dict[str, float] = {}
+    for name in CaseName:
+        case = get_case(name)
+        streams = [item for item in gdfe_peer.variants(case) if item.options["stream"]]
+        ends = (min(item.cells for item in streams), case.cells) if streams else ()
+        for variant in [item for item in streams if item.cells in ends]:
+            simulation = Simulation(gdfe_peer.scene_of(name.value, variant))
+            found |= first_steps(f"{name.value} {variant.label}", simulation, variant.steps)
+    return found
+
+
+def main() -> int:
     """Measure, write and print; return 1 where a run failed."""
+    parser = options("benchmarks.streams", "Streams of small steps: how many a second, and how far off.", "streams")
+    parser.add_argument("--quick", action="store_true", help="only the coarsest mesh of each scene, once")
+    given = parser.parse_args()
     failures: list[str] = []
 
     def done(job: Job, outcome: PeerResult | PeerError) -> None:
@@ -71,14 +91,17 @@ def main(out: Path) -> int:
         else:
             print(f"{where}: {steps_a_second(outcome):.0f} steps/s", file=sys.stderr)
 
-    results = run_jobs(jobs(slow=True, threads=1, streams=True), repeats=REPEATS, done=done)
-    report = {"results": [result.to_json() for result in results], "failures": failures}
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "streams.json").write_text(json.dumps(report, indent=1))
+    wanted = jobs(slow=True, threads=1, streams=True)
+    if given.quick:
+        wanted = list({(job.solver, job.case.name): job for job in reversed(wanted)}.values())
+    results = run_jobs(wanted, repeats=1 if given.quick else REPEATS, done=done)
+    lacking = {NAMES[Solver(name)]: reason for name, reason in missing().items() if Solver(name) in SOLVERS}
+    report = {"results": [result.to_json() for result in results], "failures": failures, "missing": lacking}
+    write_report(given.out, report, probe())
     for text in all_tables(report).values():
         print(text)
     return 1 if failures else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/streams")))
+    sys.exit(main())

@@ -6,16 +6,16 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from benchmarks.cases import CaseName, get_case
-from benchmarks.markdown import markdown_table
+from benchmarks.markdown import left_out, markdown_table
 from benchmarks.peers.peer import PeerResult, Solver
 from benchmarks.references import load_reference
+from benchmarks.report import read_report
 from benchmarks.savings import Saving, saving_table
 from benchmarks.torture.score import torture_tables
 
@@ -40,13 +40,14 @@ def all_tables(report: dict[str, Any]) -> dict[str, str]:
         return torture_tables(report)
     if "savings" in report:
         return {"skipped": saving_table(Saving(**row) for row in report["savings"])}
+    below = left_out({NAMES[Solver(name)]: reason for name, reason in report["missing"].items()})
     results = [PeerResult.from_json(item) for item in report["results"]]
     cold = [result for result in results if result.settings["threads"] == 1]
     return {
-        "summary": summary_table(cold),
-        "paper meshes": paper_table(cold),
+        "summary": summary_table(cold) + below,
+        "paper meshes": paper_table(cold) + below,
         "joint": joint_table(report["joint"]),
-        "front": front_table(cold),
+        "front": front_table(cold) + below,
         "scaling": scaling_table(report["scaling"]),
         "ratios": ratio_table(report["ratios"]),
     }
@@ -175,22 +176,10 @@ def _label(result: PeerResult) -> str:
     return f"**{name}, {element}**" if result.solver is Solver.GDFE else f"{name}, {element}"
 
 
-def tables_beside(report: Path) -> dict[str, str]:
-    """Return the tables of robots.json, chamber.json and threads.json in the folder of bench.json."""
-    from benchmarks.chamber import chamber_table  # both print with this module
-    from benchmarks.robots import robot_table
-    from benchmarks.threads import thread_table
-
-    files = {"robots": robot_table, "chamber": chamber_table, "threads": thread_table}
-    found = {name: report.with_name(f"{name}.json") for name in files}
-    return {name: files[name](json.loads(path.read_text())) for name, path in found.items() if path.is_file()}
-
-
 def main() -> None:
     """Print the tables of a report and of what lies beside it."""
     report = Path(sys.argv[1] if len(sys.argv) > 1 else "bench.json")
-    tables = {**all_tables(json.loads(report.read_text())), **tables_beside(report)}
-    for name, text in tables.items():
+    for name, text in all_tables(read_report(report).data).items():
         print(f"\n{name}\n\n{text}")
 
 

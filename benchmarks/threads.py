@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """What threads save: twist90_uniform from 500 to 32 000 elements with one thread and with all.
 
-``python -m benchmarks.threads [DIRECTORY]`` writes ``threads.json`` into the directory (default: runs/threads)
-and prints the table of docs/benchmark.md. Every number is the median of three fresh processes.
+``python -m benchmarks.threads [--out FILE]`` prints the table of docs/benchmark.md. Every number is the median of three
+fresh processes.
 """
 
 from __future__ import annotations
 
-import json
 import os
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 from benchmarks.markdown import markdown_table
-from benchmarks.scaling import SIZES, measure_size
+from benchmarks.report import options, write_report
+from benchmarks.scaling import SIZES, measure_size, scaling_probe
 
 REPEATS = 3
 
@@ -45,13 +43,18 @@ def thread_table(report: Sequence[dict[str, Any]]) -> str:
     return markdown_table(heads, rows)
 
 
-def main(out: Path) -> None:
-    """Measure and print."""
+def probe() -> dict[str, float]:
+    """Solve the two smallest meshes in this process, in one thread and in two."""
+    return scaling_probe(SIZES[:2], threads=2)
+
+
+def main() -> None:
+    """Measure, keep, print."""
+    given = options("benchmarks.threads", "What threads save.", "threads").parse_args()
     report = [measure(cells, os.cpu_count() or 1) for cells in SIZES[:3]]
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "threads.json").write_text(json.dumps(report, indent=1))
+    write_report(given.out, report, probe())
     print(thread_table(report))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "runs/threads"))
+    main()

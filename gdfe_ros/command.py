@@ -4,25 +4,28 @@
 from __future__ import annotations
 
 import math
-import numbers
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gdfe_ros.actuators import Actuator
+from gdfe_ros.actuators import Actuator, Mode
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import CommandError
+from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.quality import list_ids
+from gdfe_ros.real_number import is_finite, is_number
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
 
 FARTHEST = 1000.0
 """Body lengths, and turns, beyond which a pose is refused."""
+MOST_INFLATED = 1000.0
+"""Volume of a chamber over that at rest beyond which a command is refused: its walls would be ten times as wide."""
 
 
 @dataclass(frozen=True)
@@ -162,19 +165,32 @@ class Orders:
         for name, value in (command.actuators if command else {}).items():
             actuator = self.actuator(name)
             _require_number(f"actuator {name!r}", value)
+            if not is_finite(value):
+                text = f"{actuator.mode.value} {value!r} is not finite"
+                raise CommandError(f"actuator {name!r}: {text}; allowed: finite numbers, {_range(actuator)}")
             if not actuator.low <= value <= actuator.high:
-                unit = f" {actuator.mode.unit}".rstrip()
-                allowed = f"{actuator.low:g} to {actuator.high:g}{unit}"
-                raise CommandError(f"actuator {name!r}: {actuator.mode.value} {value!r}; allowed: {allowed}")
+                raise CommandError(f"actuator {name!r}: {actuator.mode.value} {value!r}; allowed: {_range(actuator)}")
+            self._require_room(actuator, float(value))
             values[name] = float(value)
         for name, value in (command.loads if command else {}).items():
             if name not in self._loads:
                 raise CommandError(f"no load {name!r} in scene {self._scene.name!r}; loads: {_list(self._loads)}")
             _require_number(f"load {name!r}", value)
-            if not np.isfinite(value):
+            if not is_finite(value):
                 raise CommandError(f"load {name!r}: factor {value!r}; allowed: finite numbers")
             values[name] = float(value)
         return values
+
+    def _require_room(self, actuator: Actuator, value: float) -> None:
+        """Refuse a volume that no wall of the chamber could follow."""
+        if actuator.mode is not Mode.VOLUME:
+            return
+        rest = enclosed_volume(actuator.at(self._scene.mesh.vertices), actuator.quads)
+        if value > MOST_INFLATED * rest:
+            raise CommandError(
+                f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times that at rest, "
+                f"{rest:.3g} m^3; at most {MOST_INFLATED:g} times are taken; remedy: check the unit: 1 ml is 1e-6 m^3"
+            )
 
     def within_rates(self, values: Mapping[str, float], present: Mapping[str, float], dt: float) -> dict[str, float]:
         """Return what rate limits let through of commands in ``dt`` [s]."""
@@ -194,23 +210,6 @@ def require_snapshot(given: object) -> None:
     """
     if not isinstance(given, Snapshot):
         raise CommandError(f"a snapshot is what Simulation.snapshot returned; got {given!r}")
-
-
-def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
-    """Refuse what is no time: ``dt`` and ``deadline`` [s], or no count; None is no deadline, and no count.
-
-    Returns:
-        ``dt`` in double precision: times that are summed up in less stand still.
-
-    Raises:
-        CommandError: it is no finite number, or below zero.
-    """
-    for name, value in (("dt", dt), ("deadline", 0.0 if deadline is None else deadline)):
-        if not (_is_number(value) and math.isfinite(value) and value >= 0.0):
-            raise CommandError(f"{name} is {value!r}; allowed: finite, 0 or more [s]")
-    if cut_after is not None and not (_is_number(cut_after, numbers.Integral) and cut_after >= 0):
-        raise CommandError(f"cut_after is {cut_after!r}; allowed: whole numbers, 0 or more")
-    return float(dt)
 
 
 def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -237,13 +236,13 @@ def _require_pose(what: str, pose: object) -> None:
 
 
 def _require_number(what: str, value: object) -> None:
-    if not _is_number(value):
+    if not is_number(value):
         raise CommandError(f"{what}: the command is {value!r}; allowed: a number")
 
 
-def _is_number(value: object, kind: type = numbers.Real) -> bool:
-    """Tell whether it is a number of a kind; True and False are none, though Python counts with them."""
-    return isinstance(value, kind) and not isinstance(value, bool)
+def _range(actuator: Actuator) -> str:
+    """Return the range of an actuator's command in words."""
+    return f"{actuator.low:g} to {actuator.high:g} {actuator.mode.unit}".rstrip()
 
 
 def _list(names: Iterable[str]) -> str:

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators import ActuatorState
-from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot, require_times
+from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.errors import CommandError
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.errors import CommandError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
@@ -29,6 +30,7 @@ from gdfe_ros.solver.state import Snapshot
 from gdfe_ros.solver.stepping.outcome import step_result
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
+from gdfe_ros.step_time import require_countable, require_times
 from gdfe_ros.steppers import make_stepper, scene_body, usual_steps
 
 WARM_UP = 1e-3
@@ -105,7 +107,33 @@ class Simulation:
         self.targets = {handle.name: Pose() for handle in self.scene.handles}
         self.commands = dict(self._state.commands)
         self.commands.update({load.name: LOAD_FACTOR for load in self.scene.loads})
+        self._neutral = dict(self.commands)
         self.result: StepResult | None = None
+
+    def reset_shape(self) -> None:
+        """Go back to the rest shape and to the commands of rest; time goes on, rigid bodies stay, without velocity.
+
+        Raises:
+            OverlapError: a rigid body is where the body is at rest; the state is unchanged.
+        """
+        before, bodies = self.snapshot(), [each.name for each in self.scene.handles if isinstance(each, RigidBody)]
+        places = {name: self.handle_pose(name) for name in bodies}
+        self.reset()
+        self.time = before.time
+        try:
+            self._state = self._stepper.put(self._state, places) if places else self._state
+        except OverlapError:
+            self.restore(before)
+            raise
+
+    def rest_command(self) -> Command:
+        """Return the command in force at rest: no handle moved, neutral actuators, loads by their own factor."""
+        movable = [each.name for each in self.scene.handles if not each.fixed and not isinstance(each, RigidBody)]
+        return Command(
+            handles=dict.fromkeys(movable, Pose()),
+            actuators={name: self._neutral[name] for name in self.actuator_names},
+            loads={load.name: self._neutral[load.name] for load in self.scene.loads},
+        )
 
     def snapshot(self) -> Snapshot:
         """Return all that changes, as a value; `restore` goes back to it."""
@@ -140,7 +168,8 @@ class Simulation:
 
         Args:
             command: new targets; None keeps the old ones.
-            dt: simulation time of the step [s]; None: none or, with dynamics, one internal step.
+            dt: simulation time of the step [s], at most 1e9 s and, with dynamics, 100000 internal steps; None: none or,
+                with dynamics, one internal step.
             deadline: wall time [s] after which the best state found so far is returned; later steps go on from it.
             cut_after: instead of a deadline, end the solve where a recorded one was ended (``StepResult.cut_after``).
             interrupted: asked now and then; once it tells so, the solve ends as at a deadline, and says which it was.
@@ -154,12 +183,16 @@ class Simulation:
         dt = require_times(dt=dt, deadline=deadline, cut_after=cut_after)
         targets, places = self._orders.targets(command, self.targets), self._orders.places(command)
         commands = self._orders.values(command, self.commands)
+        limited = self._orders.within_rates(commands, self._state.commands, dt)
+        rests = not places and self._stepper.rests(self._state, targets, limited)
+        if moves and not rests:
+            require_countable(dt=dt, step=moves.step)
         self._state = self._stepper.put(self._state, places) if places else self._state
         self.targets, self.commands = targets, commands
-        limited = self._orders.within_rates(commands, self._state.commands, dt)
         limit = Deadline.of(started, deadline, cut_after, interrupted)
         march = None
-        if not self._stepper.rests(self._state, targets, limited) and (dt or not moves):
+        rests = rests or (bool(places) and self._stepper.rests(self._state, targets, limited))
+        if not rests and (dt or not moves):
             march = self._stepper.step(self._state, targets, limited, duration=dt, deadline=limit)
             self._state = march.state
         self.time += dt if march is None or march.simulated is None else march.simulated

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -64,6 +65,10 @@ KERNELS = (
 )
 """Scenes and overrides that between them use nearly every kernel of one thread."""
 _READY: list[bool] = []
+SHIFT = "GDFE_TEST_SHIFT"
+"""Variable with the seed of a shift of rest vertices (`test/elsewhere.py`); unset or empty: none."""
+SHIFTED_BY = 1e-13
+"""Largest shift of a coordinate over the body's size."""
 
 
 def _domain() -> str:
@@ -111,8 +116,38 @@ os.environ.update(
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_configure() -> None:
+    """Shift the rest vertices of every body, if that is asked for."""
+    if os.environ.get(SHIFT):
+        _shift_bodies(int(os.environ[SHIFT]))
+
+
+def _shift_bodies(seed: int) -> None:
+    """Have every body begin from rest vertices that are off by `SHIFTED_BY`: equal bodies by the same."""
+    from gdfe_ros.solver.body import Body
+
+    build = Body.build.__func__
+
+    def shifted(cls: type[Body], rest: np.ndarray, cells: np.ndarray, *args: Any, **options: Any) -> Body:
+        count, moved = int(np.max(cells)) + 1, np.array(rest)
+        size = float(np.linalg.norm(np.ptp(moved[:count], axis=0)))
+        random = np.random.default_rng([seed, zlib.crc32(moved.tobytes())])
+        moved[:count] += SHIFTED_BY * size * random.uniform(-1.0, 1.0, (count, 3))
+        return build(cls, moved, cells, *args, **options)
+
+    Body.build = classmethod(shifted)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mix files whose tests wait with those that compute, the long ones first: cores are neither idle nor crowded."""
+    """Mix files whose tests wait with those that compute, the long ones first: cores are neither idle nor crowded.
+
+    Where vertices are shifted, tests that are marked ``exact`` are left out.
+    """
+    if os.environ.get(SHIFT):
+        reason = f"{SHIFT} is set"
+        for item in items:
+            if item.get_closest_marker("exact"):
+                item.add_marker(pytest.mark.skip(reason=reason))
     files = list(dict.fromkeys(item.path for item in items))
     waiting = sorted((path for path in files if _room(path) in WAITING), key=lambda path: WAITING.index(_room(path)))
     computing = sorted((path for path in files if _room(path) not in WAITING), key=_rank)

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.actuators import Gravity
 from gdfe_ros.errors import CommandError
 from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.settings import SolverSettings
 
 SCENE = """\
 name: wrong
@@ -28,6 +31,10 @@ LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.01))})
     "times",
     [
         {"dt": True},
+        {"dt": np.inf},
+        {"dt": 1e300},
+        {"dt": 10**400},
+        {"deadline": np.inf},
         {"deadline": "a"},
         {"deadline": -1.0},
         {"deadline": np.nan},
@@ -53,14 +60,21 @@ def test_times_are_refused_before_anything_moves(times: dict[str, Any]) -> None:
         Command(actuators={"pull": None}),
         Command(actuators={"pull": np.ones(2)}),
         Command(actuators={"pull": True}),
+        Command(actuators={"pull": np.nan}),
+        Command(actuators={"pull": np.inf}),
+        Command(actuators={"pull": -np.inf}),
+        Command(actuators={"pull": 10**400}),
+        Command(loads={"weight": np.inf}),
+        Command(loads={"weight": 10**400}),
         Command(loads={"weight": "2"}),
         Command(handles={"tip": (0.0, 0.0, 0.01)}),
     ],
-    ids=["none", "array", "flag", "text", "tuple"],
+    ids=["none", "array", "flag", "nan", "inf", "minus_inf", "huge", "load_inf", "load_huge", "text", "tuple"],
 )
-def test_values_of_the_wrong_kind_are_named(command: Command) -> None:
-    """Command what is no number and no pose: named with what is allowed."""
-    simulation = Simulation(scene_from_text(SCENE))
+@pytest.mark.parametrize("motion", ["", "dynamics: {}"], ids=["statics", "motion"])
+def test_values_of_the_wrong_kind_are_named(command: Command, motion: str) -> None:
+    """Command what is no finite number and no pose: named with what is allowed, at rest and in motion."""
+    simulation = Simulation(scene_from_text(SCENE + motion))
     with pytest.raises(CommandError, match=r"(pull|weight|tip)'.*allowed"):
         simulation.step(command)
     assert simulation.commands == {"pull": 0.0, "weight": 1.0}
@@ -92,3 +106,38 @@ def test_what_is_no_command_and_no_snapshot_is_named(given: Any) -> None:
         simulation.restore(given)
     assert simulation.time == 0.0
     assert simulation.step(LIFT).converged
+
+
+def test_a_time_of_too_many_internal_steps_is_refused() -> None:
+    """Let a body with mass move for a year in one step: refused with what is allowed; at rest it may."""
+    simulation = Simulation(scene_from_text(SCENE.partition("loads")[0] + "dynamics: {step: 1.0e-3}"))
+    with pytest.raises(CommandError, match=r"3.15e\+10 internal steps of 0.001 s.*allowed: 0 to 100 s"):
+        simulation.step(Command(actuators={"pull": 0.1}), dt=3.15e7)
+    assert simulation.time == 0.0
+    assert simulation.commands == {"pull": 0.0}
+    simulation.step(dt=1e-3)
+    simulation.step(dt=3.15e7)
+    assert simulation.time == pytest.approx(3.15e7)
+
+
+@pytest.mark.parametrize("value", [1e20, 1e150, 1e300])
+def test_a_command_out_of_all_proportion_ends(value: float) -> None:
+    """Pull with far more than any body stands, in motion and at rest: the step ends, unconverged, with a reason."""
+    for motion in ("", "dynamics: {}"):
+        simulation = Simulation(scene_from_text(SCENE + motion))
+        result = simulation.step(Command(actuators={"pull": value}), dt=0.01)
+        assert not result.converged
+        assert result.message
+        assert np.isfinite(result.positions).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_numbers_of_a_scene_made_in_python_are_finite(value: float) -> None:
+    """Make dynamics, gravity and settings with a number that is not finite: refused by name."""
+    for name, given in (("velocity", (0.0, value, 0.0)), ("spin", (value, 0.0, 0.0)), ("viscosity", value)):
+        with pytest.raises(ValueError, match=f"{name} must be"):
+            Dynamics(**{name: given})
+    with pytest.raises(ValueError, match="'weight': acceleration must be three finite numbers"):
+        Gravity(name="weight", acceleration=np.array([0.0, 0.0, value]), density=np.ones(1))
+    with pytest.raises(ValueError, match="tolerance must lie in"):
+        SolverSettings(tolerance=value)

@@ -7,19 +7,18 @@ Errors against Saint-Venant, Euler and Bernoulli, Lame, and FElupe's triquadrati
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
+from benchmarks.cases import CaseName
 from benchmarks.coarse_meshes import calculix_linear, felupe_linear, own
-from benchmarks.coarse_meshes.large import all_bars
+from benchmarks.coarse_meshes.large import CELLS, all_bars, bar_errors
 from benchmarks.coarse_meshes.problem import Found, Problem
 from benchmarks.coarse_meshes.problems import CONFINED, PAD, PROBLEMS, WIDTH
 from benchmarks.coarse_meshes.table import all_tables
 from benchmarks.coarse_meshes.trials import all_trials
 from benchmarks.peers import calculix_peer, felupe_peer
+from benchmarks.report import options, write_report
 from gdfe_ros.solver.settings import Torsion
 
 ACROSS = (1, 2, 4, 8)
@@ -43,9 +42,8 @@ def solvers() -> tuple[dict[str, Callable[[Problem], Found]], dict[str, str]]:
 
 def main() -> None:
     """Measure, keep, print; or print how the reference of the pad converges."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.coarse_meshes", description=__doc__)
+    parser = options("benchmarks.coarse_meshes", "What a few cells across cost.", "coarse_meshes")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(PROBLEMS)}; all if left out")
-    parser.add_argument("--out", type=Path, default=Path("runs/coarse_meshes"), help="directory of the report")
     parser.add_argument("--reference", action="store_true", help="print the pad's reference on finer cells instead")
     arguments = parser.parse_args()
     if arguments.reference:
@@ -63,9 +61,17 @@ def main() -> None:
         for name in arguments.names or PROBLEMS
     }
     report = {"across": ACROSS, "missing": missing, "errors": errors, "bars": all_bars(), "trials": all_trials()}
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / "coarse_meshes.json").write_text(json.dumps(report, indent=1))
+    write_report(arguments.out, report, probe())
     print("\n\n".join(all_tables(report).values()))
+
+
+def probe() -> dict[str, float]:
+    """Solve every problem, and each of the benchmark's bars, with two cells across."""
+    found = {f"{name}: error": error(name, ACROSS[1], own.solve) for name in PROBLEMS}
+    for name in CaseName:
+        errors = bar_errors(name, CELLS[name][0], Torsion.CELL)
+        found |= {f"{name.value}: {what}": value for what, value in errors.items()}
+    return found
 
 
 def error(name: str, across: int, solve: Callable[[Problem], Found]) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from benchmarks.coarse_meshes.trials import COLUMNS
-from benchmarks.markdown import markdown_table
+from benchmarks.markdown import left_out, markdown_table
 from gdfe_ros.solver.settings import Torsion
 
 TITLES = {
@@ -29,7 +29,7 @@ MEASURED = {
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     """Return the tables of a report by name."""
     return {
-        "coarse_meshes": small_table(report),
+        "coarse_meshes": small_table(report) + left_out(report["missing"]),
         "coarse_bars": bar_table(report["bars"]),
         "coarse_trials": trial_table(report["trials"]),
     }

@@ -23,6 +23,7 @@ from gdfe_ros.materials.table import BULK, PENALTY, SHEAR
 from gdfe_ros.mesh.faces import HEX_FACES
 from gdfe_ros.mesh.operators import CORNERS
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.watch import Watch
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness
 
 Matrix = Any
@@ -69,8 +70,8 @@ class Elements:
         body = self.body
         none, ones = np.zeros(len(body.material)), np.ones(len(body.material))
         rest = SimpleNamespace(shape=body.shape, blocks=body.blocks, material=body.material, table=body.table)
-        rest.pressure, rest.scale = none, ones
-        tangents = ElementStiffness(body.cells, body.shape.volume).at(rest, body.rest)
+        rest.pressure, rest.scale, rest.watch = none, ones, Watch.over(len(ones))
+        tangents = ElementStiffness(len(body.cells)).at(rest, body.rest)
         freedom = (3 * body.cells[:, :, None] + np.arange(3)).reshape(-1, 24)
         rows, columns = np.repeat(freedom, 24, axis=1).ravel(), np.tile(freedom, (1, 24)).ravel()
         whole = sparse.csr_matrix((tangents.ravel(), (rows, columns)), shape=2 * (body.rest.size,))

@@ -3,32 +3,35 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import statistics
 import sys
 from dataclasses import asdict
-from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks.node import cost, flood, idle, latency, lockstep
-from benchmarks.node.client import CELLS
+from benchmarks.node.client import CELLS, height
 from benchmarks.node.tables import all_rows
+from benchmarks.replay import figures
+from benchmarks.report import options, write_report
+from gdfe_ros.constraints import Pose
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Command, Simulation
 
 LARGEST_SHARE = 0.15
 """Of a step of 1250 elements: the node's own cost with mesh, strain and bag."""
 LARGEST_BARE = 0.3
 """The node's own cost [ms] with no subscriber and no bag."""
 MISSED = 1
+PROBED = 20
+"""Steps of the probe."""
 
 
 def main() -> int:
     """Measure all or some; return 1 where a target is missed."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.node", description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("runs/bench/bench_node.json"), help="file of the report")
+    parser = options("benchmarks.node", "Latency, cost, idleness of a node, floods of commands.", "bench_node")
     parser.add_argument("--steps", type=int, default=300, help="steps of each latency")
     parser.add_argument("--repeats", type=int, default=3, help="runs of each cost, of which the median is taken")
     parser.add_argument("--seconds", type=float, default=20.0, help="of each idle node")
@@ -54,12 +57,21 @@ def main() -> int:
         for row in rows:
             table.add_row(*row)
         console.print(table)
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    given.out.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    write_report(given.out, report, probe())
     missed = missed_targets(costs, idles, steps, floods)
     console.print(*[f"MISSED: {text}" for text in missed] or ["every target is met"], sep="\n")
     console.print(f"written: {given.out}")
     return MISSED if missed else 0
+
+
+def probe() -> dict[str, float]:
+    """Make the first steps of the bars' commands, without a node."""
+    found: dict[str, float] = {}
+    for elements in (500, 1250):
+        simulation = Simulation(load_scene("bend5", overrides={"mesh.bar.cells": list(CELLS[elements])}))
+        lifts = (Command(handles={"tip": Pose((0.0, 0.0, height(number)))}) for number in range(1, PROBED + 1))
+        found |= figures(f"{elements} elements", map(simulation.step, lifts), simulation)
+    return found
 
 
 def _cost(repeats: int, **case: object) -> cost.Cost:

@@ -107,8 +107,8 @@ def _trajectory(chance: random.Random) -> tuple[str, bytes]:
         points[1].time_from_start = Duration(sec=chance.choice([-1, 0, 1]))
     elif kind == 3:
         message.joint_names = chance.choice([["nobody"], [], ["flexor", "flexor"]])
-    else:
-        message.points = []
+    else:  # without points it would end what runs
+        message.joint_names, message.points = ["nobody"], []
     return "trajectory", serialize_message(message)
 
 

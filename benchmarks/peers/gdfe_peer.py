@@ -74,7 +74,7 @@ def solve(case: Case, variant: Variant, points: Array) -> PeerSolution:
     """
     _compile(case.name.value, str(variant.options["policy"]))
     start = perf_counter()
-    scene = _scene(case.name.value, variant)
+    scene = scene_of(case.name.value, variant)
     simulation = Simulation(scene)
     built = perf_counter()
     times, path = _play(simulation, variant.steps)
@@ -119,7 +119,8 @@ def _path_error(scene: Scene, path: list[Array]) -> float:
     return max(float(np.linalg.norm(x - y, axis=1).mean() / scale) for x, y in zip(path, reference, strict=True))
 
 
-def _scene(name: str, variant: Variant) -> Scene:
+def scene_of(name: str, variant: Variant) -> Scene:
+    """Return the scene of a name on the mesh and with the settings of a variant."""
     overrides = {
         "mesh.bar.cells": list(variant.cells),
         "solver.policy": variant.options["policy"],
@@ -133,4 +134,4 @@ def _scene(name: str, variant: Variant) -> Scene:
 def _compile(name: str, policy: str) -> None:
     """Compile both solution paths: the explicit inverse of small meshes and the library's factor."""
     for cells in ((10, 1, 1), (20, 5, 4)):
-        list(Simulation(_scene(name, _variant(cells, Policy(policy), 1e-4))).play(2))
+        list(Simulation(scene_of(name, _variant(cells, Policy(policy), 1e-4))).play(2))

@@ -167,7 +167,7 @@ def run_peer(
         solver: which peer.
         name: the scene.
         variant: one of `Peer.variants`, or one made up.
-        repeats: timed runs; the median counts. A run of ten seconds or more is not repeated.
+        repeats: timed runs; the median counts. A run of five seconds or more is not repeated.
         threads: threads that libraries in the process may use.
         timeout: limit on all runs together [s].
         reference_directory: where the reference solutions are, by default in the checkout.

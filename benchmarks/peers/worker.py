@@ -16,7 +16,7 @@ from benchmarks.references import Reference, load_reference, measure_error
 
 WARM = 1.0
 """A first run shorter than this [s] only warms caches and allocators, and is not counted."""
-LONG = 10.0
+LONG = 5.0
 """A run of this length [s] or more is not repeated."""
 
 

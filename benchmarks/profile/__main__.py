@@ -25,6 +25,7 @@ from benchmarks.profile.phases import (
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.elements.blocks import GEOMETRY_ROWS
+from gdfe_ros.solver.elements.folding import NONE
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
 from gdfe_ros.steppers import scene_body
@@ -77,7 +78,7 @@ def element_table(machine: Machine) -> str:
         body = bar_of(law, (50, 5, 5))
         count, positions = len(body.material), 1.02 * body.rest + 0.05 * np.sin(body.rest[:, ::-1])
         force, energy = np.zeros((count, 8, 3)), np.zeros(count)
-        given = body.shape, body.blocks, body.material, np.zeros(count), np.ones(count), body.table
+        given = body.shape, body.blocks, body.material, np.zeros(count), np.ones(count), body.table, NONE
         taken = fastest(lambda given=given, x=positions, f=force, e=energy: evaluate(x, *given, f, e, None)) / count
         arithmetic, traffic = operations / machine.peak, ELEMENT / machine.bandwidth
         cells = (f"{1e9 * value:.0f}" for value in (taken, arithmetic, traffic))

@@ -6,25 +6,34 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from benchmarks import batches, constant_factors, contact, cut_cells, factors, motion, second_level, streams
+from benchmarks import (
+    batches,
+    chamber,
+    constant_factors,
+    contact,
+    cut_cells,
+    factors,
+    motion,
+    robots,
+    second_level,
+    streams,
+    threads,
+)
 from benchmarks.coarse_meshes import table as coarse_meshes
 from benchmarks.markdown import markdown_table, replace_tables
 from benchmarks.node import tables as node_tables
-from benchmarks.tables import all_tables, tables_beside
+from benchmarks.report import KEPT, read_report
+from benchmarks.tables import all_tables
 from docs.scripts.constants import constant_table
 from gdfe_ros.node import reference as node_reference
 from gdfe_ros.scene import reference as scene_reference
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = ROOT / "test" / "data"
-"""Reports of ``make bench``, ``bench-node``, ``bench-skip``, ``bench-motion``, ``bench-contact``, ``manners`` and
-``torture``, copied from runs/."""
 
 
 def pages() -> list[Path]:
@@ -33,27 +42,17 @@ def pages() -> list[Path]:
 
 
 def texts() -> dict[str, str]:
-    """Return everything that is printed into pages, by the name in its marks."""
+    """Return everything that is printed into pages, by the name in its marks; below a table stands who made it."""
     found = {
         "scene": scene_reference.markdown(),
         "node": node_reference.markdown(),
         "constants": constant_table(),
-        "batches": batches.batch_table(json.loads((DATA / "batches.json").read_text())),
-        "constant factors": constant_factors.table(json.loads((DATA / "constant_factors.json").read_text())),
-        "factors": factors.table(json.loads((DATA / "factors.json").read_text())),
-        "robots_level": second_level.table(json.loads((DATA / "robots_level.json").read_text())["rows"]),
-        "second_level": second_level.table(json.loads((DATA / "second_level.json").read_text())["rows"]),
-        "manners": manners_table(json.loads((DATA / "manners.json").read_text())),
-        **tables_beside(DATA / "bench.json"),
-        **node_tables.all_tables(json.loads((DATA / "bench_node.json").read_text())),
     }
-    found |= motion.all_tables(json.loads((DATA / "motion.json").read_text()))
-    found |= contact.all_tables(json.loads((DATA / "contact.json").read_text()))
-    found |= coarse_meshes.all_tables(json.loads((DATA / "coarse_meshes.json").read_text()))
-    found |= streams.all_tables(json.loads((DATA / "streams.json").read_text()))
-    found |= cut_cells.all_tables(json.loads((DATA / "cut_cells.json").read_text()))
-    for name in ("bench", "skip", "torture"):
-        found |= all_tables(json.loads((DATA / f"{name}.json").read_text()))
+    for name, tables in TABLES.items():
+        report = read_report(KEPT / f"{name}.json")
+        printed = tables(report.data)
+        printed = {name: printed} if isinstance(printed, str) else printed
+        found |= {mark: f"{text.strip()}\n\n{report.made.line}" for mark, text in printed.items()}
     return {name: text.strip() for name, text in found.items()}
 
 
@@ -64,6 +63,29 @@ def manners_table(report: Mapping[str, Any]) -> str:
         table = markdown_table(("asked", "expected", "found"), [[f"{cell}" for cell in row[1:]] for row in rows])
         parts.append(f"### {group.capitalize()}\n\n{table}")
     return "\n\n".join(parts)
+
+
+TABLES: dict[str, Callable[[Any], Mapping[str, str] | str]] = {
+    "batches": batches.batch_table,
+    "bench": all_tables,
+    "bench_node": node_tables.all_tables,
+    "chamber": chamber.chamber_table,
+    "coarse_meshes": coarse_meshes.all_tables,
+    "constant_factors": constant_factors.table,
+    "contact": contact.all_tables,
+    "cut_cells": cut_cells.all_tables,
+    "factors": factors.table,
+    "manners": manners_table,
+    "motion": motion.all_tables,
+    "robots": robots.robot_table,
+    "robots_level": lambda data: second_level.table(data["rows"]),
+    "second_level": lambda data: second_level.table(data["rows"]),
+    "skip": all_tables,
+    "streams": streams.all_tables,
+    "threads": threads.thread_table,
+    "torture": all_tables,
+}
+"""What makes the tables of each file in `KEPT`: one that has the file's name, or several by their names."""
 
 
 def main() -> None:

@@ -46,7 +46,7 @@ class Gravity:
 
     Attributes:
         name: unique in the scene among actuators and loads.
-        acceleration: (3,) [m/s^2].
+        acceleration: (3,) finite [m/s^2].
         density: (m,) of each cell [kg/m^3].
         attached: masses that weigh, too.
         filling: how far the cells are filled; None: wholly.
@@ -57,6 +57,9 @@ class Gravity:
     density: NDArray[np.float64]
     attached: tuple[AttachedMass, ...] = ()
     filling: Filling | None = None
+
+    def __post_init__(self) -> None:
+        _require_finite(self.name, "acceleration", self.acceleration)
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
         """Return the force at each vertex (n, 3) [N]: each corner's share of the mass is exact for trilinear cells."""
@@ -74,12 +77,15 @@ class PointLoad:
     Attributes:
         name: unique in the scene among actuators and loads.
         point: where it acts, one point.
-        force: (3,) [N].
+        force: (3,) finite [N].
     """
 
     name: str
     point: Embedding
     force: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        _require_finite(self.name, "force", self.force)
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
         """Return the force at each vertex (n, 3) [N]."""
@@ -93,7 +99,7 @@ class SurfaceLoad:
     Attributes:
         name: unique in the scene among actuators and loads.
         quads: (q, 4) int32 vertices of the faces; with ``points`` numbers of these, as of a chamber.
-        traction: (3,) [Pa].
+        traction: (3,) finite [Pa].
         points: that the body carries, where the faces lie between points that are no vertices.
     """
 
@@ -101,6 +107,9 @@ class SurfaceLoad:
     quads: NDArray[np.int32]
     traction: NDArray[np.float64]
     points: Embedding | None = None
+
+    def __post_init__(self) -> None:
+        _require_finite(self.name, "traction", self.traction)
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
         """Return the force at each vertex (n, 3) [N]."""
@@ -150,6 +159,11 @@ def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray
         second = np.einsum("a,qai->qi", 0.25 * signs[:, 1] * factors[:, 0], corners)
         areas += np.linalg.norm(np.cross(first, second), axis=1)[:, None] * 0.25 * factors.prod(axis=1)
     return areas
+
+
+def _require_finite(name: str, what: str, value: NDArray[np.float64]) -> None:
+    if not np.isfinite(value).all():
+        raise ValueError(f"load {name!r}: {what} must be three finite numbers, got {np.asarray(value).tolist()}")
 
 
 def _collect(count: int, owners: NDArray[np.int32], forces: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -93,13 +93,13 @@ def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
         if arguments.play:
             session.play()
         _end_on_signals(ending)
-        while not ending.wait(0.5) and session.failure is None and page.failure is None:
+        while not ending.wait(0.5) and page.failure is None:
             pass
     finally:
         if session is not None:
             session.stop()
         page.close()
-    return 0 if session.failure is None and page.failure is None else ENDED
+    return 0 if page.failure is None else ENDED
 
 
 def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> LiveSession:

@@ -20,7 +20,7 @@ from rclpy.node import Node
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
-from gdfe_ros.node.process import run
+from gdfe_ros.node.process import answer_arguments, run
 
 LINKS = (0.30, 0.20)
 """Lengths [m]."""
@@ -76,7 +76,8 @@ class CarryingArm(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the arm until SIGINT or SIGTERM."""
-    return run(CarryingArm, args)
+    answered = answer_arguments("carrying_arm", f"usage: carrying_arm [--help] [--ros-args ...]\n\n{__doc__}", args)
+    return run(CarryingArm, args) if answered is None else answered
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ class ReachPolicy:
     """Tries each command out once, and then follows the Jacobian that this gave, corrected as it goes.
 
     It sees what a learnt policy would: the observation that `make_env` has by itself, with the tip at its beginning and
-    the goal at its end.
+    commands, efforts and the goal at its end. The commands in force may lag behind those that it asked for.
 
     Args:
         actions: of the environment.
@@ -55,7 +55,8 @@ class ReachPolicy:
                 return self._last
             columns = np.diff(np.array(self._tips), axis=0).T / (_TRIAL * (self._high - self._low))
             self._tracker = TipTracker(columns, self._last, low=self._low, high=self._high, **_CAREFUL)
-        self._last = self._tracker.command(tip, goal, self._last)
+        applied = seen[-3 - 2 * count : -3 - count]
+        self._last = self._tracker.command(tip, goal, applied)
         return self._last
 
 

@@ -27,7 +27,7 @@ from std_srvs.srv import Trigger
 
 from gdfe_ros.actuators import Mode
 from gdfe_ros.examples.tip_tracker import TipTracker, circle
-from gdfe_ros.node.process import run
+from gdfe_ros.node.process import answer_arguments, run
 from gdfe_ros.scene.loader import scene_from_text
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -187,7 +187,8 @@ class TipTracking(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the controller until SIGINT or SIGTERM."""
-    return run(TipTracking, args)
+    answered = answer_arguments("tip_tracking", f"usage: tip_tracking [--help] [--ros-args ...]\n\n{__doc__}", args)
+    return run(TipTracking, args) if answered is None else answered
 
 
 if __name__ == "__main__":

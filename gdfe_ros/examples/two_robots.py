@@ -12,7 +12,7 @@ import threading
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from gdfe_ros.node.process import run_all
+from gdfe_ros.node.process import answer_arguments, run_all
 from gdfe_ros.node.sim_node import SimNode
 
 ROBOTS = {"left": "tendon_finger", "right": "three_chamber_arm"}
@@ -29,7 +29,8 @@ def make_nodes(interrupted: threading.Event) -> list[Node]:
 
 def main(args: list[str] | None = None) -> int:
     """Run both until SIGINT or SIGTERM."""
-    return run_all(make_nodes, args)
+    answered = answer_arguments("two_robots", f"usage: two_robots [--help] [--ros-args ...]\n\n{__doc__}", args)
+    return run_all(make_nodes, args) if answered is None else answered
 
 
 if __name__ == "__main__":

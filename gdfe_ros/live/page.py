@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
+import logging
 import socket
 import sys
 import threading
@@ -25,6 +26,7 @@ from gdfe_ros.live.stage import Stage
 from gdfe_ros.live.status import Status, waiting
 from gdfe_ros.live.view import View
 from gdfe_ros.node.orders import Order
+from gdfe_ros.node.throttle import Throttle
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.threads import VIEWER, show_name
 
@@ -58,6 +60,7 @@ class Page:
     """
 
     def __init__(self, *, host: str, port: int, frames: float) -> None:
+        _shorten_complaints()
         self._interval, self.drawn = 1.0 / frames, 0
         self.failure: Exception | None = None
         port = _free_port(host, port)
@@ -245,3 +248,27 @@ def _free_port(host: str, first: int) -> int:
                 text = f"port {port} of {host!r} cannot be listened at: {error.strerror}; allowed: an address of this "
                 raise GdfeError(f"{text}machine, 127.0.0.1 for itself alone, 0.0.0.0 for its network") from error
     raise GdfeError(f"no port from {first} to {_PORTS - 1} is free")
+
+
+def _shorten_complaints() -> None:
+    """Have what comes over the socket and is no viewer's told in one line, without the traceback of a library."""
+    for name in ("websockets.server", "asyncio"):
+        logger = logging.getLogger(name)
+        if not any(isinstance(each, _OneLine) for each in logger.filters):
+            logger.addFilter(_OneLine())
+
+
+class _OneLine(logging.Filter):
+    """Puts an exception's own words in the place of its traceback, and says each text once in five seconds."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._throttle = Throttle()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Shorten a record; False where the same was said just now."""
+        error = record.exc_info[1] if record.exc_info else None
+        text = record.getMessage().partition("\n")[0] + (f": {error!r}" if error else "")
+        record.msg, record.args = f"gdfe live: {text[:_LONGEST_NOTE]}", ()
+        record.exc_info = record.exc_text = None
+        return self._throttle.due(record.getMessage()) is not None

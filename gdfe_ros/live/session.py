@@ -65,7 +65,6 @@ class LiveSession:
         last: the step made last, or None.
         log_time: of that step, for the bag [ns].
         stepper: the thread that steps.
-        failure: why the stepping ended by itself, or None.
     """
 
     def __init__(
@@ -78,15 +77,20 @@ class LiveSession:
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.simulation = simulation
-        self.parameters: dict[str, Any] = {"dt": dt, "velocity_timeout": 0.5, "deadline": 0.0, "cut_after": -1}
+        self.parameters: dict[str, Any] = {
+            "dt": dt,
+            "velocity_timeout": 0.5,
+            "slew_time": 0.0,
+            "deadline": 0.0,
+            "cut_after": -1,
+        }
         self.refusals = RefusalLog(warn)
         self.last: Step | None = None
         self.log_time = 0
-        self.failure: Exception | None = None
         self._clock, self._told, self._warn = clock, told, warn
         self._programme: Programme | None = None
         self._bag: LiveBag | None = None
-        self.stepper = Stepper(self, lambda: Demand(imus=False), deliver=self._deliver, failed=self._fail)
+        self.stepper = Stepper(self, lambda: Demand(imus=False), deliver=self._deliver)
         self._inbox = Inbox(self.stepper.changed, queued=False)
 
     @property
@@ -139,8 +143,8 @@ class LiveSession:
 
     def doing(self) -> tuple[str, bool]:
         """Say what it does and whether that is bad; nothing where it follows commands or rests."""
-        if self.failure is not None:
-            return f"ended: {self.failure}", True
+        if self.stepper.failure:
+            return f"paused: {self.stepper.failure}", True
         work, playing = self.stepper.work, self._programme
         if work is not None and monotonic() - work[1] > _LONG:
             return f"{work[0]}, since {monotonic() - work[1]:.1f} s", False
@@ -284,6 +288,6 @@ class LiveSession:
         for name, order in self._programme.orders(time + self.parameters["dt"]):
             self._inbox.put(name, order)
 
-    def _fail(self, error: Exception) -> None:
-        self.failure = error
-        self._warn(f"the stepping ended: {error}")
+    def report(self, text: str) -> None:
+        """Tell of a step that failed."""
+        self._warn(text)

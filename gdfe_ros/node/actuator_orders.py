@@ -75,20 +75,25 @@ class ActuatorOrders:
     ) -> TrajectoryOrder:
         """Take the points of a trajectory; only ``positions`` count, whatever the mode.
 
+        Without points it ends the running trajectories of the named actuators and loads, or of all where none is
+        named: they stay where they are commanded, as with joint_trajectory_controller.
+
         Args:
             message: with a stamp of its start; 0: when it is consumed.
             now: simulation time [s].
             convert: gives the simulation time [s] of a stamp [ns].
 
         Raises:
-            Refusal: an unknown or repeated name, no points, a point of the wrong size, times that do not ascend, an
+            Refusal: an unknown or repeated name, a point of the wrong size, times that do not ascend, an
                 end in the past, a start too far ahead, or a value not finite or out of range.
         """
         names = tuple(message.joint_names)
+        if not message.points:
+            names = names or (*self._actuators, *self._loads)
+            self._require_known(names)
+            return TrajectoryOrder(names, None, np.zeros(0), np.zeros((0, len(names))))
         self._require_known(names)
         times = np.array([_seconds(point.time_from_start) for point in message.points])
-        if not len(times):
-            raise Refusal(Reason.WRONG_SIZE, "the trajectory has no points")
         if times[0] < 0.0 or (np.diff(times) <= 0.0).any():
             raise Refusal(Reason.OUT_OF_ORDER, f"time_from_start {times.tolist()} s must ascend from 0 on")
         rows = []

@@ -70,7 +70,11 @@ class Bags:
         self._attach(None)
         status = self.recorder.close()
         text = _outcome(self.recorder, status)
-        (self._logger.info if status.error is None else self._logger.error)(text)
+        # In lines of their own: rclpy takes a severity for that of the line that logs, for good.
+        if status.error is None:
+            self._logger.info(text)
+        else:
+            self._logger.error(text)
         return text
 
     @property

@@ -52,8 +52,8 @@ class Channel:
     ) -> None:
         self._node, self.recorded, self.latest, self._own = node, spec.recorded, -1, own
         profile = qos_profile(spec.delivery)
-        # Latched topics and diagnostics speak while the node is not active, too.
-        managed = spec.name.startswith("~") and spec.delivery is not Delivery.LATCHED
+        # Latched topics, events and diagnostics speak while the node is not active, too.
+        managed = spec.name.startswith("~") and spec.delivery not in (Delivery.LATCHED, Delivery.EVENT)
         make = node.create_lifecycle_publisher if managed else node.create_publisher
         topic = spec.name.format(**names)
         events = PublisherEventCallbacks()
@@ -129,15 +129,14 @@ class Courier:
     """Hands steps on in order, in a thread of its own.
 
     Args:
-        handle: publishes and records one step.
-        failed: called in the thread with the first exception; later steps are dropped.
+        handle: publishes and records one step; it raises nothing.
 
     Attributes:
         spent: wall time spent on publishing and recording so far [s].
     """
 
-    def __init__(self, handle: Callable[[Step], None], failed: Callable[[Exception], None]) -> None:
-        self._handle, self._failed = handle, failed
+    def __init__(self, handle: Callable[[Step], None]) -> None:
+        self._handle = handle
         self.spent = 0.0
         self._steps: queue.Queue[Step | None] = queue.Queue(maxsize=_WAITING)
         self._thread = threading.Thread(target=self._run, name=COURIER, daemon=True)
@@ -158,15 +157,10 @@ class Courier:
 
     def _run(self) -> None:
         show_name()
-        broken = False
         while (step := self._steps.get()) is not None:
             started = time.perf_counter()
             try:
-                if not broken:
-                    self._handle(step)
-            except Exception as error:
-                broken = True
-                self._failed(error)
+                self._handle(step)
             finally:
                 self.spent += time.perf_counter() - started
                 self._steps.task_done()

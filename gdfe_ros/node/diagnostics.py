@@ -41,14 +41,15 @@ class _Mark:
     solving: float = 0.0
     other: float = 0.0
     overruns: int = 0
+    late: float = 0.0
 
     @classmethod
     def of(cls, session: Session) -> _Mark:
         stepper, courier = session.stepper, session.courier
         other = stepper.spent - stepper.solving + (courier.spent if courier else 0.0)
         pace = session.run.pace
-        overruns = pace.overruns if pace else 0
-        return cls(time.monotonic(), session.simulation.time, stepper.count, stepper.solving, other, overruns)
+        overruns, late = (pace.overruns, pace.late) if pace else (0, 0.0)
+        return cls(time.monotonic(), session.simulation.time, stepper.count, stepper.solving, other, overruns, late)
 
 
 class Diagnostics:
@@ -83,8 +84,8 @@ class Diagnostics:
             return
         worst = max(parts.values(), key=lambda part: part.level[0])
         level, message = (worst.level, worst.reason) if worst.level != _OK else (_OK, state)
-        if problem:
-            level, message = _ERROR, problem
+        if failure := problem or (session.stepper.failure if session else ""):
+            level, message = _ERROR, failure
         whole = _Part(self._whole(session, state), level, message)
         name = self._node.get_fully_qualified_name().lstrip("/")
         array = DiagnosticArray(
@@ -130,11 +131,25 @@ class Diagnostics:
             counts |= {f"{name} follows": leader for name, leader in session.inputs.led().items()}
         if session is not None and session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
             counts["waits for"] = reason = f"waits for {session.waiting()}"
+        if session is not None and session.stepper.slew.moving:
+            counts["on their way"] = _on_their_way(session)
+        unheard = "; ".join(session.inputs.unheard()) if session is not None else ""
+        if unheard:
+            counts["unheard"] = unheard
         if faults > 0:
             return _Part(counts, _ERROR, f"a callback failed: {self._node.faults.last}")
         if refused > 0:
             return _Part(counts, _WARN, f"{refused} commands refused since the last report; the log says why")
+        if unheard:
+            return _Part(counts, _WARN, f"commands are not heard of {unheard}")
         return _Part(counts, _OK, reason)
+
+
+def _on_their_way(session: Session) -> str:
+    """Say which commands are followed at a limited rate, and at how much of it."""
+    slew, present = session.stepper.slew, session.simulation.commands
+    goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
+    return f"{goals}; at {100.0 * slew.share:.3g} % of the range in slew_time, so that steps converge"
 
 
 def _work(session: Session) -> dict[str, object]:
@@ -149,7 +164,7 @@ def _work(session: Session) -> dict[str, object]:
 
 def _solver(session: Session, last: _Mark, mark: _Mark) -> _Part:
     steps = mark.steps - last.steps
-    values: dict[str, object] = {"steps": mark.steps}
+    values: dict[str, object] = {"steps": mark.steps, "steps failed": session.stepper.failures}
     if steps > 0:
         values["solve time per step [ms]"] = f"{1e3 * (mark.solving - last.solving) / steps:.3f}"
         values["other time per step [ms]"] = f"{1e3 * (mark.other - last.other) / steps:.3f}"
@@ -197,9 +212,38 @@ def _clock(session: Session, last: _Mark, mark: _Mark) -> _Part:
         "simulation time [s]": f"{mark.simulation:.9g}",
         "real-time factor": f"{max(0.0, mark.simulation - last.simulation) / span:.4g}",
         "steps per second": f"{max(0, steps) / span:.4g}",
+        **(figures := _figures(session, last, mark)),
         "overruns": mark.overruns,
     }
+    if session.mode is ClockMode.EXTERNAL and session.run.pace is not None:
+        values["behind the clock [s]"] = f"{session.run.pace.behind:.3f}"
     if (overruns := mark.overruns - last.overruns) > 0:
-        text = f"{overruns} overruns since the last report: steps take longer than 1/rate, simulation time falls behind"
+        told = ", ".join(f"{name} {value}" for name, value in figures.items())
+        text = f"{overruns} overruns since the last report: {told}; simulation time falls behind"
         return _Part(values, _WARN, text)
     return _Part(values, _OK, str(values["clock"]))
+
+
+def _figures(session: Session, last: _Mark, mark: _Mark) -> dict[str, str]:
+    """Give the rate that is asked for, the one that the steps reach, and how late they end.
+
+    Under the wall clock the rate reached is that of steps one after the other: with nothing to do, none need be made.
+    """
+    steps, late, span = max(0, mark.steps - last.steps), mark.late - last.late, max(mark.wall - last.wall, 1e-9)
+    timing = session.run.timing()
+    if session.mode is not ClockMode.WALL:
+        asked = {
+            ClockMode.FAST: "as fast as it goes",
+            ClockMode.LOCKSTEP: "one step for each command set",
+            ClockMode.EXTERNAL: f"{1.0 / timing.dt:.4g} a second of /clock",
+        }
+        return _told(asked[session.mode], steps / span, late / max(steps, 1))
+    work = session.stepper.work
+    if work is not None and not steps:  # a step that takes longer than a report
+        steps, late = 1, max(0.0, mark.wall - work[1] - 1.0 / timing.rate)
+    reached = timing.rate if not steps else steps / (steps / timing.rate + late)
+    return _told(f"{timing.rate:.4g}", reached, late / max(steps, 1))
+
+
+def _told(asked: str, reached: float, late: float) -> dict[str, str]:
+    return {"rate asked [Hz]": asked, "rate reached [Hz]": f"{reached:.4g}", "late per step [s]": f"{late:.4g}"}

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,11 +33,22 @@ class Drive:
         """Forget every velocity and trajectory."""
         self._twists: dict[str, tuple[TwistOrder, float]] = {}
         self._courses: dict[str, _Course] = {}
+        self._resting: Command | None = None
+
+    def place(self, bodies: Mapping[str, Pose]) -> None:
+        """Put rigid bodies somewhere with the next command."""
+        resting = self._resting or Command()
+        self._resting = replace(resting, bodies={**resting.bodies, **bodies})
+
+    def rest(self) -> None:
+        """Forget every velocity and trajectory; the next command goes back to rest, but for what is ordered then."""
+        self.clear()
+        self._resting = self._run.simulation.rest_command()
 
     @property
     def moving(self) -> bool:
         """Whether the next step changes a command without a new order."""
-        return bool(self._twists) or bool(self._courses)
+        return bool(self._twists or self._courses) or self._resting is not None
 
     def command(self, orders: Iterable[Order], *, time: float, dt: float) -> Command:
         """Give what a step consumes.
@@ -47,14 +58,15 @@ class Drive:
             time: simulation time at the end of the step [s].
             dt: time over which velocities act [s].
         """
-        poses: dict[str, Pose] = {}
-        actuators: dict[str, float] = {}
-        bodies: dict[str, Pose] = {}
+        first, self._resting = self._resting or Command(), None
+        poses: dict[str, Pose] = dict(first.handles)
+        actuators: dict[str, float] = {**first.actuators, **first.loads}
+        bodies: dict[str, Pose] = dict(first.bodies)
         for order in orders:
             match order:
                 case PoseOrder():
                     self._twists.pop(order.handle, None)
-                    poses[order.handle] = order.after(self._run.simulation.targets[order.handle])
+                    poses[order.handle] = order.after(self._target(order.handle, poses))
                 case TwistOrder():
                     self._twists[order.handle] = (order, self._run.parameters["velocity_timeout"])
                 case PutOrder():
@@ -63,12 +75,17 @@ class Drive:
                     actuators.update(order.values)
                     for name in order.values:
                         self._courses.pop(name, None)
+                case TrajectoryOrder() if order.ends:
+                    for name in order.names:
+                        self._courses.pop(name, None)
                 case TrajectoryOrder():
                     start = time - dt if order.start is None else order.start
-                    for name, column in zip(order.names, order.values.T, strict=True):
-                        before = actuators.get(name, self._run.simulation.commands[name])
-                        self._courses[name] = _Course(start, before, order.times, column)
-        poses |= self._moved(dt)
+                    before = [actuators.get(name, self._run.simulation.commands[name]) for name in order.names]
+                    for name, value, column in zip(order.names, before, order.values.T, strict=True):
+                        self._courses[name] = _Course(start, value, order.times, column)
+                    if order.begun is not None:
+                        order.begun(start, before)
+        poses |= self._moved(dt, poses)
         values, loads = actuators | self._followed(time), {load.name for load in self._run.simulation.scene.loads}
         return Command(
             handles=poses,
@@ -77,7 +94,11 @@ class Drive:
             bodies=bodies,
         )
 
-    def _moved(self, dt: float) -> dict[str, Pose]:
+    def _target(self, name: str, poses: Mapping[str, Pose]) -> Pose:
+        """Give the target before an order: one of this step's, or else the one in force."""
+        return poses.get(name) or self._run.simulation.targets[name]
+
+    def _moved(self, dt: float, last: Mapping[str, Pose]) -> dict[str, Pose]:
         """Give where velocities lead; each acts for its timeout, also where a body in motion does not keep up."""
         poses = {}
         for name, (twist, left) in list(self._twists.items()):
@@ -85,7 +106,7 @@ class Drive:
                 del self._twists[name]
                 continue
             self._twists[name] = (twist, left - dt)
-            pose = twist.after(self._run.simulation.targets[name], dt)
+            pose = twist.after(self._target(name, last), dt)
             try:
                 require_near(pose.translation, self._run.simulation.mesh.size)
             except Refusal as refusal:

@@ -1,133 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames: those of a body, by name and place, and what others tell of theirs on /tf and /tf_static."""
+"""Frames: those of a body, by name and place, and the way from others' to them."""
 
 from __future__ import annotations
 
-import threading
-from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.node.interface import topics
-from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.qos import installed, interface_class, qos_profile
+from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.transforms import Transforms
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.motion.imu import ImuReading
-
-_UNREAD = 2000
-"""Messages of /tf that wait to be read; a frame that moves is told again long before as many others are."""
-_DEEPEST = 1000
-"""Frames between one and the root of its tree, beyond which they go round in a circle."""
-
-
-@dataclass(frozen=True, eq=False)
-class Placement:
-    """Where a frame is in another: origin (3,) [m] and the turn of its axes."""
-
-    origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    turn: Rotation = field(default_factory=Rotation.identity)
-
-    @classmethod
-    def of(cls, translation: Any, rotation: Any) -> Placement:
-        """Read it from a message: x, y, z [m] and a quaternion."""
-        turn = Rotation.from_quat([rotation.x, rotation.y, rotation.z, rotation.w])
-        return cls(np.array([translation.x, translation.y, translation.z]), turn)
-
-    def __matmul__(self, inner: Placement) -> Placement:
-        """Give where ``inner``, which is given in this frame, is in the frame that this one is given in."""
-        return Placement(self.origin + self.turn.apply(inner.origin), self.turn * inner.turn)
-
-    def inverse(self) -> Placement:
-        """Give where the other frame is in this one."""
-        back = self.turn.inv()
-        return Placement(-back.apply(self.origin), back)
-
-
-class Transforms:
-    """Listens to /tf and /tf_static; of each frame the latest transform counts.
-
-    Args:
-        node: that listens.
-        heard: called after each message.
-    """
-
-    def __init__(self, node: ManagedNode, heard: Callable[[], object] | None = None) -> None:
-        self._node, self._heard = node, heard
-        self._unread: deque[bytes] = deque(maxlen=_UNREAD)
-        self._fixed_unread: deque[bytes] = deque()
-        self._parents: dict[str, tuple[str, Placement]] = {}
-        self._lock = threading.Lock()
-        self._subscriptions = [
-            node.create_subscription(
-                interface_class(spec.type), spec.name, callback, qos_profile(spec.delivery), raw=True
-            )
-            for spec, callback in ((topics.TF, self._keep), (topics.TF_STATIC, self._keep_fixed))
-        ]
-
-    def destroy(self) -> None:
-        """Take the subscriptions off the graph."""
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
-
-    def known(self) -> list[str]:
-        """Name the frames that were told of, sorted."""
-        with self._lock:
-            self._read()
-            return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
-
-    def find(self, source: str, target: str, own: Mapping[str, tuple[str, Placement]]) -> Placement | None:
-        """Give where ``source`` is in ``target``; None where no transforms lead there.
-
-        Args:
-            source: frame.
-            target: frame.
-            own: what the node itself knows: frame -> frame that it is given in, and its place there.
-        """
-        with self._lock:
-            self._read()
-            parents = {**self._parents, **own}
-        ways = _way_up(source, parents), _way_up(target, parents)
-        common = next((frame for frame in ways[0] if frame in ways[1]), None)
-        return None if common is None else ways[1][common].inverse() @ ways[0][common]
-
-    def _keep(self, data: bytes) -> None:
-        """Put a message aside: a robot tells of a hundred frames a hundred times a second, and few are asked for."""
-        self._unread.append(data)
-        if self._heard is not None:
-            self._heard()
-
-    def _keep_fixed(self, data: bytes) -> None:
-        self._fixed_unread.append(data)
-        if self._heard is not None:
-            self._heard()
-
-    def _read(self) -> None:
-        """Read what was put aside; needs the lock."""
-        kind = interface_class(topics.TF.type)
-        for waiting in (self._fixed_unread, self._unread):
-            while waiting:
-                for each in deserialize_message(waiting.popleft(), kind).transforms:
-                    told = each.header.frame_id, Placement.of(each.transform.translation, each.transform.rotation)
-                    self._parents[each.child_frame_id] = told
-
-
-def _way_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
-    """Give where a frame is in each frame above it, nearest first."""
-    way = {frame: Placement()}
-    while frame in parents and parents[frame][0] not in way and len(way) < _DEEPEST:
-        parent, placement = parents[frame]
-        way[parent] = placement @ way[frame]
-        frame = parent
-    return way
 
 
 class Frames:
@@ -265,8 +153,3 @@ class Frames:
         rest, centre = self._scene.mesh.vertices, handle.centre(now)
         arms = now[handle.vertices] - centre, rest[handle.vertices] - handle.centre(rest)
         return Placement(centre, Rotation.align_vectors(*arms)[0])
-
-
-def transforms_installed() -> bool:
-    """Tell whether the messages of /tf are installed."""
-    return installed(topics.TF.type)

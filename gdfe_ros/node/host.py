@@ -13,7 +13,7 @@ from gdfe_ros.simulation import Simulation
 
 
 class Settings(Protocol):
-    """Values in force by name: `dt`, `velocity_timeout`, `deadline`, `cut_after` (those of the node's parameters)."""
+    """Values in force by name, those of the node: `dt`, `velocity_timeout`, `slew_time`, `deadline`, `cut_after`."""
 
     def __getitem__(self, name: str) -> Any:
         """Give a value."""
@@ -40,6 +40,9 @@ class Host(Protocol):
     @property
     def scene(self) -> Scene:
         """The scene that is simulated."""
+
+    def report(self, text: str) -> None:
+        """Take the text of an error that somebody should read."""
 
     def stamp(self, ending: float, early: float = 0.0) -> int:
         """Give the stamp [ns] of a step that ends at a simulation time [s], ``early`` [s] before another's clock."""

@@ -4,10 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from gdfe_ros.node.actuator_orders import ActuatorOrders
@@ -16,13 +20,18 @@ from gdfe_ros.node.freshness import Freshness
 from gdfe_ros.node.handle_orders import pose_order, put_order, twist_order
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.interface import topics
-from gdfe_ros.node.orders import ActuatorOrder, Order
+from gdfe_ros.node.orders import ActuatorOrder, Order, TrajectoryOrder
+from gdfe_ros.node.pursuit import Code, Pursuit
 from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal
 from gdfe_ros.node.run import Run
 from gdfe_ros.node.specification import TopicSpec
+from gdfe_ros.node.step import Step
 from gdfe_ros.recording.recorder import Recorder
 from gdfe_ros.recording.topic import Qos, TopicInfo
+
+_TRAJECTORY = topics.TRAJECTORY.key()
+_UNSURE = ReliabilityPolicy.BEST_EFFORT
 
 
 @dataclass(frozen=True)
@@ -64,6 +73,8 @@ class Inputs:
         self.inbox: Inbox | None = None
         self.recorder: Recorder | None = None
         self.freshness = Freshness()
+        self._unheard: set[str] = set()
+        self._pursuits: list[Pursuit] = []
         self._inputs = {item.key: item for item in _inputs(run, leaders)}
         self._subscriptions = {key: self._subscribe(item) for key, item in self._inputs.items()}
         led = [leader for leader in leaders.values() if leader.frame]
@@ -80,6 +91,18 @@ class Inputs:
         leaders = self._leaders.items()
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
+    def unheard(self) -> list[str]:
+        """Say whose commands never arrive: publishers that are best effort, where the node asks for reliable ones."""
+        found = []
+        for topic in sorted(self._unheard):
+            publishers = self._run.node.get_publishers_info_by_topic(topic)
+            names = {each.node_name for each in publishers if each.qos_profile.reliability is _UNSURE}
+            if names:
+                found.append(f"{', '.join(sorted(names))} on {topic}: best effort; allowed: reliable")
+            else:
+                self._unheard.discard(topic)
+        return found
+
     @property
     def infos(self) -> list[TopicInfo]:
         """Describe the topics for a bag."""
@@ -93,6 +116,45 @@ class Inputs:
             for key, subscription in self._subscriptions.items()
         ]
 
+    def trajectory(self, message: Any) -> TrajectoryOrder:
+        """Check a trajectory.
+
+        Raises:
+            Refusal: as of one on the topic.
+        """
+        if _TRAJECTORY not in self._inputs:
+            raise Refusal(Reason.UNKNOWN, f"scene {self._run.scene.name!r} has neither actuators nor loads")
+        return self._inputs[_TRAJECTORY].check(message)
+
+    def pursue(self, pursuit: Pursuit) -> None:
+        """Give the order of a trajectory that somebody waits for."""
+        self._put(_TRAJECTORY, replace(pursuit.order, begun=pursuit.begin))
+        self._pursuits.append(pursuit)
+        self._run.refusals.take()
+
+    def hold(self, pursuit: Pursuit) -> None:
+        """Leave what a trajectory commands where it is."""
+        names = pursuit.order.names
+        self._put(_TRAJECTORY, TrajectoryOrder(names, None, np.zeros(0), np.zeros((0, len(names)))), told=False)
+
+    def look(self, step: Step) -> None:
+        """Tell those who wait for trajectories of a step; between steps."""
+        if not self._pursuits:
+            return
+        states = self._run.simulation.actuator_states()
+        present = self._run.simulation.commands | {name: state.command for name, state in states.items()}
+        for pursuit in list(self._pursuits):
+            pursuit.look(step.record.time, present)
+            if not pursuit.going:
+                with suppress(ValueError):  # another thread gave all up meanwhile
+                    self._pursuits.remove(pursuit)
+
+    def give_up(self, reason: str) -> None:
+        """End every trajectory that somebody waits for."""
+        pursuits, self._pursuits = self._pursuits, []
+        for pursuit in pursuits:
+            pursuit.end(Code.INVALID_GOAL, reason)
+
     def destroy(self) -> None:
         """Take the topics off the graph."""
         for subscription in self._subscriptions.values():
@@ -102,7 +164,11 @@ class Inputs:
         topic = self._run.node.resolve_topic_name(item.topic)
         kind = interface_class(item.spec.type)
         receive = partial(self._receive, item, topic, kind)
-        return self._run.node.create_subscription(kind, topic, receive, qos_profile(item.spec.delivery), raw=True)
+        node = self._run.node
+        tell = node.guarded(lambda status: self._unheard.add(topic), f"who publishes on {topic}")
+        events = SubscriptionEventCallbacks(incompatible_qos=tell)
+        profile = qos_profile(item.spec.delivery)
+        return node.create_subscription(kind, topic, receive, profile, raw=True, event_callbacks=events)
 
     def _receive(self, item: Input, topic: str, kind: type, data: bytes) -> None:
         if self.recorder is not None:
@@ -134,8 +200,10 @@ class Inputs:
             )
         self._put(item.key, order)
 
-    def _put(self, key: str, order: Order) -> None:
+    def _put(self, key: str, order: Order, *, told: bool = True) -> None:
         if self.inbox is not None:
+            for pursuit in list(self._pursuits) if told else ():
+                pursuit.displace(order)
             self._heard.add(key)
             self.inbox.put(key, order)
 
@@ -177,4 +245,4 @@ def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
         def follow(message: Any) -> Order:
             return orders.from_trajectory(message, now=run.simulation_time(run.now()), convert=run.simulation_time)
 
-        yield Input("trajectory", topics.TRAJECTORY.name, topics.TRAJECTORY, follow, stamped=False)
+        yield Input(_TRAJECTORY, topics.TRAJECTORY.name, topics.TRAJECTORY, follow, stamped=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import threading
 import traceback
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import wraps
@@ -14,10 +15,15 @@ from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.publisher import Publisher
 from rclpy.service import Service
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
 from gdfe_ros.node.throttle import Throttle
 
+_KEPT = 1000
+"""Destroyed subscriptions, publishers and timers that are freed later: more than a node has."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
@@ -61,6 +67,7 @@ class ManagedNode(LifecycleNode):
     def __init__(self, name: str, **options: Any) -> None:
         self._preparation: threading.Thread | None = None
         self._destroyed = False
+        self._destroyed_last: deque[Subscription | Publisher | Timer] = deque(maxlen=_KEPT)
         self.faults = Faults(lambda text: self.get_logger().error(text))
         super().__init__(name, **options)
         self._service_change_state.callback = self._checked(self._service_change_state.callback)
@@ -71,6 +78,15 @@ class ManagedNode(LifecycleNode):
     def lifecycle_state(self) -> str:
         """Label of the lifecycle state, e.g. ``active``; ``finalized`` once the node is destroyed."""
         return "finalized" if self._destroyed else self._state_machine.current_state[1]
+
+    def unknown_parameters(self) -> set[str]:
+        """Name the parameters that were given at start and not declared so far, without those of qualities of service.
+
+        Moduli, which a scene declares when it is configured, are not among them.
+        """
+        given = set(self._parameter_overrides)  # rclpy offers no other way
+        later = ("materials.", "qos_overrides.", "start_type_description_service", "use_sim_time")
+        return {name for name in given if not self.has_parameter(name) and not name.startswith(later)}
 
     def offer(self, kind: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Create a service; see the class for what its callback may do."""
@@ -86,6 +102,37 @@ class ManagedNode(LifecycleNode):
         """Create a subscription, as rclpy does, that outlives what its callback raises."""
         guarded = self.guarded(callback, f"the subscription of {topic}")
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
+
+    def destroy_later(self, subscription: Subscription) -> None:
+        """Destroy a subscription in a later turn of the executor than publishers that are destroyed now.
+
+        Where it hears its own node's publisher, its end is an event of that publisher. If EventsExecutor takes away
+        both in one turn, it frees that event without holding Python's lock, and the process dies by SIGSEGV.
+        """
+
+        def destroy() -> None:
+            self.destroy_timer(timer)
+            self.destroy_subscription(subscription)
+
+        timer = self.create_timer(0.0, destroy, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def destroy_subscription(self, subscription: Subscription) -> bool:
+        """Destroy a subscription, as rclpy does; it is freed later.
+
+        Messages that came before wait in the executor's queue, and EventsExecutor calls what it knows by its address.
+        """
+        self._destroyed_last.append(subscription)
+        return super().destroy_subscription(subscription)
+
+    def destroy_publisher(self, publisher: Publisher) -> bool:
+        """Destroy a publisher, whose events may wait in the same queue."""
+        self._destroyed_last.append(publisher)
+        return super().destroy_publisher(publisher)
+
+    def destroy_timer(self, timer: Timer) -> bool:
+        """Destroy a timer, whose calls may wait there."""
+        self._destroyed_last.append(timer)
+        return super().destroy_timer(timer)
 
     def destroy_node(self) -> None:
         """Destroy the node at once.

@@ -8,6 +8,7 @@ form that is fast with and without rclpy's field checks.
 from __future__ import annotations
 
 import array
+import json
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -28,11 +29,12 @@ from geometry_msgs.msg import (
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, JointState, PointCloud2, PointField
-from std_msgs.msg import Float64MultiArray, Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout
+from std_msgs.msg import Float64MultiArray, Header, Int32MultiArray, MultiArrayDimension, MultiArrayLayout, String
 
 from gdfe_ros.actuators import Actuator, Embedding, Readings
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node.actuator_orders import EFFORTS
+from gdfe_ros.node.refusals import Refusal, shortened
 from gdfe_ros.node.step import Step
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.elements.fields import ElementFields
@@ -169,6 +171,12 @@ def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) ->
         position=[math.nan if force else value for force, value in pairs],
         effort=[value if force else math.nan for force, value in pairs],
     )
+
+
+def refused(source: str, refusal: Refusal) -> String:
+    """Tell of a command that was refused."""
+    entries = {"source": source, "reason": refusal.reason.value, "message": shortened(str(refusal))}
+    return String(data=json.dumps(entries))
 
 
 def jacobian(values: NDArray[np.float64], probes: list[str], actuators: list[str]) -> Float64MultiArray:

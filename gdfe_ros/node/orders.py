@@ -8,7 +8,7 @@ another actuator takes nothing away.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -117,19 +117,26 @@ class ActuatorOrder:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryOrder:
-    """Commands of actuators and loads over time, linear between the points.
+    """Commands of actuators and loads over time, linear between the points; without points they stay as they are.
 
     Attributes:
         names: of the actuators and loads.
         start: simulation time of the time 0 [s]; None: the step that consumes it.
         times: (k,) ascending, from the start [s].
         values: (k, len(names)) in the units of the modes.
+        begun: takes the start [s] and the commands in force then, once a step has consumed it.
     """
 
     names: tuple[str, ...]
     start: float | None
     times: NDArray[np.float64]
     values: NDArray[np.float64]
+    begun: Callable[[float, Collection[float]], object] | None = None
+
+    @property
+    def ends(self) -> bool:
+        """Whether it ends what runs, and commands nothing."""
+        return not len(self.times)
 
     def without(self, later: Order) -> TrajectoryOrder | None:
         """Keep the actuators that a later order does not command."""
@@ -156,7 +163,7 @@ def require_near(translation: tuple[float, float, float], size: float) -> None:
         Refusal: it does not.
     """
     distance = math.hypot(*translation)
-    if distance > FARTHEST * size:
+    if not distance <= FARTHEST * size:
         raise Refusal(
             Reason.TOO_FAR,
             f"position {translation} is {distance:.3g} m from rest; allowed: {FARTHEST * size:.3g} m, "

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
+FARTHEST_JUMP = 10.0
+"""Farthest that another's clock may go ahead at once [s] for the steps in between to be made."""
+
 
 class ClockMode(str, Enum):
     """What makes a step begin."""
@@ -41,11 +44,15 @@ class Pace(Protocol):
 
     Attributes:
         overruns: steps that should have begun while an earlier one was still running.
+        late: how much later than due steps have ended, all together [s].
         moment: time on another's clock at the end of the step that began last [ns]; 0: no such clock is followed.
+        behind: how far that clock is ahead of it [s]; 0 where none is followed.
     """
 
     overruns: int
+    late: float
     moment: int
+    behind: float
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Give the wall time to wait [s]: 0 to step now, None to wait for something to happen."""
@@ -57,11 +64,18 @@ class Pace(Protocol):
         """Forget the wall time that passed, e.g. in a pause."""
 
 
-class WallPace:
+class _OwnPace:
+    """A pace that follows no other clock, and so is never behind one."""
+
+    moment, behind = 0, 0.0
+
+
+class WallPace(_OwnPace):
     """Steps at a rate of wall time; while there is nothing to do, only heartbeats.
 
     A pause of n periods is one step of n dt, so that simulation time keeps up with the wall. A step that takes
-    longer than its period is an overrun: the next one begins at once, and simulation time falls behind.
+    longer than its period is late, whatever comes after it: the periods that it missed are overruns, and simulation
+    time falls behind by them.
 
     Args:
         timing: gives the values in force.
@@ -70,12 +84,14 @@ class WallPace:
 
     def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
         self._timing, self._now = timing, now
-        self.overruns = self.moment = 0
+        self.overruns, self.late = 0, 0.0
         self.restart()
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Wait for the grid of the rate, or for the heartbeat where nothing is to be done."""
         timing, now = self._timing(), self._now()
+        if self._running:
+            self._end(now, 1.0 / timing.rate)
         if pending or not settled or timing.ticking:
             return max(0.0, self._due - now)
         self._idle = True
@@ -84,23 +100,31 @@ class WallPace:
     def begin(self) -> float:
         """Advance the grid and count what was missed."""
         timing, now = self._timing(), self._now()
-        period, late = 1.0 / timing.rate, now - self._due
-        periods = 1
+        period, periods = 1.0 / timing.rate, 1
         if self._idle:
             periods = max(1, round((now - self._last) / period))
-        elif late >= period:
-            self.overruns += int(late / period)
-        self._due = now + period if self._idle or late >= period else self._due + period
-        self._last, self._idle = now, False
+            self._due = now
+        else:
+            self._end(now, period)
+        self._due += period
+        self._last, self._idle, self._running = now, False, True
         return periods * timing.dt
+
+    def _end(self, now: float, period: float) -> None:
+        """Note that a step is over; where the next is overdue by a period or more, the grid begins anew."""
+        self._running = False
+        if (late := now - self._due) >= period:
+            self.overruns += int(late / period)
+            self.late += late
+            self._due, self._last = now, now - period
 
     def restart(self) -> None:
         """Begin the grid now."""
         self._last = self._due = self._now()
-        self._idle = False
+        self._idle = self._running = False
 
 
-class FastPace:
+class FastPace(_OwnPace):
     """Steps without waiting as long as there is something to do; then only heartbeats.
 
     Args:
@@ -110,7 +134,7 @@ class FastPace:
 
     def __init__(self, timing: Callable[[], Timing], now: Callable[[], float] = time.monotonic) -> None:
         self._timing, self._now = timing, now
-        self.overruns = self.moment = 0
+        self.overruns, self.late = 0, 0.0
         self.restart()
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
@@ -130,7 +154,7 @@ class FastPace:
         self._last = self._now()
 
 
-class LockstepPace:
+class LockstepPace(_OwnPace):
     """Steps when a command set is there, never otherwise.
 
     Args:
@@ -139,7 +163,7 @@ class LockstepPace:
 
     def __init__(self, timing: Callable[[], Timing]) -> None:
         self._timing = timing
-        self.overruns = self.moment = 0
+        self.overruns, self.late = 0, 0.0
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Wait for a command set, whatever the last step came to."""
@@ -158,18 +182,33 @@ class ExternalPace:
 
     While there is something to do, no dt is skipped and none is longer, so that a run follows from the clock and the
     commands, however fast this machine is; where it is too slow, steps fall behind and are counted as overruns. While
-    there is nothing to do, a step covers all that has passed. When the clock goes back, its new time is gone on from.
+    there is nothing to do, a step covers all that has passed. When the clock goes back, or jumps ahead by more than
+    `FARTHEST_JUMP` at once, its new time is gone on from: no step makes up for what was skipped.
 
     Args:
         timing: gives the values in force.
         now: gives the time of the clock [ns]; 0 before it is known.
+        tell: takes the text of a jump.
     """
 
-    def __init__(self, timing: Callable[[], Timing], now: Callable[[], int]) -> None:
-        self._timing, self._now = timing, now
-        self.overruns = self.moment = 0
+    def __init__(
+        self, timing: Callable[[], Timing], now: Callable[[], int], tell: Callable[[str], object] = lambda text: None
+    ) -> None:
+        self._timing, self._now, self._tell = timing, now, tell
+        self.overruns, self.late, self.moment = 0, 0.0, 0
         self._idle = False
+        self._leapt = 0
         self.restart()
+
+    @property
+    def behind(self) -> float:
+        """How far the clock is ahead of the end of the step that began last [s]."""
+        return 1e-9 * max(0, self._now() - self.moment - self._leapt) if self.moment else 0.0
+
+    def jumped(self, ahead: int) -> None:
+        """Note, in any thread, by how much the clock went ahead at once [ns]."""
+        if ahead > round(1e9 * FARTHEST_JUMP) and self.moment:
+            self._leapt += ahead
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
         """Step where a dt is due, or the heartbeat where nothing is to be done; else wait for the clock."""
@@ -191,19 +230,28 @@ class ExternalPace:
 
     def restart(self) -> None:
         """Go on from the present time of the clock."""
-        self.moment = self._now()
+        self.moment, self._leapt = self._now(), 0
 
     def _due(self) -> int:
         """Give the number of whole dt that the clock is ahead."""
         now = self._now()
-        if self.moment == 0 or now < self.moment - round(1e9 * self._timing().dt):
+        back = now < self.moment - round(1e9 * self._timing().dt)
+        if self.moment and (back or self._leapt):
+            text = f"the clock jumped {'back' if back else 'ahead'} from {1e-9 * self.moment:.9g} to {1e-9 * now:.9g} s"
+            self._tell(f"{text}: the simulation goes on from there, at the time that it has, and makes up for nothing")
+        if self.moment == 0 or back or self._leapt:
             self.restart()
         return max(0, (now - self.moment) // round(1e9 * self._timing().dt))
 
 
-def make_pace(mode: ClockMode, timing: Callable[[], Timing], now: Callable[[], int]) -> Pace:
-    """Make the pace of a clock mode; ``now`` gives the time of the node's clock [ns]."""
+def make_pace(
+    mode: ClockMode,
+    timing: Callable[[], Timing],
+    now: Callable[[], int],
+    tell: Callable[[str], object] = lambda text: None,
+) -> Pace:
+    """Make the pace of a clock mode; ``now`` gives the time of the node's clock [ns], ``tell`` takes its jumps."""
     if mode is ClockMode.EXTERNAL:
-        return ExternalPace(timing, now)
+        return ExternalPace(timing, now, tell)
     kinds = {ClockMode.WALL: WallPace, ClockMode.FAST: FastPace, ClockMode.LOCKSTEP: LockstepPace}
     return kinds[mode](timing)

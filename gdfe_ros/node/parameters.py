@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -13,11 +14,11 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.lifecycle import LifecycleNode
 from rclpy.parameter import Parameter
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.parameters import PARAMETERS
+from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.specification import Change, ParameterSpec
 
 _OPEN = {
@@ -34,7 +35,7 @@ class Parameters:
         node: that declares them; values from the command line and from files apply.
     """
 
-    def __init__(self, node: LifecycleNode) -> None:
+    def __init__(self, node: ManagedNode) -> None:
         self._node = node
         self._specs = {spec.name: spec for spec in PARAMETERS}
         for spec in PARAMETERS:
@@ -42,6 +43,7 @@ class Parameters:
         self._values = {spec.name: node.get_parameter(spec.name).value for spec in PARAMETERS}
         for spec in PARAMETERS:
             require_allowed(spec, self._values[spec.name])
+        self._warn_of_unknown()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._keep)
 
@@ -57,6 +59,13 @@ class Parameters:
     def as_dict(self) -> dict[str, Any]:
         """Give all values, e.g. for the bag."""
         return {name: self[name] for name in self._specs}
+
+    def _warn_of_unknown(self) -> None:
+        """Say which parameters were given and are nobody's; a file for ``/**`` may hold those of other nodes."""
+        for name in sorted(self._node.unknown_parameters()):
+            close = get_close_matches(name, self._specs, n=1)
+            hint = f"; did you mean {close[0]!r}?" if close else ""
+            self._node.get_logger().warning(f"parameter {name!r} is unknown and does nothing{hint}")
 
     def _keep(self, changes: Iterable[Parameter]) -> None:
         self._values |= {change.name: change.value for change in changes if change.name in self._specs}

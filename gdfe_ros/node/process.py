@@ -101,6 +101,38 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
     return 0
 
 
+def answer_arguments(name: str, usage: str, args: Sequence[str] | None = None) -> int | None:
+    """Print what a program is for where ``--help`` asks so, and refuse arguments that are not ROS's.
+
+    Args:
+        name: of the program.
+        usage: what ``--help`` prints.
+        args: of the command line; None: the process's.
+
+    Returns:
+        Exit status; None where the program is to run.
+    """
+    others = _without_ros(sys.argv[1:] if args is None else args)
+    if {"-h", "--help"} & set(others):
+        print(usage.strip())
+        return 0
+    if others:
+        print(f"{name}: unknown arguments {' '.join(others)}; see {name} --help", file=sys.stderr)
+        return _BAD_START
+    return None
+
+
+def _without_ros(args: Sequence[str]) -> list[str]:
+    """Give the arguments that are not ROS's; rclpy's own function raises where a file of parameters is bad."""
+    others, ours = [], True
+    for argument in args:
+        if argument == "--ros-args" or (argument == "--" and not ours):
+            ours = argument == "--"
+        elif ours and ":=" not in argument:  # a remap of old times stands by itself
+            others.append(argument)
+    return others
+
+
 def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -> None:
     """Spin, and go on after what gets out of the executor: a request whose bytes rclpy cannot read, for one."""
     faults = [node.faults for node in nodes if isinstance(node, ManagedNode)]

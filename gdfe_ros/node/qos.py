@@ -18,6 +18,7 @@ _PROFILES = {
     Delivery.CLOUD: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
     Delivery.COMMAND: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 1000),
     Delivery.LATCHED: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
+    Delivery.EVENT: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 100),
     Delivery.CLOCK: (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE, 1),
     # As tf2_ros has them.
     Delivery.TRANSFORMS: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 100),
@@ -39,5 +40,13 @@ def interface_class(type_name: str) -> type[Any]:
 
 
 def installed(type_name: str) -> bool:
-    """Tell whether the package of a ROS type, ``package/msg/Name``, is installed."""
-    return find_spec(type_name.split("/")[0]) is not None
+    """Tell whether the package of a ROS type, ``package/msg/Name``, is installed.
+
+    A folder of that name, e.g. the package's sources where the process was started, is none, though Python imports it.
+    """
+    package, kind, _ = type_name.split("/")
+    try:
+        spec = find_spec(f"{package}.{kind}")
+    except ModuleNotFoundError:
+        return False
+    return spec is not None and spec.origin is not None

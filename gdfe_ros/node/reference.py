@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from gdfe_ros.node.interface.parameters import MODULUS, PARAMETERS
-from gdfe_ros.node.interface.services import SERVICES, STANDARD_SERVICES
+from gdfe_ros.node.interface.services import ACTIONS, SERVICES, STANDARD_SERVICES
 from gdfe_ros.node.interface.topics import COMMANDS, OUTPUTS
 from gdfe_ros.node.specification import ParameterSpec, TopicSpec
 
@@ -31,6 +31,8 @@ def markdown() -> str:
             ("service", "type", "meaning"),
             ((f"`{spec.name}`", f"`{spec.type}`", spec.meaning) for spec in STANDARD_SERVICES),
         ),
+        "Where the package `control_msgs` is installed, also:",
+        _table(("action", "type", "meaning"), [(f"`{each.name}`", f"`{each.type}`", each.meaning) for each in ACTIONS]),
         "### Parameters",
         _table(
             ("parameter", "type", "default", "unit", "allowed", "meaning", "changed"),

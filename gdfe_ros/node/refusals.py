@@ -55,10 +55,11 @@ class RefusalLog:
 
     Args:
         warn: takes the text of a warning.
+        tell: takes the source and the refusal of each refused command, at once; None: nobody is told.
     """
 
-    def __init__(self, warn: Callable[[str], object]) -> None:
-        self._warn, self._throttle = warn, Throttle()
+    def __init__(self, warn: Callable[[str], object], tell: Callable[[str, Refusal], object] | None = None) -> None:
+        self._warn, self._tell, self._throttle = warn, tell, Throttle()
         self._lock = threading.Lock()
         self._taken = 0
         self._refused: Counter[Reason] = Counter()
@@ -72,6 +73,8 @@ class RefusalLog:
         """Count a refused command from ``source`` (a topic), and say so if it is time to."""
         with self._lock:
             self._refused[refusal.reason] += 1
+        if self._tell is not None:
+            self._tell(source, refusal)
         if (more := self._throttle.due((source, refusal.reason))) is not None:
             self._warn(f"command on {source} refused: {shortened(str(refusal))}{more}")
 

@@ -8,17 +8,18 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.clock import JumpHandle, JumpThreshold
+from rclpy.clock import JumpHandle, JumpThreshold, TimeJump
 from rclpy.duration import Duration
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.node.frames import Frames, Transforms
+from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.pace import Pace, Timing
+from gdfe_ros.node.pace import ExternalPace, Pace, Timing
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.step import Step, to_nanoseconds
+from gdfe_ros.node.transforms import Transforms
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
@@ -65,6 +66,10 @@ class Run:
         """The scene that is simulated."""
         return self.simulation.scene
 
+    def report(self, text: str) -> None:
+        """Log an error."""
+        self.node.get_logger().error(text)
+
     def timing(self) -> Timing:
         """Give the values in force that pace the steps."""
         values = self.parameters
@@ -98,7 +103,7 @@ class Run:
         return self.last.record.time + 1e-9 * (stamp - self.last.record.stamp)
 
     def follow_clock(self, wake: Callable[[], object]) -> JumpHandle:
-        """Have ``wake`` called whenever another sets the clock, until the handle is unregistered.
+        """Have the pace told and ``wake`` called whenever another sets the clock, until the handle is unregistered.
 
         Raises:
             GdfeError: the clock is not another's.
@@ -108,7 +113,13 @@ class Run:
         any_jump = JumpThreshold(
             min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
         )
-        return self.node.get_clock().create_jump_callback(any_jump, post_callback=lambda jump: wake())
+
+        def set_by_another(jump: TimeJump) -> None:
+            if isinstance(self.pace, ExternalPace):
+                self.pace.jumped(jump.delta.nanoseconds)
+            wake()
+
+        return self.node.get_clock().create_jump_callback(any_jump, post_callback=set_by_another)
 
     def _positions(self) -> NDArray[np.float64]:
         """Give the vertices after the last step (n, 3) [m]."""

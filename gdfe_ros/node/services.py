@@ -36,6 +36,9 @@ class Services:
         self._node, self._parameters, self._find = node, parameters, session
         actions = {
             services.RESET: self._reset,
+            services.RESET_COMMANDS: self._reset_commands,
+            services.RESET_BODIES: self._reset_bodies,
+            services.RESET_SHAPE: self._reset_shape,
             services.PAUSE: self._pause,
             services.STEP: self._step,
             services.RECORD: self._record,
@@ -68,12 +71,37 @@ class Services:
 
         return session.stepper.post(reset, urgent=True)
 
+    def _reset_commands(self, request: Trigger.Request) -> Future[str]:
+        session = self._session()
+
+        def reset() -> str:
+            session.reset_commands()
+            return "the next step goes back to the commands of rest"
+
+        return session.stepper.post(reset)
+
+    def _reset_bodies(self, request: Trigger.Request) -> Future[str]:
+        session = self._session()
+        return session.stepper.post(session.reset_bodies)
+
+    def _reset_shape(self, request: Trigger.Request) -> Future[str]:
+        session = self._session()
+        session.interrupt("~/reset_shape ended it")
+
+        def reset() -> str:
+            session.reset_shape()
+            return f"at the rest shape, time {session.simulation.time:.9g} s"
+
+        return session.stepper.post(reset, urgent=True)
+
     def _pause(self, request: SetBool.Request) -> str:
         session = self._active()
-        if request.data:
-            session.interrupt("~/pause ended it")
-        session.stepper.pause(request.data)
-        return "paused" if request.data else "running"
+        if not request.data:
+            session.play()
+            return "running"
+        session.interrupt("~/pause ended it")
+        session.stepper.pause(True)
+        return "paused"
 
     def _step(self, request: Trigger.Request) -> Future[str]:
         session = self._active()
@@ -110,6 +138,7 @@ class Services:
                 raise GdfeError(f"state_path {path} cannot be read: {error}") from error
             load_state(session.simulation, data)
             session.stepper.restart(Begin.LOADED)
+            session.inputs.give_up("another state was loaded")
             session.flush()
             return f"state of {path}, time {session.simulation.time:.9g} s"
 

@@ -11,11 +11,12 @@ from dataclasses import replace
 from rclpy.clock import JumpHandle
 
 from gdfe_ros.checkpoint import save_state
+from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.bag import Bags
 from gdfe_ros.node.channel import Courier
 from gdfe_ros.node.following import leaders_of
-from gdfe_ros.node.frames import Transforms, transforms_installed
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface.parameters import MODULUS
@@ -30,10 +31,15 @@ from gdfe_ros.node.run import Run
 from gdfe_ros.node.step import Demand, Step, handle_error, observe
 from gdfe_ros.node.stepper import Stepper
 from gdfe_ros.node.strays import Strays
+from gdfe_ros.node.throttle import Throttle
+from gdfe_ros.node.transforms import Transforms, transforms_installed
 from gdfe_ros.node.walk import Walk
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
+
+_LATE = 1.0
+"""Time behind another's clock from which on the log tells of it [s]."""
 
 
 class Session:
@@ -45,7 +51,6 @@ class Session:
         simulation: ready to step.
         refusals: counts refused commands.
         ending: set when the process is asked to end: many steps stop short.
-        failed: called in a background thread with an exception that stepping or publishing ended with.
 
     Attributes:
         run: holds the simulation.
@@ -67,15 +72,14 @@ class Session:
         refusals: RefusalLog,
         *,
         ending: threading.Event,
-        failed: Callable[[Exception], None],
     ) -> None:
         listening = transforms_installed()
         leaders = leaders_of(parameters.entries("follow"), simulation.scene, listening=listening)
-        self._transforms = Transforms(node, self._lead) if listening else None
+        told = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
+        self._transforms = Transforms(node, self._lead, **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
-        self._failed = failed
         self.outputs = Outputs(run, matched=self._tell_again)
-        self.stepper = Stepper(run, self.outputs.demand, deliver=self._deliver, failed=failed)
+        self.stepper = Stepper(run, self.outputs.demand, deliver=self._deliver)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
@@ -84,6 +88,7 @@ class Session:
         self.courier: Courier | None = None
         self.walk: Walk | None = None
         self._telling = False
+        self._lateness = Throttle()
         self._jumps: JumpHandle | None = None
         self.outputs.publish_scene(0)
 
@@ -109,9 +114,9 @@ class Session:
             self._jumps = self._jumps or self.run.follow_clock(self.stepper.wake)
         if self.run.parameters["record"]:
             self._begin_bag()
-        pace = self.run.pace = make_pace(self.mode, self.run.timing, self.run.clock)
+        pace = self.run.pace = make_pace(self.mode, self.run.timing, self.run.clock, self._warn)
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
-        self.courier = Courier(self.outputs.publish_step, self._failed)
+        self.courier = Courier(self.run.node.guarded(self.outputs.publish_step, "publishing a step"))
         # Before the first state is published: who has seen it may command.
         self.inputs.inbox = inbox
         self.stepper.start(pace, inbox)
@@ -121,6 +126,7 @@ class Session:
         """End the threads after the step in progress, publish what waits, and finish the bag."""
         self.inputs.inbox = None
         self.stepper.stop()
+        self.inputs.give_up("the node was deactivated")
         if self.courier is not None:
             self.courier.stop()
         if self._jumps is not None:
@@ -139,8 +145,9 @@ class Session:
         self.outputs.destroy()
 
     def look(self) -> None:
-        """Look for commands to nobody, and for those who listen and were not told the present state."""
+        """Look for commands to nobody, for lateness, and for those who listen and were not told the present state."""
         self.strays.look()
+        self._look_at_clock()
         if self.outputs.missed():
             self._tell_again()
 
@@ -165,10 +172,57 @@ class Session:
         if self.walk is not None:
             self.walk.interrupt(why)
 
+    def play(self) -> None:
+        """Let the stepping go on.
+
+        Raises:
+            GdfeError: steps are being made on demand, which the clock's own would come between.
+        """
+        if self.walk is not None and self.walk.going:
+            raise GdfeError(f"a call is at {self.walk}; cancel it, or end it with ~/pause true or ~/reset, then go on")
+        self.stepper.pause(False)
+
     def reset(self) -> None:
         """Go back, between steps, to rest at time 0; handles that follow go where their leaders are."""
         self.stepper.reset()
+        self.inputs.give_up("the simulation was reset")
         self.inputs.freshness.reset()
+        self.inputs.followers.look(anew=True)
+        self.flush()
+
+    def reset_commands(self) -> None:
+        """Go back, between steps, to the commands of rest; handles that follow stay with their leaders."""
+        self.stepper.rest()
+        self.inputs.give_up("the commands were reset")
+        self.inputs.freshness.reset()
+        self.inputs.followers.look(anew=True)
+
+    def reset_bodies(self) -> str:
+        """Put, between steps, every rigid body back with the next step, and say which.
+
+        Raises:
+            GdfeError: the scene has none.
+        """
+        names = [handle.name for handle in self.scene.handles if isinstance(handle, RigidBody)]
+        if not names:
+            raise GdfeError(f"scene {self.scene.name!r} has no rigid bodies; ~/reset goes back to rest as a whole")
+        self.stepper.place(dict.fromkeys(names, Pose()))
+        return f"the next step puts back {', '.join(names)}"
+
+    def reset_shape(self) -> None:
+        """Go back, between steps, to the rest shape and the commands of rest; time and rigid bodies stay.
+
+        Raises:
+            GdfeError: a bag is written, or a rigid body is in the way.
+        """
+        if self.bags.active:
+            raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
+        self.simulation.reset_shape()
+        self.stepper.restart(Begin.LOADED)
+        self.inputs.give_up("the shape was reset")
+        self.inputs.freshness.reset()
+        if self._transforms is not None:
+            self._transforms.reset()
         self.inputs.followers.look(anew=True)
         self.flush()
 
@@ -212,6 +266,16 @@ class Session:
         self.stepper.repeat(self.stepper.begin)
         return text
 
+    def _warn(self, text: str) -> None:
+        self.run.node.get_logger().warning(text)
+
+    def _look_at_clock(self) -> None:
+        """Say how far the simulation is behind another's clock, where that is a lot."""
+        behind = self.run.pace.behind if self.run.pace is not None else 0.0
+        if behind > _LATE and (more := self._lateness.due("behind")) is not None:
+            text = f"the simulation is {behind:.3f} s behind the clock that it follows, at {self.simulation.time:.9g} s"
+            self._warn(f"{text}: its steps take longer than the clock gives them{more}")
+
     def _lead(self) -> None:
         """Have handles follow what was told on /tf."""
         self.inputs.followers.look()
@@ -226,6 +290,7 @@ class Session:
 
     def _deliver(self, step: Step) -> None:
         """Hand a step to the other thread, but for one that nobody wants."""
+        self.inputs.look(step)
         if step.wanted:
             self.courier.put(step)
 

@@ -3,27 +3,28 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node import messages
+from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.diagnostics import Diagnostics
-from gdfe_ros.node.interface import NODE_NAME
+from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.parameters import PARAMETERS
-from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import Parameters
 from gdfe_ros.node.preparation import prepare
-from gdfe_ros.node.refusals import RefusalLog
+from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.services import Services
 from gdfe_ros.node.session import Session
 from gdfe_ros.node.standard import StandardServices
+from gdfe_ros.node.trajectory_action import TrajectoryAction
 from gdfe_ros.simulation import Simulation
 
 _DIAGNOSTICS_PERIOD = 1.0
@@ -50,16 +51,16 @@ class SimNode(ManagedNode):
         self._prepared: Simulation | Exception | None = None
         self._settings = Parameters(self)
         logger = self.get_logger()
-        self._refusals = RefusalLog(logger.warning)
+        self._refused = Channel(self, topics.REFUSED)
+        self._refusals = RefusalLog(logger.warning, self._tell_refusal)
         self._diagnostics = Diagnostics(self, self._refusals)
         self._interrupted = interrupted or threading.Event()
         self._answers = Services(self, self._settings, lambda: self._session)
         self._standard = StandardServices(self, lambda: self._session, interrupted)
+        self._trajectories = TrajectoryAction(self, lambda: self._session)
         # Steady: with use_sim_time the ROS clock may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
-        # A timer, not a task: its callback waits for a transition in progress, with several threads, too.
-        self._alarm = self.create_timer(0.0, self._stop_after_failure, clock=self._steady, autostart=False)
         self._starter = None
         if self._settings["autostart"]:
             self._starter = self.create_timer(0.0, self._autostart, clock=self._steady)
@@ -77,10 +78,9 @@ class SimNode(ManagedNode):
         return outcome
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop stepping and finish the bag; the state stays. After a failure: go to error processing."""
+        """Stop stepping and finish the bag; the state stays."""
         self._session.stop()
-        super().on_deactivate(state)
-        return TransitionCallbackReturn.ERROR if self._problem else TransitionCallbackReturn.SUCCESS
+        return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Drop the simulation and close its topics."""
@@ -123,9 +123,7 @@ class SimNode(ManagedNode):
         prepared, self._prepared = self._prepared or self._try_to_prepare(), None
         if isinstance(prepared, Exception):
             raise prepared
-        self._session = Session(
-            self, self._settings, prepared, self._refusals, ending=self._interrupted, failed=self._fail
-        )
+        self._session = Session(self, self._settings, prepared, self._refusals, ending=self._interrupted)
         scene = self._session.scene
         named: dict[str, list[str]] = {"handles": []}
         for handle in scene.handles:
@@ -136,14 +134,14 @@ class SimNode(ManagedNode):
 
     def _activate(self) -> None:
         self._session.start()
-        held = [each for each in self._session.scene.handles if each.fixed and MOVED[each.section].put is None]
+        held = [each for each in self._session.scene.handles if each.fixed and topics.MOVED[each.section].put is None]
         fixed = tuple(f"{each.section}/{each.name}/" for each in held)
         inputs = ", ".join(f"~/{key}" for key in self._session.inputs.keys if not key.startswith(fixed))
         self.get_logger().info(f"active, clock {self._session.mode.value}; takes commands on {inputs or 'no topic'}")
 
     def _attempt(self, name: str, action: Callable[[], None]) -> TransitionCallbackReturn:
         """Carry out a transition; rclpy swallows exceptions, so they are logged here."""
-        self._problem = ""  # and not in the end: a thread that is started here may fail at once
+        self._problem = ""
         try:
             action()
         except GdfeError as error:
@@ -173,17 +171,10 @@ class SimNode(ManagedNode):
         elif self.trigger_activate() is not TransitionCallbackReturn.SUCCESS:
             self.get_logger().error("autostart: the node is configured, but could not be activated")
 
-    def _fail(self, error: Exception) -> None:
-        """Note, in a background thread, what ended it; the executor's thread then cleans up."""
-        self._problem = f"stepping failed: {error!r}"
-        text = "".join(traceback.format_exception(error))
-        self.get_logger().error(f"{self._problem}\n{text}")
-        self._alarm.reset()
-
-    def _stop_after_failure(self) -> None:
-        self._alarm.cancel()
-        if self.lifecycle_state == "active":
-            self.trigger_deactivate()
+    def _tell_refusal(self, source: str, refusal: Refusal) -> None:
+        """Publish a refusal for whoever waits for the step that the command was for."""
+        if self._refused.wanted:
+            self._refused.send(messages.refused(source, refusal), 0)
 
     def _report(self) -> None:
         session = self._session  # `close` may come from another thread
@@ -204,28 +195,11 @@ parameters (ros2 param describe /gdfe_sim NAME says more):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; the entry point of ``sim_node``."""
-    from gdfe_ros.node.process import run
+    from gdfe_ros.node.process import answer_arguments, run
 
-    others = _without_ros(sys.argv[1:] if args is None else args)
-    if {"-h", "--help"} & set(others):
-        lines = [f"  {spec.name:<18}{spec.meaning} [{spec.default!r}]" for spec in PARAMETERS]
-        print(_HELP + "\n".join(lines))
-        return 0
-    if others:
-        print(f"sim_node: unknown arguments {' '.join(others)}; see sim_node --help", file=sys.stderr)
-        return 2
-    return run(SimNode, args)
-
-
-def _without_ros(args: Iterable[str]) -> list[str]:
-    """Give the arguments that are not ROS's; rclpy's own function raises where a file of parameters is bad."""
-    others, ours = [], True
-    for argument in args:
-        if argument == "--ros-args" or (argument == "--" and not ours):
-            ours = argument == "--"
-        elif ours and ":=" not in argument:  # a remap of old times stands by itself
-            others.append(argument)
-    return others
+    lines = [f"  {spec.name:<18}{spec.meaning} [{spec.default!r}]" for spec in PARAMETERS]
+    answered = answer_arguments("sim_node", _HELP + "\n".join(lines), args)
+    return run(SimNode, args) if answered is None else answered
 
 
 if __name__ == "__main__":

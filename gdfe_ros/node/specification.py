@@ -23,6 +23,7 @@ class Delivery(Enum):
     CLOUD = "reliable, transient local, the last"
     COMMAND = "reliable, volatile, last 1000"
     LATCHED = "reliable, transient local, last 1, while not active, too"
+    EVENT = "reliable, volatile, last 100, while not active, too"
     CLOCK = "best effort, volatile, last 1"
     TRANSFORMS = "reliable, volatile, last 100"
     FOLLOWED = "best effort, volatile, last 10"

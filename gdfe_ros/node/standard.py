@@ -108,8 +108,7 @@ class StandardServices:
         if wanted == self._state():
             return _failed(response, _Result.ALREADY, f"the simulation is {_State(wanted).name.lower()} already")
         if wanted == _State.PLAYING:
-            session.stepper.pause(False)
-            return _done(response)
+            return self._play(session, response)
         session.interrupt("set_simulation_state ended it")
         session.stepper.pause(True)
         self._at_start = wanted == _State.STOPPED
@@ -118,6 +117,13 @@ class StandardServices:
             if self._at_start
             else _done(response)
         )
+
+    def _play(self, session: Session, response: Any) -> Any:
+        try:
+            session.play()
+        except GdfeError as error:
+            return _failed(response, _Result.INCORRECT_STATE, str(error))
+        return _done(response)
 
     def _reset(self, request: Any, response: Any) -> Any:
         session, scope = self._session(), request.scope or 255

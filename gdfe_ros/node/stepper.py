@@ -6,27 +6,37 @@ from __future__ import annotations
 import math
 import threading
 import time
+import traceback
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
+from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.drive import Drive
 from gdfe_ros.node.host import Host
 from gdfe_ros.node.inbox import Inbox
+from gdfe_ros.node.interface.topics import BODY_SET
 from gdfe_ros.node.orders import Order
-from gdfe_ros.node.pace import Pace
+from gdfe_ros.node.pace import Pace, WallPace
 from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.slew import Slew
 from gdfe_ros.node.step import Demand, Step, make_record, observe, to_nanoseconds
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.threads import STEPPER, show_name
 
 _Value = TypeVar("_Value")
+
+
+class StepFailure(GdfeError):
+    """A step that failed; the stepping is paused in the state before it."""
+
 
 _GRACE = 0.5
 """Time after which a solve is ended where somebody waits for its end [s]; a shorter one comes to its equilibrium."""
@@ -41,7 +51,6 @@ class Stepper:
         run: whose simulation is stepped.
         demand: tells what is wanted of the next step.
         deliver: takes each step; it may block to hold the stepping back.
-        failed: called in the thread with the exception that ended it.
 
     Attributes:
         changed: condition that wakes the thread; its lock guards the inbox.
@@ -49,8 +58,11 @@ class Stepper:
         begin: what the next step starts from.
         work: what is done, and since when (monotonic) [s]; None: nothing.
         rounds: of iterations that the solve in progress has made.
+        slew: limits the rate of commands under the wall clock or a deadline.
         solving: wall time spent in solves so far [s].
         spent: wall time spent on steps so far, solves included [s].
+        failure: why the last step failed, after which the stepping is paused; empty once it went on.
+        failures: steps that failed.
     """
 
     def __init__(
@@ -59,10 +71,9 @@ class Stepper:
         demand: Callable[[], Demand],
         *,
         deliver: Callable[[Step], None],
-        failed: Callable[[Exception], None],
     ) -> None:
-        self._run, self._demand, self._deliver, self._failed = run, demand, deliver, failed
-        self._drive = Drive(run)
+        self._run, self._demand, self._deliver = run, demand, deliver
+        self._drive, self.slew = Drive(run), Slew(run.scene.actuators)
         self.changed = threading.Condition()
         self.count = 0
         self.begin = Begin.REST
@@ -70,6 +81,7 @@ class Stepper:
         self.rounds = 0
         self._urgent: set[Future] = set()
         self.solving = self.spent = 0.0
+        self.failure, self.failures = "", 0
         self._origin = 0
         self._jobs: deque[tuple[Callable[[], object], Future]] = deque()
         self._retries = 0
@@ -95,6 +107,7 @@ class Stepper:
         """Start the thread: it delivers the present state at once, then steps when ``pace`` says so."""
         self._pace, self._inbox = pace, inbox
         self._stopping = self._paused = False
+        self.failure = ""
         self._thread = threading.Thread(target=self._work, name=STEPPER, daemon=True)
         self._thread.start()
 
@@ -156,11 +169,16 @@ class Stepper:
         with self.changed:
             self._paused = paused
             if not paused:
+                self.failure = ""
                 self._pace.restart()
             self.changed.notify_all()
 
     def advance(self) -> None:
-        """Make, between steps, one more, whatever the pace or a pause says; it consumes what waits for it."""
+        """Make, between steps, one more, whatever the pace or a pause says; it consumes what waits for it.
+
+        Raises:
+            GdfeError: the step failed.
+        """
         with self.changed:
             orders = self._inbox.take()
             self._pace.restart()
@@ -174,6 +192,17 @@ class Stepper:
         self._simulation.reset()
         self.restart(Begin.REST)
 
+    def place(self, bodies: Mapping[str, Pose]) -> None:
+        """Put, between steps, rigid bodies somewhere with the next step."""
+        self._drive.place(bodies)
+
+    def rest(self) -> None:
+        """Drop, between steps, waiting orders, velocities and trajectories; the next step commands what rest does."""
+        self._drive.rest()
+        self.slew.clear()
+        if self._thread is not None:
+            self._inbox.clear()
+
     def resume(self) -> None:
         """Go on, between steps, with another simulation that the run holds now, and deliver its state."""
         self.begin = Begin.LOADED
@@ -185,8 +214,9 @@ class Stepper:
 
         Orders that wait, velocities and trajectories are dropped.
         """
-        self.begin = begin
+        self.begin, self.failure = begin, ""
         self._drive.clear()
+        self.slew.clear()
         self._origin = self._run.log_time - to_nanoseconds(self._simulation.time)
         if self._thread is not None:
             self._inbox.clear()
@@ -200,17 +230,27 @@ class Stepper:
 
     def _work(self) -> None:
         show_name()
-        try:
-            self._step((), dt=0.0, first=True)
-            while (action := self._next()) is not None:
+        action: Callable[[], None] | None = partial(self._step, (), dt=0.0, first=True)
+        while action is not None:
+            try:
                 action()
+            except StepFailure:
+                pass  # it was told, and the stepping is paused
+            except Exception as error:
+                self._hold("what comes between steps", error)
+            action = self._await()
+        with self.changed:
+            self._stopping = True
+            while self._jobs:
+                self._jobs.popleft()[1].set_exception(GdfeError("the stepping has ended"))
+
+    def _await(self) -> Callable[[], None] | None:
+        """Wait for the next thing to do, as `_next`; where that fails, the stepping is paused and waits for jobs."""
+        try:
+            return self._next()
         except Exception as error:
-            self._failed(error)
-        finally:
-            with self.changed:
-                self._stopping = True
-                while self._jobs:
-                    self._jobs.popleft()[1].set_exception(GdfeError("the stepping has ended"))
+            self._hold("looking for the next step", error)
+            return self._next()
 
     def _next(self) -> Callable[[], None] | None:
         """Wait for the next thing to do; None ends the thread."""
@@ -237,9 +277,24 @@ class Stepper:
             dt = last
         self._step(orders, dt=dt)
 
+    def _hold(self, what: str, error: Exception) -> StepFailure:
+        """Pause after a step that failed, with nothing in force but the last good state; return what to raise."""
+        trace = "" if isinstance(error, GdfeError) else "".join(traceback.format_exception(error))
+        self.failures += 1
+        self.failure = f"{what} failed: {str(error) if isinstance(error, GdfeError) else repr(error)}"
+        with self.changed:
+            self._paused = True
+        self._drive.clear()
+        self.slew.clear()
+        remedy = "~/pause false goes on, ~/reset goes back to rest"
+        dropped = "the commands of this step, velocities and trajectories are dropped"
+        text = f"{self.failure}; paused in the last good state, at {self._simulation.time:.9g} s, {dropped}; {remedy}"
+        self._run.report(f"{text}\n{trace}".rstrip())
+        return StepFailure(f"{self.failure}; paused in the last good state")
+
     def _settled(self) -> bool:
         """Tell whether the state stays as it is without a new order."""
-        if self._drive.moving:
+        if self._drive.moving or self.slew.moving:
             return False
         simulation = self._simulation
         if self._rated:
@@ -249,14 +304,31 @@ class Stepper:
         return simulation.settled or (not simulation.scene.dynamics and self._retries >= _MOST_RETRIES)
 
     def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False, early: float = 0.0) -> None:
-        """Make one step and deliver it; ``early`` is the simulation time [s] that is left before that of the clock."""
+        """Make one step and deliver it; ``early`` is the simulation time [s] that is left before that of the clock.
+
+        Raises:
+            StepFailure: it failed for any reason; the state is the one before it, and the stepping is paused.
+        """
+        before, text = self._simulation.snapshot(), f"step {self.count} to {self._simulation.time + dt:.9g} s"
+        result = self._simulation.result
+        try:
+            step = self._make(orders, dt=dt, first=first, early=early)
+        except Exception as error:
+            self.work = None
+            self._simulation.restore(before)
+            self._simulation.result = result
+            raise self._hold(text, error) from error
+        self._deliver(step)
+
+    def _make(self, orders: Iterable[Order], *, dt: float, first: bool, early: float) -> Step:
+        """Make one step, and return what is told of it."""
         started = time.perf_counter()
         run, simulation = self._run, self._simulation
         demand = Demand() if first else self._demand()
         orders = tuple(orders)
         command = Command()
         if not first:
-            command = self._drive.command(orders, time=simulation.time + dt, dt=min(dt, run.parameters["dt"]))
+            command = self._command(orders, dt)
         stamp, place = run.stamp(simulation.time + dt, early), run.parameters["cut_after"]
         limits = {"cut_after": place if place >= 0 else None, "interrupted": self.must_end}
         limits["deadline"] = run.parameters["deadline"] or None
@@ -264,25 +336,37 @@ class Stepper:
         try:
             result = simulation.step(command, dt=dt, **limits)
         except OverlapError as error:
-            run.refusals.refuse("bodies", Refusal(Reason.OVERLAP, str(error)))
+            named = ", ".join(BODY_SET.name.format(body=name) for name in command.bodies)
+            run.refusals.refuse(named, Refusal(Reason.OVERLAP, str(error)))
             command = replace(command, bodies={})
             result = simulation.step(command, dt=dt, **limits)
         except CommandError as error:
             run.refusals.refuse("a step", Refusal(Reason.OUT_OF_RANGE, str(error)))
+            self.slew.clear()
             command = Command()
             result = simulation.step(command, dt=dt, **limits)
         self.work = None
+        self.slew.note(converged=result.converged, cut=result.cut_after is not None)
         if not np.isfinite(result.positions).all():
             raise GdfeError(f"step {self.count} gave positions that are not finite numbers: {result.message}")
         record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
         self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
-        run.log_time = self._origin + to_nanoseconds(result.time)
-        step = Step(record=record, result=result, log_time=run.log_time, first=first, **observe(simulation, demand))
+        log_time = self._origin + to_nanoseconds(result.time)
+        step = Step(record=record, result=result, log_time=log_time, first=first, **observe(simulation, demand))
+        run.log_time = log_time
         self.count, self.begin = self.count + 1, Begin.LAST
         self.solving += result.wall_time
         self.spent += time.perf_counter() - started
         run.last = step
-        self._deliver(step)
+        return step
+
+    def _command(self, orders: Iterable[Order], dt: float) -> Command:
+        """Give what a step consumes; where wall time counts, commands of actuators change at a limited rate."""
+        simulation, values, acting = self._simulation, self._run.parameters, min(dt, self._run.parameters["dt"])
+        command = self._drive.command(orders, time=simulation.time + dt, dt=acting)
+        hurried = isinstance(self._pace, WallPace) or values["deadline"] > 0.0
+        slew_time = values["slew_time"] if hurried else 0.0
+        return self.slew.limit(command, simulation.commands, dt=acting, slew_time=slew_time)
 
 
 def _carry_out(function: Callable[[], object], future: Future) -> None:

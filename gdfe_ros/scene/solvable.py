@@ -17,7 +17,9 @@ from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.touching import outline
+from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts
 from gdfe_ros.scene.scene import Scene
+from gdfe_ros.scene.sticking import slipping
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
@@ -49,7 +51,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
 
 
 def remarks(scene: Scene, policy: Policy) -> list[str]:
-    """Say what is doubtful about a scene: unstable materials, contrasts beyond calibration, rattling, no contact."""
+    """Say what is doubtful about a scene: materials, contrasts, schemes that rattle or slip, cells too coarse."""
     notes = [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     if policy is Policy.RELATIVE:
         used = [item for item in scene.materials.values() if item.omega is None]
@@ -64,7 +66,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: generalised_alpha, or a cable with a stiffness")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
         notes.append("meshes: they pass through each other; remedy: self_contact: {friction: 0.5}")
-    return notes
+    return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene)]
 
 
 def unsolvable(

@@ -38,6 +38,8 @@ class StepResult:
         policy: which policy solved.
         factorisation: what solves with the constant matrix.
         message: what is wrong; empty where nothing is.
+        stable: the energy curves up in every direction, as looked at where a motion begins or is not smooth; False: the
+            body stands at a saddle, which it leaves when it is pushed; None: nobody looked, or it did not converge.
         cut_after: how often the solve asked for the time before its deadline had passed; None: it never passed.
         actuators: by name, command, length or volume, tension or pressure of each actuator.
         terms: reports of terms that were added to the simulation, by their names.
@@ -61,6 +63,7 @@ class StepResult:
     policy: Policy
     factorisation: str
     message: str = ""
+    stable: bool | None = None
     cut_after: int | None = None
     contacts: dict[str, Touch] = field(default_factory=dict)
     actuators: dict[str, ActuatorState] = field(default_factory=dict)

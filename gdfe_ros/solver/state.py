@@ -123,6 +123,24 @@ class Known:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class SoftDirection:
+    """The direction in which a stable equilibrium was softest: the first along which it may become a saddle.
+
+    Attributes:
+        direction: (3 r,) of the unknowns.
+        asked, looked: iterations since the energy's curvature along it was evaluated, and since it was found.
+    """
+
+    direction: Array
+    asked: int
+    looked: int
+
+    def after(self, iterations: int) -> SoftDirection:
+        """Return it so many iterations later."""
+        return changed(self, asked=self.asked + iterations, looked=self.looked + iterations)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Unfinished:
     """Where a solve was cut, so that the next one goes on from there.
 
@@ -165,6 +183,7 @@ class Summary:
         actuators: by name.
         terms: reports of further terms by name.
         message: what is wrong; empty where nothing is.
+        stable: as in `StepResult`.
     """
 
     converged: bool
@@ -175,6 +194,7 @@ class Summary:
     actuators: Mapping[str, ActuatorState] = field(default_factory=dict)
     terms: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     message: str = ""
+    stable: bool | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -196,6 +216,7 @@ class State:
         tangent: that preconditions the descents; None for the constant matrix.
         sleep: what is held.
         unfinished: where the last solve was cut; None where it was not.
+        soft: direction in which it is softest; None where none was looked for.
         balance: of the equilibrium; None where it is none, or has no energy.
         summary: of the last accepted solve.
         sound: no element is folded or inverted.
@@ -222,6 +243,7 @@ class State:
     tangent: Tangent | None = None
     sleep: Sleep | None = None
     unfinished: Unfinished | None = None
+    soft: SoftDirection | None = None
     balance: Balance | None
     summary: Summary
     sound: bool = True

@@ -33,6 +33,7 @@ _VALUES = (
     states.State,
     states.Summary,
     states.Unfinished,
+    states.SoftDirection,
     ActuatorState,
     History,
     Pose,
@@ -41,7 +42,13 @@ _VALUES = (
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """What a tree may be made of besides plain values."""
 
-_ADDED = {Tangent: {"ends", "ways", "softest"}, states.Snapshot: {"scene"}, Ledger: {"bound"}}
+_ADDED = {
+    Tangent: {"ends", "ways", "softest"},
+    states.Snapshot: {"scene"},
+    states.State: {"soft"},
+    states.Summary: {"stable"},
+    Ledger: {"bound"},
+}
 """Parts that archives of earlier states do not have, by class."""
 
 

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +20,28 @@ from numpy.typing import ArrayLike, NDArray
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.result import StepResult
 
 Observation = Callable[[Simulation], ArrayLike]
 Reward = Callable[[Simulation, NDArray[np.float64]], float]
 Ending = Callable[[Simulation], bool]
 
-_DRAWS = 10
-"""Goals that are drawn before it is given up to find one that a command reaches."""
+_WALK = 5
+"""Most steps that the way to a goal has; a reset costs no more."""
 _LONG = 1e9
 """Time [s] in which every rate limit lets every command through."""
+_SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
+"""Of a change of commands, tried one after the other until a step converges."""
+_BUDGET = 400
+"""Rounds of iterations after which a body without inertia tries a smaller share; a step has some 20 to 150."""
 
 
 class SoftRobotEnv(Env):
     """A simulation in lockstep: each step follows one command for ``dt``.
 
     Actions are commands of all actuators, in the scene's order and in the units of their modes; numbers beyond a range
-    count as its end. Made by `make_env`.
+    count as its end. In a step a command changes by at most its range * dt / slew_time, and by less where the step
+    would not converge; ``info["applied"]`` has what it came to. Made by `make_env`.
 
     Attributes:
         simulation: that is stepped; to be read, not to be stepped.
@@ -53,9 +60,10 @@ class SoftRobotEnv(Env):
         observation_space: Space | None,
         dt: float,
         steps: int,
+        slew_time: float,
     ) -> None:
         self._names = _require_ranges(scene)
-        _require_numbers(dt=dt, steps=steps)
+        _require_numbers(dt=dt, steps=steps, slew_time=slew_time)
         if (observation is None or reward is None) and not scene.probes:
             raise GdfeError(
                 f"scene {scene.name!r} has no probes, which are observed and led to a goal where nothing else is said; "
@@ -65,12 +73,12 @@ class SoftRobotEnv(Env):
         self.goal: NDArray[np.float64] | None = None
         self._observe, self._reward, self._ends = observation or self._seen, reward, terminated
         self._dt, self._most, self._count = dt, steps, 0
-        # A body with mass swings on its way: where a command leads is asked of the same body without inertia.
-        self._still = Simulation(replace(scene, dynamics=None)) if reward is None else None
+        self._walker = _walker(scene) if reward is None else None
         if reward is None:
             self.goal = np.zeros(3)
         ranges = [(actuator.low, actuator.high) for actuator in scene.actuators]
         self._low, self._high = np.array(ranges, dtype=np.float64).T
+        self._reach = (self._high - self._low) * (dt / slew_time if slew_time else np.inf)
         self.action_space = Box(self._low, self._high, dtype=np.float64)
         self.observation_space = observation_space or Box(-np.inf, np.inf, self._observation().shape, np.float64)
 
@@ -86,7 +94,9 @@ class SoftRobotEnv(Env):
         super().reset(seed=seed)
         self.simulation.reset()
         self._count = 0
-        if self._still is not None:
+        if self._walker is not None:
+            if seed is not None:
+                self._walker.reset()
             given = (options or {}).get("goal")
             self.goal = self._draw() if given is None else _goal(given)
         return self._observation(), {"time": 0.0}
@@ -103,15 +113,37 @@ class SoftRobotEnv(Env):
         if given.shape != self._low.shape or not np.isfinite(given).all():
             raise CommandError(f"the action is {action!r}; allowed: {len(self._low)} finite numbers, {self._names}")
         given = np.clip(given, self._low, self._high)
-        command = Command(actuators=dict(zip(self._names, given.tolist(), strict=True)))
-        result = self.simulation.step(command, dt=self._dt)
+        result = self._approach(self.simulation, given, self._dt, _SHARES)
         self._count += 1
         info = {"time": result.time, "converged": result.converged, "iterations": result.iterations}
+        info["applied"] = self._applied(self.simulation)
         truncated = not result.converged or self._count >= self._most
         if truncated:
             info["why"] = f"not converged: {result.message}" if not result.converged else f"{self._most} steps are over"
         ended = self._ends is not None and bool(self._ends(self.simulation))
         return self._observation(), self._rewarded(given), ended, truncated, info
+
+    def _approach(
+        self, simulation: Simulation, wanted: NDArray[np.float64], dt: float, shares: Sequence[float]
+    ) -> StepResult:
+        """Step towards commands, by the first of some shares with which it converges; the last is kept as it is."""
+        present, before = self._applied(simulation), simulation.snapshot()
+        change = np.clip(wanted - present, -self._reach, self._reach)
+        for share in shares:
+            if share != shares[0]:
+                simulation.restore(before)
+            values = np.clip(present + share * change, self._low, self._high).tolist()
+            command = Command(actuators=dict(zip(self._names, values, strict=True)))
+            # The last try, and a body in motion, are left to come to their end.
+            budget = _BUDGET if share and not simulation.scene.dynamics else None
+            result = simulation.step(command, dt=dt, cut_after=budget)
+            if result.converged:
+                break
+        return result
+
+    def _applied(self, simulation: Simulation) -> NDArray[np.float64]:
+        """Give the commands that the last step was given."""
+        return np.array([simulation.commands[name] for name in self._names], dtype=np.float64)
 
     def _observation(self) -> NDArray[np.float64]:
         return np.asarray(self._observe(self.simulation), dtype=np.float64)
@@ -129,18 +161,16 @@ class SoftRobotEnv(Env):
         return -float(np.linalg.norm(_tip(self.simulation) - self.goal))
 
     def _draw(self) -> NDArray[np.float64]:
-        """Give where the first probe is under some command within the ranges: a goal that can be reached.
-
-        Raises:
-            GdfeError: no command that was drawn has an equilibrium.
-        """
-        for _ in range(_DRAWS):
-            values = self.np_random.uniform(self._low, self._high).tolist()
-            self._still.reset()
-            result = self._still.step(Command(actuators=dict(zip(self._names, values, strict=True))), dt=_LONG)
-            if result.converged:
-                return _tip(self._still)
-        raise GdfeError(f"{_DRAWS} commands were drawn, and none converged; the last: {result.message}")
+        """Give where the first probe is on the way from the last goal to some command: a goal that can be reached."""
+        start, wanted = self._applied(self._walker), self.np_random.uniform(self._low, self._high)
+        steps = max(1.0, np.ceil(np.max(np.abs(wanted - start) / np.maximum(self._reach, np.finfo(float).tiny))))
+        dt = self._dt if self._walker.scene.dynamics else _LONG
+        for count in range(1, int(min(steps, _WALK)) + 1):
+            before = self._walker.snapshot()
+            if not self._approach(self._walker, start + count / steps * (wanted - start), dt, (1.0,)).converged:
+                self._walker.restore(before)
+                break
+        return _tip(self._walker)
 
 
 def make_env(
@@ -153,6 +183,7 @@ def make_env(
     overrides: Mapping[str, Any] | None = None,
     dt: float = 0.05,
     steps: int = 200,
+    slew_time: float = 1.0,
 ) -> SoftRobotEnv:
     """Make an environment of a scene.
 
@@ -160,12 +191,14 @@ def make_env(
         scene: name, path, or as loaded.
         observation: gives an array of the simulation; None: probes, actuators, and the goal where there is one.
         reward: gives a number of the simulation and the action (clipped); None: minus the distance [m] of the first
-            probe to a goal, which is drawn at each reset among those that commands reach.
+            probe to a goal, which is drawn at each reset: where it is some steps on the way to a random command, from
+            rest with a seed, else from the last goal. A body with mass that nothing holds walks there as it moves.
         terminated: tells whether an episode has come to its end; None: never.
         observation_space: None: numbers without bounds, of the shape of the observation at rest.
         overrides: over the scene, by dotted key.
         dt: simulation time of a step [s].
         steps: after which an episode is truncated.
+        slew_time: simulation time in which an action crosses its range at most [s]; 0: at once.
 
     Raises:
         GdfeError: the scene has no actuators, one of them has no range, or it has no probes and these are needed.
@@ -177,7 +210,7 @@ def make_env(
     """
     loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides=overrides)
     given = {"observation": observation, "reward": reward, "terminated": terminated}
-    return SoftRobotEnv(loaded, **given, observation_space=observation_space, dt=dt, steps=steps)
+    return SoftRobotEnv(loaded, **given, observation_space=observation_space, dt=dt, steps=steps, slew_time=slew_time)
 
 
 def make_vector_env(scene: str | Path, count: int, *, context: str = "spawn", **options: Any) -> AsyncVectorEnv:
@@ -190,6 +223,12 @@ def make_vector_env(scene: str | Path, count: int, *, context: str = "spawn", **
         options: of `make_env`.
     """
     return AsyncVectorEnv([partial(make_env, scene, **options)] * count, context=context)
+
+
+def _walker(scene: Scene) -> Simulation:
+    """Make what goes to goals: a held body without inertia, which would swing on its way; else the body as it is."""
+    held = any(handle.section == "handles" for handle in scene.handles)
+    return Simulation(replace(scene, dynamics=None) if held else scene)
 
 
 def _tip(simulation: Simulation) -> NDArray[np.float64]:
@@ -214,8 +253,10 @@ def _require_ranges(scene: Scene) -> list[str]:
     return [actuator.name for actuator in scene.actuators]
 
 
-def _require_numbers(*, dt: float, steps: int) -> None:
+def _require_numbers(*, dt: float, steps: int, slew_time: float) -> None:
     if not (math.isfinite(dt) and dt > 0.0):
         raise GdfeError(f"dt is {dt!r}; allowed: above 0 s")
-    if not (isinstance(steps, int) and steps >= 1):
-        raise GdfeError(f"steps is {steps!r}; allowed: 1 or more")
+    if not (math.isfinite(slew_time) and slew_time >= 0.0):
+        raise GdfeError(f"slew_time is {slew_time!r}; allowed: 0 s or more")
+    if not (isinstance(steps, Integral) and not isinstance(steps, bool) and steps >= 1):
+        raise GdfeError(f"steps is {steps!r}; allowed: whole numbers, 1 or more")

@@ -35,22 +35,24 @@ def build_interfaces(definitions: Path, folder: Path) -> Path:
 
     Args:
         definitions: directory with msg/, srv/ and action/; its name is the package's.
-        folder: to build in, kept for the next time.
+        folder: to build in, kept for the next time. Each package has a folder of its own there: who imports one sees
+            none that another process is building.
 
     Raises:
         GdfeError: ROS is not from wheels, there is no compiler, or it failed.
     """
     folder = folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    target = folder / definitions.name
+    place = folder / definitions.name
+    target = place / definitions.name
     with _locked(folder / f"{definitions.name}.lock"):
         if not (target / "__init__.py").exists():
             if not (Path(sys.prefix) / "share" / "rosidl_generator_py").is_dir():
                 raise GdfeError(f"{sys.prefix} has no generators of ROS's wheels; install gdfe_ros[ros] there")
-            shutil.rmtree(target, ignore_errors=True)
+            shutil.rmtree(place, ignore_errors=True)
             _Builder(definitions.resolve(), target).build()
             (target / "__init__.py").touch()
-    return folder
+    return place
 
 
 class _Builder:

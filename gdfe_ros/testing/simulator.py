@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import os
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -18,18 +19,20 @@ from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, Header
+from std_msgs.msg import Float64MultiArray, Header, String
 from std_srvs.srv import Trigger
 
 from gdfe_ros.actuators import Mode
+from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
-from gdfe_ros.errors import GdfeError
+from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.node.interface import NODE_NAME
 from gdfe_ros.node.interface.scene_topics import is_commanded, put_key, state_topics, target_key
-from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, STEP
-from gdfe_ros.node.interface.topics import JACOBIAN, MOVED
+from gdfe_ros.node.interface.services import COMPUTE_JACOBIAN, RESET_COMMANDS, STEP
+from gdfe_ros.node.interface.topics import JACOBIAN, MOVED, REFUSED
 from gdfe_ros.node.messages import actuation, pose_stamped
-from gdfe_ros.node.qos import interface_class
+from gdfe_ros.node.qos import interface_class, qos_profile
+from gdfe_ros.node.refusals import Reason
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
@@ -77,6 +80,7 @@ class Simulator:
         self.scene = load_scene(scene, overrides=overrides)
         self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
         self._actuators = {actuator.name: actuator for actuator in self.scene.actuators}
+        self._orders = Orders(self.scene, self.scene.solver)
         self._patience = patience
         namespace = f"/gdfe_test_{os.getpid()}_{next(_numbers)}"
         self.name = f"{namespace}/{NODE_NAME}"
@@ -101,7 +105,15 @@ class Simulator:
         )
 
     def step(self, command: Command | None = None) -> State:
-        """Make one step and return it; what is not commanded keeps its last command."""
+        """Make one step and return it; what is not commanded keeps its last command.
+
+        A refused command is forgotten: the next step is as if it had never been given.
+
+        Raises:
+            CommandError: as by ``gdfe_ros.Simulation.step``, before anything is sent; or the node refuses the command.
+            OverlapError: a body is put where something else is; the step was made without it.
+            GdfeError: nothing is called so, or the node ended or did not answer.
+        """
         command = command or Command()
         values = {**command.actuators, **command.loads}
         named = ((command.handles, self._movable), (values, self._values), (command.bodies, self._puts))
@@ -111,19 +123,36 @@ class Simulator:
             raise GdfeError(f"cannot step: {reason}")
         if len(command.bodies) > 1 and not self._inputs():
             raise GdfeError("cannot step: a scene without handles, actuators and loads takes one body in a step")
-        self._poses |= command.handles
-        self._values |= values
+        poses, values = self._orders.targets(command, self._poses), self._orders.values(command, self._values)
+        self._orders.places(command)
+        try:
+            state = self._order(command, poses, values)
+        except CommandError:
+            self._client.call(self._forget, Trigger.Request())  # what of it was taken waits for the rest
+            raise
+        self._poses, self._values = poses, values
+        if unplaced := sorted(set(command.bodies) - set(state.record.bodies)):
+            self._wait(lambda: self._overlaps, f"the reason why {', '.join(unplaced)} stayed")
+            raise OverlapError(self._overlaps[-1])
+        return state
+
+    def _order(self, command: Command, poses: Mapping[str, Pose], values: Mapping[str, float]) -> State:
+        """Send the commands of one step and wait for it, or for a refusal."""
         count = self.state.record.step + 1
+        self._refusals.clear()
+        self._overlaps.clear()
         # Before all others: what completes the command set makes the step.
         for name, pose in command.bodies.items():
             self._puts[name].publish(pose_stamped(Header(), pose))
         for name, publisher in self._targets.items():
-            publisher.publish(pose_stamped(Header(), self._poses[name]))
+            publisher.publish(pose_stamped(Header(), poses[name]))
         if self._actuation is not None:
-            self._actuation.publish(actuation(self._actuators, self._values))
+            self._actuation.publish(actuation(self._actuators, values))
         if not self._inputs() and not command.bodies:
             self._client.call(self._walk, Trigger.Request())
-        self._wait(lambda: self._made.record.step >= count, "the step")
+        self._wait(lambda: self._made.record.step >= count or self._refusals, "the step")
+        if self._refusals:
+            raise CommandError(self._refusals[-1])
         return self._made
 
     def run(self, controller: Callable[[State], Command], *, steps: int) -> list[State]:
@@ -215,7 +244,22 @@ class Simulator:
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
         self._differentiate = self._node.create_client(Trigger, COMPUTE_JACOBIAN.name.replace("~", self.name))
         self._walk = self._node.create_client(Trigger, STEP.name.replace("~", self.name))
-        self._client.meet([self._differentiate, self._walk])
+        self._forget = self._node.create_client(Trigger, RESET_COMMANDS.name.replace("~", self.name))
+        self._refusals: list[str] = []
+        self._overlaps: list[str] = []
+        profile = qos_profile(REFUSED.delivery)
+        self._node.create_subscription(String, REFUSED.name.replace("~", self.name), self._hear, profile)
+        self._client.meet([self._differentiate, self._walk, self._forget])
+
+    def _hear(self, message: String) -> None:
+        """Keep the refusal of a command of one's own; after one for an overlap the step is made all the same."""
+        entries = json.loads(message.data)
+        text = f"command on {entries['source']} refused: {entries['message']}"
+        own = [*self._targets.values(), *self._puts.values(), *([self._actuation] if self._actuation else [])]
+        if entries["reason"] == Reason.OVERLAP.value:
+            self._overlaps.append(text)
+        elif entries["source"] in [publisher.topic_name for publisher in own]:
+            self._refusals.append(text)
 
     def _inputs(self) -> list[str]:
         return [*self._movable.values()] + ([ACTUATION] if self.scene.actuators or self.scene.loads else [])

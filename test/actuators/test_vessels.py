@@ -75,13 +75,13 @@ def test_sphere_by_volume_passes_the_limit_point() -> None:
     simulation = Simulation(scene)
     rest = simulation.actuator_states()["air"].extent
     found = []
-    for ratio in (4.0, 12.0):
+    for ratio in (4.0, 8.0, 12.0):
         result = simulation.step(Command(actuators={"air": ratio * rest}))
         assert result.converged
         assert result.actuators["air"].extent == pytest.approx(ratio * rest, rel=2e-4)
         assert result.actuators["air"].effort == pytest.approx(sphere_pressure(ratio ** (1 / 3)), rel=0.02)
         found.append(result.actuators["air"].effort)
-    assert found[1] < found[0]
+    assert found == sorted(found, reverse=True)
     result = simulation.step(Command(actuators={"air": rest}))
     assert abs(result.actuators["air"].effort) < 0.01 * found[0]
 
@@ -172,7 +172,7 @@ def test_commands_out_of_range_are_refused() -> None:
         simulation.step(Command(actuators={"air": 6e4}))
     with pytest.raises(CommandError, match=r"no actuator 'water'.*air"):
         simulation.step(Command(actuators={"water": 1.0}))
-    with pytest.raises(CommandError, match=r"allowed: 0 to 50000 Pa"):
+    with pytest.raises(CommandError, match=r"not finite; allowed: finite numbers, 0 to 50000 Pa"):
         simulation.step(Command(actuators={"air": float("nan")}))
     assert simulation.result is None
     simulation.step(Command(actuators={"air": 5e4}), dt=0.5)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from benchmarks.peers import ccx_drop, mujoco_drop
 from benchmarks.peers.ccx_deck import CcxElement
 from benchmarks.peers.ccx_output import read_paths
 from benchmarks.peers.drop_case import DENSITY, GRAVITY, LAW, SIZE, TIP
+from benchmarks.report import KEPT, read_report
 from gdfe_ros.scene import load_scene
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -100,7 +100,7 @@ def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_kept_report_is_what_was_asked_for() -> None:
     """Read the report beside the tests: error on `drop`, ahead of MuJoCo wherever it errs below 20 %, long runs."""
-    report: dict[str, Any] = json.loads((DATA / "motion.json").read_text())
+    report: dict[str, Any] = read_report(KEPT / "motion.json").data
     ours = [row for row in report["drop"] if row["solver"] == "gdfe_ros"]
     best = {(tuple(row["cells"]), row["step"]): row["error"] for row in reversed(ours) if row["kind"] != "bdf2"}
     assert best[(40, 4, 4), 0.002] <= 0.005

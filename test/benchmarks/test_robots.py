@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
+from benchmarks.report import KEPT, read_report
 from benchmarks.robot_picture import draw_robots
 from benchmarks.robots import ROBOTS, Robot, measure, robot_table
 from gdfe_ros import load_scene
-
-KEPT = Path(__file__).parents[1] / "data" / "robots.json"
 
 
 def test_every_robot_has_a_program_that_reaches_its_moment() -> None:
@@ -21,7 +19,7 @@ def test_every_robot_has_a_program_that_reaches_its_moment() -> None:
 
 def test_kept_rates_are_of_these_robots() -> None:
     """Find each robot at the mesh that its scene has now: rates of others would be shown for it."""
-    report = json.loads(KEPT.read_text())
+    report = read_report(KEPT / "robots.json").data
     assert [item["scene"] for item in report] == [robot.scene for robot in ROBOTS]
     for item in report:
         assert item["cells"] == load_scene(item["scene"]).mesh.n_cells

@@ -8,9 +8,11 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from functools import partial
 from typing import Any
 
 import numpy as np
+import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState, PointCloud2
@@ -50,6 +52,16 @@ class Forgetful(TipTracking):
             self.lost += 1
             self._waiting_since = time.monotonic() - PATIENT
         return not lose
+
+
+@pytest.mark.parametrize("name", ["two_robots", "tip_tracking", "carrying_arm"])
+def test_help_says_what_a_node_is_for(name: str) -> None:
+    """Ask each node for help, and give it an argument that it does not know: no node is started."""
+    run = partial(subprocess.run, capture_output=True, text=True, timeout=60, check=False)
+    done = run([sys.executable, "-m", f"gdfe_ros.examples.{name}", "--help"])
+    assert (done.returncode, done.stdout.splitlines()[0]) == (0, f"usage: {name} [--help] [--ros-args ...]")
+    done = run([sys.executable, "-m", f"gdfe_ros.examples.{name}", "left"])
+    assert (done.returncode, done.stderr) == (2, f"{name}: unknown arguments left; see {name} --help\n")
 
 
 def test_the_controller_node_leads_the_tip_round() -> None:

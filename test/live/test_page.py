@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import signal
 import socket
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from websockets.exceptions import ConnectionClosed
 
 from benchmarks.live.viewer import Viewer
 from gdfe_ros.analysis.bag_run import BagRun
@@ -200,7 +202,7 @@ def test_what_is_no_number_is_refused(live: Callable[..., Any], place: list[floa
     viewer.wait(lambda: np.isfinite(viewer.place("tip")).all(), "the control back at its target")
     viewer.move("lower, tension [N]", 1.5)
     viewer.wait(lambda: session.simulation.commands["lower"] == 1.5, "the run going on")
-    assert (session.failure, page.page.failure) == (None, None)
+    assert (session.stepper.failure, page.page.failure) == ("", None)
 
 
 def test_obstacles_and_bodies_are_where_they_are(live: Callable[..., Any]) -> None:
@@ -322,6 +324,23 @@ def test_viewers_come_and_go_without_a_trace(live: Callable[..., Any]) -> None:
     first.wait(lambda: page.page.viewers == 1, "all others gone")
     # What the operating system lists beyond those of viewers in this process, whose sockets have a thread each.
     first.wait(lambda: threading.active_count() <= threads, "their threads gone")
+
+
+def test_garbage_on_the_socket_is_told_in_a_line(live: Callable[..., Any], caplog: Any) -> None:
+    """Send what is no HTTP, and to a viewer's socket what is no message: no traceback, and the page goes on."""
+    page = live()
+    for garbage in (b"\x00\xff" * 100, b"GET / HTTP/1.1\r\nConnection: Upgrade\r\n\r\n", b"\r\n\r\n"):
+        with socket.create_connection(("127.0.0.1", page.page.port)) as stranger:
+            stranger.sendall(garbage)
+            stranger.settimeout(2.0)
+            with contextlib.suppress(TimeoutError):
+                stranger.recv(1000)
+    for garbage in (b"\xc1\x00garbage", "text", b""):
+        with contextlib.suppress(ConnectionClosed), Viewer(page.page.port) as viewer:
+            viewer._socket.send(garbage)
+            viewer._socket.recv(timeout=5.0)
+    page.look().wait(lambda: page.page.viewers >= 1, "the page")
+    assert not any(record.exc_info or "Traceback" in record.getMessage() for record in caplog.records)
 
 
 def test_a_viewer_that_hangs_holds_nobody_up(live: Callable[..., Any]) -> None:

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import JointState, PointCloud2
 from stage import Stage
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 Row = tuple[str, str, str]
 """Asked, expected, found."""
@@ -78,7 +79,8 @@ def _wrong() -> Iterator[tuple[str, str, str, Any]]:
 
 def actuators() -> Iterator[Row]:
     """Command tendons by two publishers, by NaN, by wrong names and sizes."""
-    with Stage(["-p", "scene:=tendon_finger", "-p", "scene_overrides:=['']", "-p", "heartbeat:=0.0"]) as stage:
+    scene = ["-p", "scene:=tendon_finger", "-p", "scene_overrides:=['']"]
+    with Stage([*scene, "-p", "heartbeat:=0.0", "-p", "slew_time:=0.0", "-p", "ratee:=5"]) as stage:
         records = stage.listen("/gdfe_sim/step_record", String)
         stage.wait(lambda: records)
         for name, expected, message in (
@@ -102,6 +104,18 @@ def actuators() -> Iterator[Row]:
         both = '"actuators": {"flexor": 1.0, "extensor": 2.0}' in records[-1].data
         yield "two publishers, one with NaN, before one step", "both consumed", "both consumed" if both else "one lost"
         yield "~/step while paused", "true", str(answer.success).lower()
+        told = "parameter 'ratee' is unknown" in stage.log
+        yield "a parameter ratee", "told", "told" if told else "silence"
+        stage.publish("trajectory", JointTrajectory())
+        taken = stage.wait(lambda: stage.values.get("commands taken") == "3", 10.0)
+        yield "a trajectory without points", "taken", "taken" if taken else "refused"
+        asked = [stage.values.get(key) for key in ("rate asked [Hz]", "rate reached [Hz]", "late per step [s]")]
+        yield "the rate asked, reached, and the lateness", "all three", "all three" if all(asked) else f"{asked}"
+        stage.node.create_publisher(JointState, "/gdfe_sim/actuation", qos_profile_sensor_data)
+        heard = stage.wait(lambda: "best effort; allowed: reliable" in stage.values.get("unheard", ""), 10.0)
+        yield "a publisher of commands, best effort", "told", "told" if heard else "silence"
+        answer = stage.call(Trigger, "reset_commands")
+        yield "~/reset_commands", "true", str(answer.success).lower()
 
 
 def latecomers() -> Iterator[Row]:

@@ -20,6 +20,7 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
+from rclpy.action import ActionClient
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.highlevel import AnyReader
@@ -117,6 +118,13 @@ class Client:
         future = self._services[service].call_async(request)
         self.wait(future.done)
         return future.result()
+
+    def action(self, kind: type, name: str) -> ActionClient:
+        """Give a client of an action of the node, once the node knows it: it would get no answer before."""
+        action = ActionClient(self.node, kind, self.full(name))
+        self.wait(action.server_is_ready)
+        await_discovery(self.node, self._name, self.wait)
+        return action
 
     def transition(self, label: str) -> bool:
         """Ask for a transition of the lifecycle."""

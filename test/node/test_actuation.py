@@ -103,6 +103,22 @@ def test_a_command_of_one_tendon_leaves_the_course_of_another(client: Any, start
     np.testing.assert_allclose([record.actuators["extensor"] for record in records[1:]], 0.1 * np.arange(1, 10))
 
 
+def test_an_empty_trajectory_ends_the_running_one(client: Any, start: Callable) -> None:
+    """Pull for ten seconds of simulation time, then send a trajectory without points: the tension stays where it is."""
+    start(**{**FINGER, "clock": "fast", "heartbeat": 0.0, "dt": 0.01})
+    points = [JointTrajectoryPoint(positions=[2.0], time_from_start=Duration(sec=1000))]
+    client.publish("trajectory", JointTrajectory(joint_names=["flexor"], points=points))
+    client.wait(lambda: any(record.actuators for record in client.records()))
+    client.publish("trajectory", JointTrajectory())
+    client.wait_taken(2)
+    client.status()
+    steps = client.status()["steps"]
+    assert client.status()["steps"] == steps
+    pulled = [record.actuators["flexor"] for record in client.records() if record.actuators]
+    assert 0.0 < pulled[-1] < 1.9
+    assert client.diagnostics()["commands refused"] == "0"
+
+
 def test_a_course_that_starts_too_far_ahead_is_refused(client: Any, start: Callable) -> None:
     """Send a course that starts in a million seconds under the wall clock: it is refused, the node stays idle."""
     process = start(**{**FINGER, "clock": "wall", "heartbeat": 0.0})

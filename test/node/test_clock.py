@@ -176,6 +176,35 @@ def test_overruns_are_reported(client: Any, start: Callable, coarse: dict) -> No
     assert float(client.diagnostics()["real-time factor"]) < 10.0
 
 
+def test_a_body_that_settles_does_not_hide_lateness(client: Any, start: Callable) -> None:
+    """Answer each step of a large bar with the next command, at 1 kHz: all three figures tell."""
+    start(scene="bend5", rate=1e3, dt=1e-3)
+    heights = iter(np.linspace(0.0, 0.03, 4000)[1:])
+
+    def late() -> dict[str, str] | None:
+        count = len(client.records())
+        client.target(next(heights))
+        client.wait(lambda: len(client.records()) > count)
+        values = {pair.key: pair.value for part in client.last("/diagnostics").status for pair in part.values}
+        return values if int(values.get("overruns", 0)) > 100 else None
+
+    values = client.wait(late)
+    assert values["rate asked [Hz]"] == "1000"
+    assert 0.0 < float(values["rate reached [Hz]"]) < 600.0
+    assert 1e-3 < float(values["late per step [s]"]) < 1.0
+    client.target(0.0)
+    client.wait(lambda: "rate asked [Hz] 1000, rate reached" in client.last("/diagnostics").status[0].message)
+
+
+def test_figures_of_other_clocks_are_told(client: Any, start: Callable, coarse: dict) -> None:
+    """Ask a node in lockstep: what a step waits for, and no lateness."""
+    start(**coarse, clock="lockstep")
+    values = client.diagnostics()
+    assert values["rate asked [Hz]"] == "one step for each command set"
+    assert float(values["rate reached [Hz]"]) < 10.0
+    assert values["late per step [s]"] == "0"
+
+
 def test_a_deadline_cuts_a_step_and_the_next_go_on(client: Any, start: Callable) -> None:
     """Allow a large step 2 ms: it is returned unfinished and marked; the steps after it finish the job."""
     start(scene="bend5", deadline=0.002)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happens when stepping itself fails: error processing, a whole bag, and a node that can be configured again."""
+"""What happens when stepping itself fails: a pause in the last good state, a whole bag, and a node that goes on."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.executors import MultiThreadedExecutor
-from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from gdfe_ros.errors import CommandError
+from gdfe_ros.errors import CommandError, GdfeError, RecordingError
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.sim_node import SimNode
@@ -57,67 +56,164 @@ class _Robot:
         rclpy.shutdown(context=self.context)
 
 
+def _broken(*_: Any, **__: Any) -> None:
+    raise ZeroDivisionError("broken on purpose")
+
+
 @pytest.mark.parametrize("make", [make_executor, MultiThreadedExecutor], ids=["events", "threads"])
 def test_a_failure_while_the_node_becomes_active_is_not_forgotten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[..., Any]
 ) -> None:
-    """Let the very first step raise before the transition is over: the node is unconfigured and says why."""
-
-    def broken(*_: Any, **__: Any) -> None:
-        raise ZeroDivisionError("broken on purpose")
-
+    """Let the very first step raise before the transition is over: the node is active, paused, and says why."""
     start = Stepper.start
 
     def start_and_wait(stepper: Stepper, *given: Any) -> None:
-        monkeypatch.setattr(stepper._simulation, "step", broken)
+        monkeypatch.setattr(stepper._simulation, "step", _broken)
         start(stepper, *given)
-        stepper._thread.join()
+        while not stepper.failure:
+            time.sleep(0.01)
+        monkeypatch.undo()
 
     monkeypatch.setattr(Stepper, "start", start_and_wait)
     robot = _Robot(make, bag_path=str(tmp_path / "bag"))
-    robot.wait(lambda: robot.node._problem and robot.node.lifecycle_state == "unconfigured")
-    assert "broken on purpose" in robot.node._problem
+    robot.wait(lambda: robot.node.lifecycle_state == "active")
+    stepper = robot.node._session.stepper
+    assert "broken on purpose" in stepper.failure
+    assert stepper.paused
+    stepper.pause(False)
+    robot.command(0.1)
+    robot.wait(lambda: stepper.count == 1)
+    assert not stepper.failure
     robot.close()
 
 
-def test_a_failing_solver_leads_to_error_processing(tmp_path: Path) -> None:
-    """Let the solver raise: the node is unconfigured, the bag whole; configured anew, it works again."""
+def test_a_failing_step_pauses_the_node_in_its_last_good_state(tmp_path: Path) -> None:
+    """Let the solver raise: the node stays active, paused, nothing is lost; it goes on, and the bag holds all steps."""
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
-
-    def broken(*_: Any, **__: Any) -> None:
-        raise ZeroDivisionError("broken on purpose")
-
-    robot.node._session.simulation.step = broken
+    robot.command(0.05)
+    session = robot.node._session
+    robot.wait(lambda: session.stepper.count == 2)
+    simulation, before = session.simulation, session.simulation.snapshot()
+    step = simulation.step
+    simulation.step = _broken
     robot.command(0.1)
-    robot.wait(lambda: robot.node.lifecycle_state == "unconfigured")
-    assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == 1
-    robot.node.set_parameters([Parameter("bag_path", value=str(tmp_path / "second"))])
-    assert robot.node.trigger_configure() is TransitionCallbackReturn.SUCCESS
-    assert robot.node.trigger_activate() is TransitionCallbackReturn.SUCCESS
-    robot.command(0.1)
-    robot.wait(lambda: robot.node._session.stepper.count == 2)
+    robot.wait(lambda: session.stepper.failure)
+    assert session.stepper.failure.startswith("step 2 to ")
+    assert "broken on purpose" in session.stepper.failure
+    assert (robot.node.lifecycle_state, session.stepper.paused) == ("active", True)
+    assert simulation.targets == before.targets
+    assert np.array_equal(simulation.positions, before.state.positions + simulation._origin)
+    simulation.step = step
+    robot.command(0.06)
+    robot.wait(lambda: session.stepper._inbox.ready())
+    session.stepper.pause(False)
+    robot.wait(lambda: session.stepper.count == 3)
+    assert not session.stepper.failure
+    assert simulation.targets["tip"].translation[2] == 0.06
     robot.close()
-    assert BagReader(tmp_path / "second").counts["/gdfe_sim/mesh"] == 2
+    assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == 3
 
 
 def test_positions_that_are_no_numbers_are_not_published(tmp_path: Path) -> None:
-    """Let the solver return NaN: nothing of that step is published, the node goes through error processing."""
+    """Let the solver return NaN: nothing of that step is published, the node is paused in the state before it."""
     robot = _Robot(bag_path=str(tmp_path / "bag"))
     robot.wait_for_the_first_step()
-    simulation = robot.node._session.simulation
-    step = simulation.step
+    session = robot.node._session
+    step = session.simulation.step
 
     def poisoned(*given: Any, **named: Any) -> Any:
         result = step(*given, **named)
         result.positions[0] = np.nan
         return result
 
-    simulation.step = poisoned
+    session.simulation.step = poisoned
     robot.command(0.1)
-    robot.wait(lambda: robot.node.lifecycle_state == "unconfigured")
+    robot.wait(lambda: session.stepper.failure)
+    assert "not finite numbers" in session.stepper.failure
+    assert robot.node.lifecycle_state == "active"
+    assert session.simulation.targets["tip"].translation[2] == 0.0
+    assert np.isfinite(session.simulation.positions).all()
     robot.close()
     assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == 1
+
+
+def test_what_publishing_raises_is_told_and_ends_nothing(tmp_path: Path) -> None:
+    """Let publishing one step raise: it is counted as a fault, the next step is published."""
+    robot = _Robot(bag_path=str(tmp_path / "bag"))
+    robot.wait_for_the_first_step()
+    session = robot.node._session
+    session.flush()
+    publish, left = session.courier._handle, [1]
+
+    def once(step: Any) -> None:
+        if left and left.pop():
+            _broken()
+        publish(step)
+
+    session.courier._handle = robot.node.guarded(once, "publishing a step")
+    for count, z in ((2, 0.05), (3, 0.06)):
+        robot.command(z)
+        robot.wait(lambda count=count: session.stepper.count == count)
+    session.flush()
+    assert robot.node.faults.count == 1
+    assert "publishing a step" in robot.node.faults.last
+    assert robot.node.lifecycle_state == "active"
+    robot.close()
+    assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == 2
+
+
+def _fail_often(robot: _Robot, count: int) -> None:
+    """Let every other step raise in the middle of a run, and go on after each."""
+    session = robot.node._session
+    step, made = session.simulation.step, session.stepper.count
+    for number in range(count):
+        session.simulation.step = _broken
+        robot.command(0.05)
+        robot.wait(lambda number=number: session.stepper.failures == number + 1)
+        session.simulation.step = step
+        session.stepper.pause(False)
+        robot.command(0.05 + 0.01 * (number % 2))
+        robot.wait(lambda number=number: session.stepper.count == made + number + 1)
+    assert session.stepper.failures == count
+    assert robot.node.lifecycle_state == "active"
+    assert session.run.last.result.converged
+
+
+@pytest.mark.parametrize(
+    ("make", "count"),
+    [
+        (make_executor, 30),
+        (MultiThreadedExecutor, 10),
+        pytest.param(make_executor, 1000, marks=pytest.mark.torture),
+    ],
+    ids=["events", "threads", "thousand"],
+)
+def test_many_failed_steps_lose_nothing(tmp_path: Path, make: Callable[..., Any], count: int) -> None:
+    """Let many steps fail in one run: each is followed by one that converges, the bag holds all of these."""
+    robot = _Robot(make, bag_path=str(tmp_path / "bag"))
+    robot.wait_for_the_first_step()
+    _fail_often(robot, count)
+    robot.close()
+    assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == count + 1
+
+
+def test_bags_that_failed_and_bags_that_did_not_are_told(tmp_path: Path) -> None:
+    """Finish a sound bag, one whose disk was full, and a sound one again: each answer says how it went."""
+    robot = _Robot(bag_path=str(tmp_path / "first"))
+    robot.wait_for_the_first_step()
+    session = robot.node._session
+    assert "0 dropped" in session.record(False)
+    for name, fails in (("second", True), ("third", False)):
+        robot.node.set_parameters([Parameter("bag_path", value=str(tmp_path / name))])
+        session.stepper.call(lambda: session.record(True))
+        if fails:
+            session.bags.recorder._fail(RecordingError("no space left"))
+            with pytest.raises(GdfeError, match="no space left; nothing later is in the bag"):
+                session.record(False)
+        else:
+            assert "0 dropped" in session.record(False)
+    robot.close()
 
 
 def test_a_command_that_the_simulation_refuses_is_counted_and_passed_over(tmp_path: Path) -> None:

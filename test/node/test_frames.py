@@ -6,6 +6,7 @@ tf2_msgs is not among the wheels of ROS: where it is not installed, its messages
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -32,10 +33,26 @@ class _Tree:
         self._publishers = [node.create_publisher(TFMessage, "/tf", 100)]
         self._publishers.append(node.create_publisher(TFMessage, "/tf_static", _LATCHED))
 
-    def tell(self, parent: str, child: str, *, origin: Iterable[float], turn: Rotation, fixed: bool = False) -> None:
+    def tell(
+        self,
+        parent: str,
+        child: str,
+        *,
+        origin: Iterable[float],
+        turn: Rotation,
+        fixed: bool = False,
+        stamp: int = 0,
+        length: float = 1.0,
+    ) -> None:
+        """Tell of a frame, with a stamp [ns]; the quaternion has a ``length``."""
         transform = TransformStamped(child_frame_id=child)
         transform.header.frame_id = parent
-        _put(transform.transform.translation, transform.transform.rotation, origin, turn)
+        transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(stamp, 10**9)
+        quaternion = transform.transform.rotation
+        _put(transform.transform.translation, quaternion, origin, turn)
+        quaternion.x, quaternion.y, quaternion.z, quaternion.w = (
+            length * part for part in (quaternion.x, quaternion.y, quaternion.z, quaternion.w)
+        )
         self._publishers[fixed].publish(self._kind(transforms=[transform]))
 
     def _hear(self, transforms: Iterable[TransformStamped]) -> None:
@@ -149,3 +166,65 @@ def test_a_plate_follows_a_frame(client: Any, start: Callable, coarse: dict, int
     client.wait(lambda: len(client.received["handles/tip/pose"]) > after)
     client.wait(lambda: client.received["handles/tip/pose"][-1].pose.position.z == pytest.approx(0.05))
     assert client.status()["tip follows"] == "frame tool0"
+
+
+def test_frames_that_make_no_sense_are_refused(
+    client: Any, start: Callable, coarse: dict, interfaces: Callable
+) -> None:
+    """Tell of a followed frame with NaN, a zero quaternion, ahead and too old: each is counted, the tip stays."""
+    interfaces("tf2_msgs")
+    tree = _Tree(client)
+    process = start(**coarse, follow=["tip=frame:tool0"], command_max_age=10.0)
+    client.wait(lambda: "tip_rest" in tree.heard)
+    rest, turn = np.array(_vector(tree.heard["tip_rest"].transform.translation)), Rotation.identity()
+    place, second = np.add(rest, [0.0, 0.0, 0.02]), 10**9
+    tree.tell("base_link", "tool0", origin=place, turn=turn, stamp=time.time_ns())
+    tip = client.received["handles/tip/pose"]
+    client.wait(lambda: tip and tip[-1].pose.position.z == pytest.approx(0.02))
+    bad = {
+        "not finite": {"origin": [np.nan, 0.0, 0.0]},
+        "quaternion not of unit length": {"length": 0.0},
+        "stamp ahead": {"stamp": time.time_ns() + 1000 * second},
+        "stale": {"stamp": time.time_ns() - 100 * second},
+    }
+    for changes in bad.values():
+        tree.tell("base_link", "tool0", **{"origin": [0.0, 0.0, 0.0], "turn": turn, **changes})
+    told = client.diagnostics()
+    client.wait(lambda: all(client.diagnostics().get(f"refused: {reason}") == "1" for reason in bad))
+    assert "command on /tf, frame 'tool0', refused: translation (nan, 0.0, 0.0)" in process.log
+    assert "Traceback" not in process.log
+    assert told["state"] == "active"
+    tree.tell("base_link", "tool0", origin=np.add(rest, [0.0, 0.0, 0.05]), turn=turn, stamp=time.time_ns())
+    client.wait(lambda: tip and tip[-1].pose.position.z == pytest.approx(0.05))
+    assert all(each.pose.position.z in (0.0, pytest.approx(0.02), pytest.approx(0.05)) for each in tip)
+
+
+def test_the_latest_frame_by_stamp_counts(client: Any, start: Callable, coarse: dict, interfaces: Callable) -> None:
+    """Let transforms of a followed frame overtake each other: the one with the latest stamp stays in force."""
+    interfaces("tf2_msgs")
+    tree = _Tree(client)
+    start(**coarse, follow=["tip=frame:tool0"])
+    client.wait(lambda: "tip_rest" in tree.heard)
+    rest, now = np.array(_vector(tree.heard["tip_rest"].transform.translation)), time.time_ns()
+    tip = client.received["handles/tip/pose"]
+    for z, age in ((0.02, 2), (0.05, 0), (0.03, 1)):
+        origin = np.add(rest, [0.0, 0.0, z])
+        tree.tell("base_link", "tool0", origin=origin, turn=Rotation.identity(), stamp=now - age * 10**8)
+        client.spin(0.3)
+    client.wait(lambda: tip and tip[-1].pose.position.z == pytest.approx(0.05))
+    assert not any(each.pose.position.z == pytest.approx(0.03) for each in tip)
+
+
+def test_a_target_in_a_frame_that_makes_no_sense_is_refused(
+    client: Any, start: Callable, coarse: dict, interfaces: Callable
+) -> None:
+    """Command the tip in a frame whose transform was NaN: the frame is unknown, and nothing moves."""
+    interfaces("tf2_msgs")
+    tree = _Tree(client)
+    start(**coarse, clock="lockstep")
+    client.wait(lambda: "tip_rest" in tree.heard)
+    tree.tell("base_link", "odom", origin=[np.nan, 0.0, 0.0], turn=Rotation.identity())
+    client.publish("handles/tip/target", _pose("odom", [0, 0, 0], Rotation.identity()))
+    client.wait(lambda: client.diagnostics().get("refused: other frame") == "1")
+    assert client.diagnostics()["refused: not finite"] == "1"
+    assert len(client.records()) == 1

@@ -75,8 +75,8 @@ def test_energies_are_told_by_records_and_diagnostics(client: Any, start: Callab
 
 
 def test_diagnostics_warn_of_a_stuck_body(client: Any, start: Callable) -> None:
-    """Crush a bar by its weight until no step leads on: a warning that says why, though no handle is off its target."""
-    crushed = [*_DROP["scene_overrides"], "loads.weight.gravity=[-1.0e4, 0, -1.0e3]"]
+    """Crush a bar by 100000 times its weight, so that no step leads on: a warning says why, though no handle is off."""
+    crushed = [*_DROP["scene_overrides"], "loads.weight.gravity=[-1.0e6, 0, -1.0e5]"]
     start(**{**_DROP, "scene_overrides": crushed}, clock="lockstep", dt=0.01)
     client.wait(client.records)
     _advance(client, 3)
@@ -251,3 +251,19 @@ def _replays(bag: Path, topics: set[str]) -> None:
 
 def _columns(cloud: PointCloud2) -> np.ndarray:
     return np.frombuffer(cloud.data, "<f4").reshape(-1, 6)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_body_that_is_put_nowhere_stays(client: Any, start: Callable, value: float) -> None:
+    """Put a body at NaN, and turned by NaN: both are refused and counted, and steps go on."""
+    process = start(scene="grasp", clock="lockstep", dt=0.005)
+    for part in ("position", "orientation"):
+        message = PoseStamped()
+        message.pose.orientation.w = 1.0
+        getattr(message.pose, part).z = value
+        client.publish("bodies/part/set", message)
+    client.wait(lambda: client.status().get("refused: not finite") == "2")
+    _advance(client)
+    told = client.status()
+    assert (told["state"], told["steps failed"]) == ("active", "0")
+    assert "Traceback" not in process.log

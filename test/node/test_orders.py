@@ -156,7 +156,7 @@ def _later(stamp: int) -> float:
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
-        (_trajectory(), Reason.WRONG_SIZE),
+        (_trajectory(name="middle"), Reason.UNKNOWN),
         (_trajectory((1.0, [])), Reason.WRONG_SIZE),
         (_trajectory((1.0, [1.0]), (1.0, [2.0])), Reason.OUT_OF_ORDER),
         (_trajectory((1.0, [99.0])), Reason.OUT_OF_RANGE),
@@ -165,7 +165,7 @@ def _later(stamp: int) -> float:
     ],
 )
 def test_bad_trajectories_are_refused(message: JointTrajectory, reason: Reason) -> None:
-    """Refuse what is empty, of wrong size, not ascending, out of range, or over."""
+    """Refuse an unknown name, what is of wrong size, not ascending, out of range, or over."""
     assert _refused(lambda: ORDERS.from_trajectory(message, now=10.0, convert=_later)) is reason
 
 

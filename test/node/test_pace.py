@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from gdfe_ros.node.pace import FastPace, LockstepPace, Timing, WallPace
+from gdfe_ros.node.pace import ExternalPace, FastPace, LockstepPace, Timing, WallPace
 
 TIMING = Timing(rate=10.0, dt=0.5, heartbeat=2.0, ticking=False)
 
@@ -66,6 +66,21 @@ def test_without_a_heartbeat_an_idle_pace_waits_for_an_event() -> None:
     assert pace.delay(pending=False, settled=True) == 0.0
 
 
+def test_rest_does_not_hide_that_a_step_was_late() -> None:
+    """Let steps of a body that settles last 0.35 s, each commanded 20 ms after the last: late by 0.25 s, every one."""
+    clock = _Clock()
+    pace = WallPace(lambda: TIMING, clock)
+    for step in range(4):
+        assert pace.begin() == 0.5
+        clock.now += 0.35
+        assert pace.delay(pending=False, settled=True) == pytest.approx(1.9)
+        assert (pace.overruns, pace.late) == (2 * (step + 1), pytest.approx(0.25 * (step + 1)))
+        clock.now += 0.02
+        assert pace.delay(pending=True, settled=True) == 0.0
+    clock.now += 0.5
+    assert pace.begin() == pytest.approx(6 * 0.5)
+
+
 def test_a_pause_is_not_an_overrun() -> None:
     """Restart after 10 s: the grid begins anew."""
     clock = _Clock()
@@ -83,3 +98,49 @@ def test_lockstep_steps_for_commands_only() -> None:
     assert pace.delay(pending=False, settled=False) is None
     assert pace.delay(pending=True, settled=True) == 0.0
     assert pace.begin() == 0.5
+
+
+@pytest.mark.parametrize("ahead", [1000.0, 1.7e9])
+def test_a_clock_that_jumps_ahead_is_gone_on_from(ahead: float) -> None:
+    """Jump ahead by far, as to epoch time: told once, nothing is made up for, and steps go on from there."""
+    clock, told = [5 * 10**9], []
+    pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
+    assert pace.delay(pending=True, settled=False) is None
+    clock[0] += 10**7
+    assert pace.delay(pending=True, settled=False) == 0.0
+    pace.begin()
+    jump = round(ahead * 1e9)
+    clock[0] += jump
+    pace.jumped(jump)
+    assert pace.behind == 0.0
+    assert pace.delay(pending=True, settled=False) is None
+    (text,) = told
+    assert text.startswith(
+        f"the clock jumped ahead from 5.01 to {5.01 + ahead:.9g} s: the simulation goes on from there"
+    )
+    clock[0] += 10**7
+    assert pace.delay(pending=True, settled=False) == 0.0
+    assert pace.begin() == 0.01
+    assert pace.moment == clock[0]
+
+
+def test_a_clock_that_goes_on_is_caught_up_with() -> None:
+    """Go on by 5 s at once, which is no jump: all steps are due, and how far it is behind is known."""
+    clock, told = [5 * 10**9], []
+    pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
+    clock[0] += 5 * 10**9
+    pace.jumped(5 * 10**9)
+    assert pace.behind == pytest.approx(5.0)
+    assert pace.delay(pending=True, settled=False) == 0.0
+    pace.begin()
+    assert pace.behind == pytest.approx(4.99)
+    assert not told
+
+
+def test_a_clock_that_goes_back_is_told() -> None:
+    """Go back: the pace goes on from there, and says so."""
+    clock, told = [5 * 10**9], []
+    pace = ExternalPace(lambda: Timing(100.0, 0.01, 0.0, False), lambda: clock[0], told.append)
+    clock[0] = 10**9
+    assert pace.delay(pending=True, settled=False) is None
+    assert told[0].startswith("the clock jumped back from 5 to 1 s")

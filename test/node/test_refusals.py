@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from geometry_msgs.msg import PoseStamped
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import String
 
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
 
@@ -38,6 +41,40 @@ def test_bad_commands_change_nothing(client: Any, start: Callable, coarse: dict)
     assert math.isclose(client.mesh()[:, 5].max(), 0.05, abs_tol=1e-6)
     client.target(0.06)
     client.wait(lambda: client.mesh()[:, 5].max() > 0.0599)
+
+
+def test_a_best_effort_publisher_is_told_of(client: Any, start: Callable, coarse: dict) -> None:
+    """Command by a publisher that is best effort: diagnostics name it and its topic, until it is gone."""
+    start(**coarse)
+    publisher = client.node.create_publisher(PoseStamped, client.full("handles/tip/target"), qos_profile_sensor_data)
+    told = "client on /gdfe_sim/handles/tip/target: best effort; allowed: reliable"
+    client.wait(lambda: client.diagnostics().get("unheard") == told)
+    assert client.diagnostics()["message"] == f"commands are not heard of {told}"
+    client.node.destroy_publisher(publisher)
+    client.wait(lambda: "unheard" not in client.diagnostics())
+
+
+def test_an_unknown_parameter_is_told(client: Any, start: Callable, coarse: dict) -> None:
+    """Misspell a parameter in a file: the log names it and the one that was meant; known ones pass."""
+    process = start(**coarse, ratee=5.0, **{"materials.rubber.young": 1e6, "use_sim_time": False})
+    client.wait(lambda: client.received["mesh"])
+    assert "parameter 'ratee' is unknown and does nothing; did you mean 'rate'?" in process.log
+    assert process.log.count("is unknown and does nothing") == 1
+
+
+def test_each_refusal_is_published_at_once(client: Any, start: Callable, coarse: dict) -> None:
+    """Refuse a target twice within a second: each is on ~/refused, with topic, reason and text."""
+    start(**coarse)
+    told: list[Any] = []
+    client.node.create_subscription(String, client.full("refused"), lambda text: told.append(json.loads(text.data)), 10)
+    client.wait(lambda: client.node.count_publishers(client.full("refused")))
+    client.diagnostics()
+    for _ in range(2):
+        client.target(1e6)
+    client.wait(lambda: len(told) == 2)
+    assert {entry["source"] for entry in told} == {"/gdfe_sim/handles/tip/target"}
+    assert {entry["reason"] for entry in told} == {"too far"}
+    assert all("10 times the body's size" in entry["message"] for entry in told)
 
 
 def test_warnings_are_throttled_by_input_and_reason(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from typing import Any
@@ -136,6 +137,24 @@ def test_steps_follow_anothers_clock(client: Any, start: Callable, coarse: dict)
     count = client.status()["steps"]
     assert client.status()["steps"] == count
     client.wait(lambda: clock.show(5_000) or client.spin(0.05) or clock.show(5_100) or _is_at(client, 5_100))
+
+
+def test_a_clock_that_jumps_ahead_is_not_made_up_for(client: Any, start: Callable) -> None:
+    """Let /clock jump by 1000 s, and to epoch time, under a body with mass: the run goes on from there, and says so."""
+    mesh = "mesh.bar.cells=[10, 1, 1]"
+    process = start(scene="drop", scene_overrides=[mesh], clock="external", use_sim_time=True, dt=0.02)
+    clock = _Clock(client)
+    client.wait(lambda: clock.show(100_000) or _stamped(client, 100))
+    for begin in (100_000, 1_100_000, 1_700_000_000_000):
+        for now in range(begin, begin + 201, 20):
+            clock.show(now)
+            client.spin(0.05)
+        client.wait(lambda begin=begin: client.record().stamp > begin * 10**6)
+    told = client.status()
+    assert 0.0 < float(told["simulation time [s]"]) < 1.0
+    assert float(told["behind the clock [s]"]) < 0.1
+    for began, ended in (("100.", "1100"), ("1100.", "1.7e+09")):
+        assert re.search(rf"the clock jumped ahead from {re.escape(began)}\d* to {re.escape(ended)}", process.log)
 
 
 def _arrived(client: Any, clock: _Clock, now: int, wanted: int) -> bool:

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from std_srvs.srv import SetBool
+
 OK, INCORRECT_STATE, FAILED, ALREADY = 1, 3, 4, 101
 STOPPED, PLAYING, PAUSED, QUITTING = range(4)
 
@@ -88,15 +90,12 @@ def test_steps_are_an_action_with_feedback_that_can_be_cancelled(
 ) -> None:
     """Make five steps, then a million that are cancelled: feedback tells each, and the result how it went."""
     from action_msgs.msg import GoalStatus
-    from rclpy.action import ActionClient
 
     interfaces("simulation_interfaces")
     standard = _Standard(client)
     start(**coarse, clock="lockstep")
     client.wait(client.records)
-    action = ActionClient(client.node, standard.action.SimulateSteps, client.full("simulate_steps"))
-    client.wait(action.server_is_ready)
-    client.diagnostics()
+    action = client.action(standard.action.SimulateSteps, "simulate_steps")
     told: list[int] = []
     goal = standard.action.SimulateSteps.Goal
 
@@ -122,4 +121,35 @@ def test_steps_are_an_action_with_feedback_that_can_be_cancelled(
     client.wait(result.done)
     assert result.result().status == GoalStatus.STATUS_CANCELED
     assert "simulate_steps was cancelled" in result.result().result.result.error_message
+    action.destroy()
+
+
+def test_nothing_is_played_while_steps_are_made_on_demand(
+    client: Any, start: Callable, coarse: dict, interfaces: Callable
+) -> None:
+    """Ask to play, in both ways, while the action makes its steps under the wall clock: refused; the action goes on."""
+    from action_msgs.msg import GoalStatus
+
+    interfaces("simulation_interfaces")
+    standard = _Standard(client)
+    start(**coarse, clock="wall")
+    client.wait(client.records)
+    assert standard.set(PAUSED) == (OK, "")
+    action = client.action(standard.action.SimulateSteps, "simulate_steps")
+    sent = action.send_goal_async(standard.action.SimulateSteps.Goal(steps=1_000_000))
+    client.wait(sent.done)
+    code, text = standard.set(PLAYING)
+    assert code == INCORRECT_STATE
+    assert "of 1000000 steps; cancel it" in text
+    refused = client.call(SetBool, "pause", SetBool.Request(data=False))
+    assert not refused.success
+    assert "of 1000000 steps; cancel it" in refused.message
+    assert standard.state() == PAUSED
+    before = int(client.status()["steps"])
+    client.wait(lambda: int(client.status()["steps"]) > before)
+    client.wait(sent.result().cancel_goal_async().done)
+    result = sent.result().get_result_async()
+    client.wait(result.done)
+    assert result.result().status == GoalStatus.STATUS_CANCELED
+    assert standard.set(PLAYING) == (OK, "")
     action.destroy()

@@ -6,6 +6,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.seeding import np_random
 
 from gdfe_ros.errors import CommandError, GdfeError
-from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene import load_scene, scene_from_text, scene_names
 from gdfe_ros.testing import make_env, make_vector_env
 from gdfe_ros.testing.environment import SoftRobotEnv
 
@@ -30,6 +31,11 @@ actuators:
   left: {cable: {points: [[0, 0.008, 0], [0.1, 0.008, 0]], range: [0, 1]}}
 probes: {tip: [0.1, 0, 0]}
 """
+EXPLORED = (
+    "bending_tube", "crawler", "finger_press", "gripper", "pneunet", "shape_memory_strip", "soft_pinch", "swinging_arm",
+    "tendon_finger", "three_chamber_arm",
+)  # fmt: skip
+"""Shipped scenes that are environments as they are."""
 MOVING = f"{BAR}dynamics: {{step: 0.01, damping: {{viscosity: 100.0}}}}"
 
 
@@ -97,12 +103,20 @@ def test_what_is_no_command_is_refused(action: Any) -> None:
 
 
 def test_a_step_that_does_not_converge_truncates() -> None:
-    """Allow a single iteration a step: the episode is truncated, and the reason is told."""
-    env = _env(f"{BAR}solver: {{max_iterations: 1}}", reward=lambda simulation, action: 0.0)
+    """Let no step converge, not even one that commands nothing new: the episode is truncated, and it is told why."""
+    env = _env(BAR, reward=lambda simulation, action: 0.0)
     env.reset()
+    solve, tried = env.simulation.step, []
+
+    def failing(command: Any, **options: Any) -> Any:
+        tried.append(command.actuators["lower"])
+        return replace(solve(command, **options), converged=False, message="nothing works")
+
+    env.simulation.step = failing
     _, _, terminated, truncated, info = env.step([2.0, 0.0])
     assert (terminated, truncated, info["converged"]) == (False, True, False)
-    assert info["why"].startswith("not converged: ")
+    assert info["why"] == "not converged: nothing works"
+    np.testing.assert_allclose(tried, [0.1, 0.05, 0.025, 0.0125, 0.0])
 
 
 def test_the_last_step_truncates() -> None:
@@ -122,6 +136,79 @@ def test_scenes_that_lack_something_are_refused() -> None:
         _env(BAR.replace(", range: [0, 1]", ""))
     with pytest.raises(GdfeError, match="no probes"):
         _env(BAR.replace("probes: {tip: [0.1, 0, 0]}", ""))
+
+
+@pytest.mark.parametrize(("scene", "steps"), [("three_chamber_arm", 30), ("crawler", 30)])
+def test_random_actions_explore_shipped_scenes(scene: str, steps: int) -> None:
+    """Take random actions: every step converges, no command jumps, and goals and observations are finite."""
+    _explore(scene, steps)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", EXPLORED)
+def test_random_actions_explore_every_shipped_scene(scene: str) -> None:
+    """Have gymnasium check each scene with actuators and probes, and take 1000 random actions: every step converges."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        check_env(make_env(scene), skip_render_check=True)
+    _explore(scene, 1000)
+
+
+def test_the_list_of_scenes_to_explore_is_complete() -> None:
+    """Load every shipped scene: those with actuators that have ranges, and with probes, are explored."""
+    scenes = [load_scene(name) for name in scene_names()]
+    fit = [
+        scene.name
+        for scene in scenes
+        if scene.actuators and scene.probes and all(np.isfinite(each.high - each.low) for each in scene.actuators)
+    ]
+    assert sorted(fit) == sorted(EXPLORED)
+
+
+def test_actions_are_rate_limited_and_resets_are_cheap() -> None:
+    """Jump from end to end of the range: a twentieth of it in a step of 0.05 s; a reset makes at most five solves."""
+    env = _env(BAR)
+    env.reset(seed=1)
+    seen = [env.step([2.0, 0.5])[4]["applied"] for _ in range(3)]
+    np.testing.assert_allclose(seen, [[0.1, 0.05], [0.2, 0.1], [0.3, 0.15]])
+    env = _env(BAR, slew_time=0.0)
+    env.reset(seed=1)
+    np.testing.assert_allclose(env.step([2.0, 0.5])[4]["applied"], [2.0, 0.5])
+    made = 0
+    solve = env._walker.step
+
+    def counted(*arguments: Any, **options: Any) -> Any:
+        nonlocal made
+        made += 1
+        return solve(*arguments, **options)
+
+    env._walker.step = counted
+    env.reset(seed=2)
+    assert 1 <= made <= 5
+
+
+def test_a_step_that_would_not_converge_goes_as_far_as_one_does() -> None:
+    """Let steps over a seventh of the range fail: the command goes by halves of the way, and the step converges."""
+    env = _env(BAR, slew_time=0.0)
+    env.reset(seed=1)
+    solve = env.simulation.step
+
+    def strict(command: Any, **options: Any) -> Any:
+        leap = abs(command.actuators["lower"] - env.simulation.commands["lower"])
+        return replace(solve(command, **options), converged=leap < 0.3)
+
+    env.simulation.step = strict
+    info = env.step([2.0, 0.0])[4]
+    assert info["converged"]
+    np.testing.assert_allclose(info["applied"], [0.25, 0.0])
+
+
+def test_a_count_of_any_whole_number_type_is_taken() -> None:
+    """Give the number of steps as numpy's int64: taken; what is no count is refused with what is allowed."""
+    assert _env(BAR, steps=np.int64(5)) is not None
+    for wrong in (0, 2.5, True, "5"):
+        with pytest.raises(GdfeError, match="allowed: whole numbers, 1 or more"):
+            _env(BAR, steps=wrong)
 
 
 def test_processes_agree_with_a_single_environment(tmp_path: Path) -> None:
@@ -145,6 +232,21 @@ def test_an_environment_needs_no_ros() -> None:
     """Import it in a fresh process: rclpy is not among the modules."""
     code = "import sys; from gdfe_ros.testing import make_env; assert 'rclpy' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def _explore(scene: str, steps: int) -> None:
+    env = make_env(scene, steps=steps + 1)
+    seen, _ = env.reset(seed=0)
+    env.action_space.seed(0)
+    last, allowed = env._applied(env.simulation), 0.05 * (env.action_space.high - env.action_space.low)
+    for count in range(steps):
+        seen, reward, _, truncated, info = env.step(env.action_space.sample())
+        assert info["converged"], f"step {count}: {info}"
+        assert not truncated
+        assert np.isfinite(seen).all()
+        assert np.isfinite(reward)
+        assert (abs(info["applied"] - last) <= allowed * (1.0 + 1e-9)).all()
+        last = info["applied"]
 
 
 def _env(text: str, **options: Any) -> SoftRobotEnv:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+import time
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +21,24 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Verdict
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.constraints import Pose
-from gdfe_ros.errors import GdfeError
+from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.testing import Simulator, State, tracking_error
 from gdfe_ros.testing.node_replay import NodeReplay
 
 COARSE = {"mesh.bar.cells": [20, 2, 2]}
+SLAB = """
+name: slab
+mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [2, 2, 1]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.0205]}}
+bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.05, 0, 0.031]}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
+"""
 GOAL = 0.1
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -117,6 +130,48 @@ def test_an_unknown_name_leaves_the_commands_alone() -> None:
         with pytest.raises(GdfeError, match="nothing is called"):
             simulator.step(Command(loads={"wind": 1.0}))
         assert simulator.step().record.step == 1
+
+
+def test_a_refused_command_is_raised_at_once_and_forgotten() -> None:
+    """Command a pose a kilometre away: the error of a direct call comes at once, and the next step is a good one."""
+    direct = Simulation(load_scene("bend5", overrides=COARSE))
+    far, good = (Command(handles={"tip": Pose((0.0, 0.0, z))}) for z in (1e3, 0.01))
+    with pytest.raises(CommandError) as told:
+        direct.step(far)
+    with Simulator("bend5", overrides=COARSE) as simulator:
+        begun = time.monotonic()
+        for _ in range(2):
+            with pytest.raises(CommandError, match=re.escape(str(told.value))):
+                simulator.step(far)
+        assert time.monotonic() < begun + 2.0
+        assert simulator.step(good).poses["tip"].translation[2] == pytest.approx(0.01)
+
+
+def test_what_only_the_node_refuses_is_raised_at_once() -> None:
+    """Let a tendon finger be deactivated by somebody: the step is refused at once, and what waited does not wait on."""
+    with Simulator("tendon_finger", patience=60.0) as simulator:
+        flexor = Command(actuators={"flexor": 0.5})
+        simulator.step(flexor)
+        simulator._client.transition("deactivate")
+        with pytest.raises(CommandError, match="actuation refused: the node is not active"):
+            simulator.step(flexor)
+    following = {"follow": ["tip=topic:/lead"]}
+    told = pytest.raises(CommandError, match="follows topic /lead")
+    with Simulator("bend5", overrides=COARSE, parameters=following, patience=60.0) as simulator, told:
+        simulator.step()
+
+
+def test_a_body_put_inside_another_raises(tmp_path: Path) -> None:
+    """Put a box into a table: the error of a direct call, after a step without it; the next step is a good one."""
+    path = tmp_path / "slab.yaml"
+    path.write_text(SLAB)
+    inside, above = (Command(bodies={"part": Pose((0.0, 0.0, z))}) for z in (-0.05, 0.05))
+    with pytest.raises(OverlapError) as told:
+        Simulation(load_scene(path)).step(inside)
+    with Simulator(path, parameters={"dt": 0.02}, patience=60.0) as simulator:
+        with pytest.raises(OverlapError, match=re.escape(str(told.value)[:40])):
+            simulator.step(inside)
+        assert simulator.step(above).poses["part"].translation[2] > 0.04
 
 
 class _Follower(Node):

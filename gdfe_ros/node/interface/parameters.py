@@ -123,6 +123,16 @@ PARAMETERS = (
         most=3600.0,
         meaning="simulation time for which a velocity command stays in force",
     ),
+    ParameterSpec(
+        name="slew_time",
+        default=0.5,
+        unit="s",
+        least=0.0,
+        most=3600.0,
+        meaning="under the clock wall or with a deadline, simulation time in which an actuator crosses its `range` at "
+        "most; slower while steps do not converge in time; 0: a command is in force at once. The scene's own `rate` of "
+        "an actuator holds under every clock",
+    ),
     ParameterSpec(name="step_count", default=1, least=1, most=1_000_000, meaning="steps that one call of ~/step makes"),
     ParameterSpec(name="state_path", default="", meaning="file of ~/save_state and ~/load_state"),
     ParameterSpec(

@@ -8,6 +8,23 @@ from gdfe_ros.node.specification import ServiceSpec
 RESET = ServiceSpec(
     name="~/reset", type="std_srvs/srv/Trigger", meaning="go back to rest at time 0; waiting commands are dropped"
 )
+RESET_COMMANDS = ServiceSpec(
+    name="~/reset_commands",
+    type="std_srvs/srv/Trigger",
+    meaning="drop waiting commands, velocities and trajectories; with the next step all targets, actuators and loads "
+    "go back to what they are at rest, the body follows",
+)
+RESET_BODIES = ServiceSpec(
+    name="~/reset_bodies",
+    type="std_srvs/srv/Trigger",
+    meaning="put every rigid body back to its rest pose, without velocity, with the next step; all else goes on",
+)
+RESET_SHAPE = ServiceSpec(
+    name="~/reset_shape",
+    type="std_srvs/srv/Trigger",
+    meaning="the elastic body goes back to its rest shape and all commands to those of rest; time goes on, rigid "
+    "bodies stay where they are, without velocity; not while a bag is written",
+)
 PAUSE = ServiceSpec(name="~/pause", type="std_srvs/srv/SetBool", meaning="hold the stepping, or let it go on")
 STEP = ServiceSpec(
     name="~/step",
@@ -56,7 +73,27 @@ SIMULATE_STEPS = ServiceSpec(
     type="simulation_interfaces/action/SimulateSteps",
     meaning="an action: the same with feedback after each step; it can be cancelled",
 )
+FOLLOW_TRAJECTORY = ServiceSpec(
+    name="~/follow_joint_trajectory",
+    type="control_msgs/action/FollowJointTrajectory",
+    meaning="an action: a trajectory as of ~/trajectory, with feedback after each step; `position` of its tolerances "
+    "is how far the commands in force, which rate limits hold back, may be from it; a later command of one of its "
+    "actuators ends it, a cancelled one leaves them where they are",
+)
 STANDARD_SERVICES = (GET_FEATURES, GET_STATE, SET_STATE, RESET_SIMULATION, STEP_SIMULATION, SIMULATE_STEPS)
 """Where the package simulation_interfaces is installed."""
+ACTIONS = (FOLLOW_TRAJECTORY,)
+"""Where the package control_msgs is installed."""
 
-SERVICES = (RESET, PAUSE, STEP, RECORD, SAVE_STATE, LOAD_STATE, COMPUTE_JACOBIAN)
+SERVICES = (
+    RESET,
+    RESET_COMMANDS,
+    RESET_BODIES,
+    RESET_SHAPE,
+    PAUSE,
+    STEP,
+    RECORD,
+    SAVE_STATE,
+    LOAD_STATE,
+    COMPUTE_JACOBIAN,
+)

@@ -60,7 +60,8 @@ TRAJECTORY = TopicSpec(
     name="~/trajectory",
     type="trajectory_msgs/msg/JointTrajectory",
     meaning="commands of actuators over simulation time: `positions` in the unit of each mode, linear in between; "
-    "stamp 0 starts at once, another one on the node's clock, at most 60 s ahead",
+    "stamp 0 starts at once, another one on the node's clock, at most 60 s ahead; "
+    "without points it ends those that run",
     delivery=Delivery.COMMAND,
 )
 FOLLOWED = TopicSpec(
@@ -241,10 +242,19 @@ DIAGNOSTICS = TopicSpec(
     "taken and refused, bag, clock",
     recorded=False,
 )
+REFUSED = TopicSpec(
+    name="~/refused",
+    type="std_msgs/msg/String",
+    meaning="JSON: `source` (a topic), `reason` (as counted on /diagnostics) and `message` of each command that is "
+    "refused, at once",
+    delivery=Delivery.EVENT,
+    recorded=False,
+)
 OUTPUTS = (
     MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, OBSTACLE_POSE, OBSTACLE_WRENCH,
     BODY_POSE, BODY_WRENCH, CONTACTS, CONTACT_NAMES, SENSOR_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN, STEP_RECORD,
-    MARKERS, CONTACT_MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, CLOCK,
+    MARKERS, CONTACT_MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, REFUSED,
+    CLOCK,
 )  # fmt: skip
 
 

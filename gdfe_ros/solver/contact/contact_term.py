@@ -53,6 +53,9 @@ class ContactTerm(Term):
         """Return nothing: contact stores nothing."""
         return 0.0
 
+    def stiffen(self, vertices: NDArray[np.int32]) -> None:
+        """Press harder than usual, in the next solve, on points that these vertices (k,) carry: walls act there."""
+
     def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
         """Add the forces of a solve that ended at ``positions`` (n, 3) [m] to those on vertices (n, 3) [N]."""
         slopes = np.zeros_like(forces)

@@ -41,7 +41,7 @@ class RigidContact(Contact):
         super().fit(matrix)
         if isinstance(self._touched, RigidBody):
             other = PENALTY * matrix.assembled.diagonal()[self._touched.vertices].sum()
-            self._penalty *= other / (self._penalty + other)
+            self._usual = self._penalty = self._usual * other / (self._usual + other)
 
     def add_impacts(
         self,

@@ -26,6 +26,37 @@ NORMALS = slice(4, 7)
 SHARE = 0.5
 """Of its turn that a normal makes in a plain update: the map then leads to its fixed point, unless it overshoots by
 more than twice."""
+SWINGING, MOST_SWINGS = 0.5, 8
+"""Share of the last update that an update takes back where the two count as going to and fro, and how often in a row
+they may before they are damped."""
+SHORTER, LEAST = 0.5, 1.0 / 256.0
+"""Factor by which the share of an update that is made shrinks at a swing, and its least value."""
+
+
+class Damping:
+    """Shortens updates of forces that go to and fro.
+
+    What friction holds follows what presses. Where friction is strong, what it holds lifts the body as well: what
+    presses is gone after the next update, then what friction holds, and all begins again. A part of each update leads
+    to the point between.
+    """
+
+    def __init__(self) -> None:
+        self._last: NDArray[np.float64] | None = None
+        self._swings, self._share = 0, 1.0
+
+    def shortened(self, held: NDArray[np.float64], found: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the forces to go on with, from those that were ``held`` and ``found`` (k, 4) [N]."""
+        change, last = found - held, self._last
+        self._last = change
+        if last is None or last.shape != change.shape:
+            return found
+        swings = np.vdot(last, change) < -SWINGING * np.vdot(last, last)
+        self._swings = self._swings + 1 if swings else 0
+        if self._share == 1.0 and self._swings < MOST_SWINGS:
+            return found
+        self._share = max(LEAST, SHORTER * self._share) if swings else self._share
+        return held + self._share * change
 
 
 class Settling:

@@ -29,6 +29,8 @@ AWAY = 0.02
 """Of the body's size: a first step along a direction of negative curvature."""
 MOST_UNKNOWN = 3
 """Times in a solve that conjugate gradients may leave the distance unknown: the body is about to buckle."""
+MOST_ROUNDS = 1000
+"""Newton steps that a descent may ask for; a solve makes a few."""
 FREE = 6
 """Iterations and products that a solve has free, before it counts that they are worth a new tangent."""
 
@@ -75,7 +77,7 @@ class CertifiedMinimiser(TangentMinimiser):
         """
         used, nothing = 0, NEAR * target / CONTRACTION
         before = np.inf if known else nothing
-        while True:
+        for _ in range(MOST_ROUNDS):
             went = self._run(task, target, limit - used)
             used += went.iterations
             if went.cut or self.lost or task.active.ended is End.RUNAWAY:
@@ -101,6 +103,8 @@ class CertifiedMinimiser(TangentMinimiser):
             if not self._follow(task, step):
                 return Descended(used, cut=False)
             used, before = used + 1, max(before, found.distance) if found.known else nothing
+        self.lost, self._distance = True, np.inf
+        return Descended(used, cut=False)
 
     def _ask(self, task: Task, target: float) -> Estimate:
         self._product.begin(task)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent import quasi_newton
 from gdfe_ros.solver.descent.minimiser import Task
-from gdfe_ros.solver.descent.workspace import allocate
+from gdfe_ros.solver.descent.workspace import allocate, numbers
 from gdfe_ros.solver.distance import largest
 
 SPACING = 1e-7
@@ -33,6 +33,17 @@ class TangentProducts:
         work = task.active.workspace
         self._problem, self._u, self._gradient = task.problem, work.u.copy(), work.gradient.copy()
         self._beside.x[...] = work.x
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Positions (n, 3) [m] that were evaluated last, overwritten by the next evaluation."""
+        return self._beside.x
+
+    def energy(self, step: NDArray[np.float64]) -> float:
+        """Return the energy [J] of all terms beside the unknowns, by a ``step`` (3 r,)."""
+        self._beside.u[...] = self._u + step
+        quasi_newton.advance(self._problem, self._beside, 0.0, True)
+        return float(numbers(self._beside)["energy"])
 
     def __call__(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return K direction (3 r,) [N]."""

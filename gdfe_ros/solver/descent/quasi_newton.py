@@ -15,6 +15,7 @@ from gdfe_ros.solver.descent.pairs import find_direction, inner, remember
 from gdfe_ros.solver.descent.stopping import LONGEST_WAY, note_step, way_left
 from gdfe_ros.solver.descent.workspace import End
 from gdfe_ros.solver.elements.response import evaluate
+from gdfe_ros.solver.elements.watch import look
 from gdfe_ros.solver.matrix.constant_matrix import apply_inverse
 from gdfe_ros.solver.matrix.unknowns import add_rows, gather_rigid_rows, gather_rows, place
 from gdfe_ros.solver.tangent.substitution import solve_kept
@@ -25,14 +26,24 @@ MAX_CUTS = 30
 MOST_BLOCKED = 4
 """Full steps in a row into infinite energy after which the body counts as running away."""
 ROUNDING = 1e-13
+SHIFT_AND_TURN = 2.0
+"""Displacement of a vertex over the largest of a step: that of a handle's vertex adds up of a shift and a turn."""
 MOST_FLAT = 60
 """Iterations in which neither the energy falls by more than its rounding nor the step halves: no more is to be had."""
 
 
 @merged
-def energy_and_gradient(u, problem, work):
-    """Evaluate all terms at unknowns ``u``; return the energy and leave the gradient in ``work``."""
+def energy_and_gradient(u, problem, work, moved):
+    """Evaluate all terms at unknowns ``u``; return the energy and leave the gradient in ``work``.
+
+    No vertex is more than ``moved`` [m] from where the descent is.
+    """
     place(u, problem.frame, problem.unknowns, work.x)
+    watch = problem.watch
+    if moved > watch.room[0]:
+        watch.room[1] = look(work.x, problem.shape, problem.blocks, watch)
+    else:
+        watch.room[1] = watch.room[0] - moved
     total = evaluate(
         work.x,
         problem.shape,
@@ -41,6 +52,7 @@ def energy_and_gradient(u, problem, work):
         problem.pressure,
         problem.scale,
         problem.table,
+        watch.elements[: watch.count[0]],
         work.force,
         work.energies,
         problem.threads,
@@ -72,7 +84,7 @@ def search(problem, work, first):
     for cut in range(MAX_CUTS + 1):
         for n in range(len(work.u)):
             work.trial[n] = work.u[n] + length * work.direction[n] if length > 0.0 else work.u[n]
-        found = energy_and_gradient(work.trial, problem, work)
+        found = energy_and_gradient(work.trial, problem, work, SHIFT_AND_TURN * length * status.distance)
         if length == 0.0:
             status.energy = found
             status.ended = End.NONE if first else End.STALLED
@@ -92,7 +104,7 @@ def search(problem, work, first):
         length = min(max(shorter, 0.1 * length), 0.5 * length)
         if cut == MAX_CUTS - 1 or status.blocked > MOST_BLOCKED:
             length = 0.0
-    status.absolute = absolute_sum(work.energies)
+    status.absolute, problem.watch.room[0] = absolute_sum(work.energies), problem.watch.room[1]
     for n in range(len(work.u)):
         work.u[n] = work.trial[n]
         work.direction[n] *= length

@@ -62,6 +62,7 @@ class Problem(NamedTuple):
         pressure: (m,) [Pa] that carries the volume.
         scale: (m,) hourglass stiffness over that at rest.
         table: the materials.
+        watch: over elements whose walls keep them from folding; descents add to it.
         unknowns: the numbering.
         frame: where handles are commanded.
         terms: all terms beside the elements.
@@ -74,6 +75,7 @@ class Problem(NamedTuple):
     pressure: NDArray[np.float64]
     scale: NDArray[np.float64]
     table: tuple
+    watch: tuple
     unknowns: tuple
     frame: tuple
     terms: tuple

@@ -71,8 +71,9 @@ def element_fields(
     if omega is None:
         omega = secant / secant.max()
     force, energies = np.empty((count, 8, 3)), np.empty(count)
-    none, material = np.zeros(count), body.material
-    evaluate(positions, shape, (operators or body).blocks, material, none, scale, body.table, force, energies, None)
+    none, every, material = np.zeros(count), np.arange(count, dtype=np.int32), body.material
+    given = positions, shape, (operators or body).blocks, material, none, scale, body.table, every
+    evaluate(*given, force, energies, None)
     density = (energies + missing) / shape.volume
     return ElementFields(centroids + origin, strain, volume_ratio, secant, tangent, density, np.asarray(omega))
 
@@ -102,7 +103,8 @@ def corner_forces(
     scale, elements = np.ones(len(body.material)), np.arange(len(body.material), dtype=np.int32)
     shape, material, table = (operators or body).shape, body.material, body.table
     update_hourglass_scales(positions, elements, shape, material, table, scale)
-    evaluate(positions, shape, (operators or body).blocks, material, pressure, scale, table, force, energies, None)
+    given = positions, shape, (operators or body).blocks, material, pressure, scale, table, elements
+    evaluate(*given, force, energies, None)
     return force, energies
 
 

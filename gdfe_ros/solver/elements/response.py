@@ -11,6 +11,7 @@ from gdfe_ros.materials.stress import corotated
 from gdfe_ros.materials.table import LAME, PENALTY, POISSON, SHEAR, YOUNG
 from gdfe_ros.solver.elements.blocks import AXES, COUPLING, EDGES, LANES, VOLUME
 from gdfe_ros.solver.elements.corners import gather, scatter
+from gdfe_ros.solver.elements.folding import add_walls
 from gdfe_ros.solver.elements.hourglass import hourglass
 from gdfe_ros.solver.elements.lanes import (
     ENERGY,
@@ -103,17 +104,20 @@ def evaluate_in_threads(threads, x, shape, blocks, material, pressure, scale, ta
 
 
 @kernel
-def evaluate(x, shape, blocks, material, pressure, scale, table, force, energy, threads):
+def evaluate(x, shape, blocks, material, pressure, scale, table, watched, force, energy, threads):
     """Write the corner forces (m, 8, 3) [N] and energies (m,) [J] of all elements; return the sum of the energies.
 
     ``x`` (n, 3) [m] are the positions, ``pressure`` (m,) [Pa] carries the volume, ``scale`` (m,) scales the hourglass
-    stiffness at rest. With any number of ``threads`` the same code writes the same bits, and the sum is taken in one;
-    None, for one thread, spares the compilation of the other way.
+    stiffness at rest, ``watched`` (k,) int32 are those of the elements that walls keep from folding. With any number of
+    ``threads`` the same code writes the same bits, and the sum is taken in one; None, for one thread, spares the
+    compilation of the other way.
     """
     if threads is None:
         evaluate_blocks(0, len(blocks.element), x, shape, blocks, material, pressure, scale, table, force, energy)
     else:
         evaluate_in_threads(threads, x, shape, blocks, material, pressure, scale, table, force, energy)
+    if len(watched):
+        add_walls(x, watched, shape, material, table, force, energy)
     total = 0.0
     for e in range(len(energy)):
         total += energy[e]

@@ -17,9 +17,13 @@ from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
+from gdfe_ros.solver.tangent.curvature import lowest
 from gdfe_ros.solver.tangent.level import TangentLevel
-from gdfe_ros.solver.tangent.softness import smooth_field, softness
+from gdfe_ros.solver.tangent.smooth_field import smooth_field
 
+PRODUCTS = 40
+"""Lanczos steps. From a smooth start they find the softest motion of a slender body to a factor of ten, which is enough
+to tell it from a stocky one; docs/theory/solve.md has the figures."""
 SLENDER = 1.5e-3
 """Softness, as 40 Lanczos steps find it, below which the constant matrix alone falls too short: the stocky scenes have
 3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3."""
@@ -59,25 +63,25 @@ def for_slender(
         return model
     task = Solve.at(model, rest).evaluate(whole, matrix.coupling, threads=threads)
     product, field = TangentProducts(body), np.zeros((whole.unknowns.rows, 3))
+    field[:count] = smooth_field(body.rest, vertex_pieces(body.cells, len(body.rest)))[whole.unknowns.free]
     product.begin(task)
-    pieces = vertex_pieces(body.cells, len(body.rest))
-    field[:count] = smooth_field(body.rest, pieces)[whole.unknowns.free]
-    if softness(product, task.precondition, _weighed(matrix, field, count)) >= (
-        SLENDER_IN_MOTION if moving else SLENDER
-    ):
+    seen = lowest(product, task.precondition, _weighed(matrix, field, count), most=PRODUCTS, steady=0.0)
+    load = _weighed(matrix, seen.direction.reshape(-1, 3), count)
+    model = replace(model, softest=load)
+    if seen.value >= (SLENDER_IN_MOTION if moving else SLENDER):
         return model
     level, work = TangentLevel(body, matrix.assembled, model.actuation.terms), whole.workspace
     if level.take(task.problem, work.u, work.x).shift > 0.0:
         return model
     for _ in range(INVERSE_ITERATIONS):
-        load, found = _weighed(matrix, field, count), np.empty(field.size)
+        found = np.empty_like(load)
         level.solve(load, found)
         least = float(found @ load) / float(found @ _weighed(matrix, found.reshape(-1, 3), count))
-        field = found.reshape(-1, 3) / np.abs(found).max()
+        load = _weighed(matrix, found.reshape(-1, 3) / np.abs(found).max(), count)
     if least < MECHANISM:
         return model
     minimiser = TangentMinimiser if moving else CertifiedMinimiser
-    return replace(model, minimiser=minimiser(body, weight, bending, level, least), level=level)
+    return replace(model, minimiser=minimiser(body, weight, bending, level, least), level=level, softest=load)
 
 
 def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -11,8 +11,10 @@ from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Task
 from gdfe_ros.solver.descent.workspace import LONG_MEMORY, End, Problem
 from gdfe_ros.solver.elements.fields import store_energies
+from gdfe_ros.solver.elements.flatness import flattened
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.elements.pressures import Pressures
+from gdfe_ros.solver.elements.watch import NEARLY_FOLDED, Watch, nearly_folded
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Prediction
 from gdfe_ros.solver.matrix.coupling import Coupling
@@ -56,6 +58,8 @@ class Solve:
 
     Attributes:
         problem, start: as given.
+        warm: as given, until a saddle is left.
+        anew: no motion is continued.
         turns: (p, 3) rotation vectors [rad] of the handles at the beginning.
         pressures: that carry the volumes.
         iterations: of the last call of `descend`.
@@ -74,11 +78,12 @@ class Solve:
     ) -> None:
         self._minimiser, self._body, self._actuation = model.minimiser, model.body, model.actuation
         self._level, self._softening = model.level, model.softening
-        self.problem, self.start, self._warm = problem, start, warm
+        self.problem, self.start, self.warm = problem, start, warm
+        self.anew = not prediction.ratio
         self._aim = COLD_AIM if model.softening and not prediction.ratio else 1.0
         self._base, self._frame, self._prediction = base, model.handles.frame(base), prediction
         self._operators = self._actuation.growths.at(problem.commands, start.operators)
-        self.iterations = 0
+        self.iterations, self._watch = 0, Watch.over(len(self._body.material))
         same = start.poses == problem.poses and start.commands == problem.commands
         self._resumed = start.unfinished if same else None
         self.begin_anew(elements)
@@ -96,6 +101,7 @@ class Solve:
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
         self._scale = start.elements.hourglass_scale.copy()
+        self._actuation.stiffen(self._nearly_folded())
         given = here.positions, self.problem.poses, start
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
@@ -103,6 +109,12 @@ class Solve:
         """Begin at what was found, with the multipliers as they are."""
         self._positions, self._slides, self.turns = state.positions, state.slides, state.turns
         self.pressures.begin()
+
+    def leave_to(self, state: State) -> None:
+        """Begin beside a saddle: nothing that led there leads on."""
+        self.go_on_from(state)
+        self.warm, self._resumed = False, None
+        self._prediction = Prediction(state.positions, state.slides, state.turns, 0.0)
 
     def evaluate(self, active: ActiveSet, coupling: Coupling, *, threads: int | None) -> Task:
         """Place the unknowns and evaluate all terms there; return what descends from there."""
@@ -120,22 +132,24 @@ class Solve:
             self.pressures.values,
             self._scale,
             self.pressures.table,
+            self._watch,
             active.unknowns,
             self._frame,
             self._actuation.table,
             threads,
         )
         active.place(self._positions, self._base, self._slides, self.turns)
+        self._watch.room[...] = -1.0
         return Task(active, problem, coupling, self.problem.deadline, self._level)
 
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
         """Descend, and update multipliers until they keep what they are to keep."""
         status, tolerance = active.status, self.problem.tolerance
-        self._minimiser.begin(active, self.start, warm=self._warm)
+        self._minimiser.begin(active, self.start, warm=self.warm)
         task = self._placed(active, coupling, threads)
         updates = len(active.carried) or self._softens(active) or self._actuation.updates
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
-        least = WARM_ITERATIONS if self._warm else COLD_ITERATIONS
+        least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
         if self._actuation.drives and status["count"] < LONG_MEMORY and not self._prediction.sure:
             least = LEARNING_ITERATIONS
         if self._resumed is not None:
@@ -192,6 +206,8 @@ class Solve:
         converged, residual, message = self._verdict(active)
         if flaw := self._actuation.flaw(positions):
             converged, message = False, f"{flaw}; {message}".rstrip("; ")
+        if not (converged and least.min() > 0.0):
+            converged, message = False, "; ".join(text for text in (message, flattened(least)) if text)
         outside = work.outside if self._actuation.terms else None
         summary = Summary(
             converged=converged,
@@ -242,7 +258,7 @@ class Solve:
         """Update pressures, multipliers and scales; tell whether the positions stay in tolerance all the same."""
         body, shape, x, settled = self._body, self._operators.shape, active.workspace.x, True
         tolerance = self.problem.keeping or self.problem.tolerance
-        slack = WARM_SLACK if self._warm and not self._minimiser.certified else 1.0
+        slack = WARM_SLACK if self.warm and not self._minimiser.certified else 1.0
         if len(active.carried):
             volumes = self.problem.volumes or tolerance
             settled = self.pressures.update(x, active.carried, shape, still=still) <= slack * volumes
@@ -253,6 +269,13 @@ class Solve:
             settled = settled and change <= SCALE_SLACK * slack * tolerance
         return settled
 
+    def _nearly_folded(self) -> NDArray[np.int32]:
+        """Return the vertices of elements that are nearly folded at the start."""
+        if self.start.summary.min_det >= NEARLY_FOLDED:
+            return np.zeros(0, dtype=np.int32)
+        shape = self._operators.shape
+        return np.unique(shape.cells[nearly_folded(self.start.positions, self._operators)])
+
     def _softens(self, active: ActiveSet) -> bool:
         """Tell whether hourglass scales follow the strain."""
         return self._softening and len(active.softening) > 0
@@ -262,7 +285,7 @@ class Solve:
         if self._actuation.hopeless:
             return False, np.inf, TOO_DEEP
         tolerance, residual = self.problem.tolerance, self._minimiser.residual(active) / self._aim
-        if residual <= tolerance and self._settled and (self._warm or not self._cut):
+        if residual <= tolerance and self._settled and (self.warm or not self._cut):
             return True, residual, ""
         if self._cut:
             late = past(self.problem.deadline)

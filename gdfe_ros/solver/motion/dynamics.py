@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -70,10 +71,13 @@ class Dynamics:
         if self.scheme is not Scheme.GENERALISED_ALPHA and self.rho_inf != Dynamics.rho_inf:
             raise ValueError(f"rho_inf belongs to generalised_alpha, got {self.rho_inf!r} with {self.scheme.value}")
         for name in ("mass_damping", "viscosity"):
-            if not getattr(self, name) >= 0.0:
-                raise ValueError(f"{name} must not be negative, got {getattr(self, name)!r}")
-        if any(not (branch.share > 0.0 and branch.time > 0.0) for branch in self.prony):
-            raise ValueError(f"shares and times of a Prony series must be positive, got {self.prony!r}")
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be finite and not negative, got {getattr(self, name)!r}")
+        for name in ("velocity", "spin"):
+            if not all(map(math.isfinite, getattr(self, name))):
+                raise ValueError(f"{name} must be three finite numbers, got {getattr(self, name)!r}")
+        if any(not (branch.share > 0.0 and 0.0 < branch.time < math.inf) for branch in self.prony):
+            raise ValueError(f"shares and times of a Prony series must be positive and finite, got {self.prony!r}")
         if not sum(branch.share for branch in self.prony) < 1.0:
             raise ValueError(f"shares of a Prony series must sum to less than 1, got {self.prony!r}")
 

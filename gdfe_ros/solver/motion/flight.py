@@ -18,6 +18,8 @@ HALVINGS = 4
 """How often an internal step that fails is cut in half."""
 WHOLE = 2**HALVINGS
 """Shares that an internal step has."""
+DEEPEST_FOLD = -0.5
+"""Least volume ratio of a corner with which a fall goes on: walls push open what is folded so little."""
 ROUNDING = 1e-9
 """Share of an internal step that counts as none."""
 
@@ -97,6 +99,19 @@ class Flight:
         """Whether the next internal step may be cut in half."""
         return self.size > 1
 
+    @property
+    def driven(self) -> bool:
+        """Whether a handle or a command moves in the next internal step."""
+        return self.aim != (self.state.poses, self.state.commands)
+
+    def endures(self, solution: Solution) -> bool:
+        """Tell whether a solution with folded elements is taken all the same, as not converged, so that time goes on.
+
+        It is where no shorter step is left, no command drives the body there, and corners are folded but a little.
+        Walls push them open in the steps that follow.
+        """
+        return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > DEEPEST_FOLD
+
     def tried(self, solution: Solution) -> Flight:
         """Return the flight with the work of an attempt."""
         return changed(self, iterations=self.iterations + solution.iterations, attempts=self.attempts + 1)
@@ -133,12 +148,11 @@ class Flight:
     def withdrawn(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
         """Return the march to the state before an internal step that failed; unless ``hurried``, it remembers that."""
         reason, least = solution.message, self.state.summary.min_det
-        if not solution.diverged:
-            reason = f"elements would fold or turn inside out (least volume ratio {solution.min_det:.3g}); {reason}"
         text = f"an internal step of {self.length:.3g} s failed: {reason}".rstrip("; ")
         text = f"{text}; positions and velocities are those before it"
         if least > 0.0:
-            text = f"{text}; remedy: slower commands, a smaller dynamics.step, or a reset"
+            remedy = "slower commands" if self.driven else "a stiffer material"
+            text = f"{text}; remedy: {remedy}, a smaller dynamics.step, or a reset"
         else:
             text = f"{text}, where elements are inside out already (least volume ratio {least:.3g}); remedy: a reset"
         failure = None

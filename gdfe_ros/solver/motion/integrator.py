@@ -106,6 +106,7 @@ class Integrator:
         own = [Inertia(self._body, self._mass, self._dynamics, h)]
         if self._dynamics.damps:
             own.append(Viscosity(self._body, self._dynamics, h))
+        masses = np.asarray(self._mass.sum(axis=1)).ravel()
         while len(self._made) >= KEPT:
             del self._made[next(iter(self._made))]
         self._made[h] = EnergyEquilibrium(
@@ -113,7 +114,7 @@ class Integrator:
             self._acting(own),
             skip=[item for item in self._settings.skip if item is not Skip.DORMANT],
             threads=self._settings.threads,
-            predictor=lambda handles: FlightPredictor(self._body, handles, h),
+            predictor=lambda handles: FlightPredictor(self._body, handles, h, masses),
             softening=self._scheme is not Scheme.NEWMARK,
         )
         return self._made[h]

@@ -16,7 +16,8 @@ from gdfe_ros.solver.state import State
 
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
 """Of the free flight, in turn, until no element is folded: a force at one light vertex would have that fly many cells
-far in a step, and what is folded at the start ends in another equilibrium."""
+far in a step, and what is folded at the start ends in another equilibrium. The centre of mass of what nothing holds
+flies all the way: descents would bring it back to within the tolerance only, and momentum would be lost."""
 
 
 class FlightPredictor(Predictor):
@@ -26,11 +27,13 @@ class FlightPredictor(Predictor):
         body: the discretised body.
         handles: its handles.
         h: length of the step [s].
+        masses: (n,) of the vertices [kg].
     """
 
-    def __init__(self, body: Body, handles: HandleMotions, h: float) -> None:
+    def __init__(self, body: Body, handles: HandleMotions, h: float, masses: NDArray[np.float64]) -> None:
         super().__init__(body, handles)
         self._free, self._h, self._shape = body.unknowns.free, h, body.shape
+        self._shares = np.zeros_like(masses) if body.handles else masses / masses.sum()
 
     def predict(
         self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
@@ -40,12 +43,13 @@ class FlightPredictor(Predictor):
         slides, turns = state.slides, state.turns
         if last is not None:
             slides, turns = slides + last.slides, turns + last.turns
-        flight = (h * now.velocity + 0.5 * h * h * now.acceleration)[self._free]
+        flight = h * now.velocity + 0.5 * h * h * now.acceleration
+        drift, flight = self._shares @ flight, flight[self._free]
         led = state.positions.copy()
         led[held] += base[held] - state.base[held]
         for share in (*SHARES, 1.0):  # handles may fold elements whatever the rest does
             start = led.copy()
-            start[self._free] += share * flight
+            start[self._free] += share * flight + (1.0 - share) * drift
             if least_volume_ratio(start, self._shape) > 0.0:
                 break
         return Prediction(start, slides, turns, 1.0, sure=True)

@@ -125,7 +125,8 @@ class MotionStepper:
                 past(deadline)
                 break
             halves = _failed(solution) and flight.can_halve and not past(deadline)
-            if not halves and _sound(solution):
+            taken = _sound(solution) or flight.endures(solution)
+            if not halves and taken:
                 accepted, excess = self._accepted(integrator, flight.state, solution, h)
                 if excess and integrator is self._integrator:
                     integrator = self._euler
@@ -135,7 +136,7 @@ class MotionStepper:
             if halves:
                 flight = flight.halved()
                 continue
-            if not _sound(solution):
+            if not taken:
                 skipped = self.equilibrium.skipped(solution)
                 return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
             flight = flight.went(told(accepted, excess, h) if excess else accepted)
@@ -205,14 +206,26 @@ class MotionStepper:
     def _started(self, state: State, commands: Mapping[str, float]) -> State:
         """Return a state with the acceleration that the forces there give; loads act from the start."""
         loads = {name: commands[name] for name in self.actuation.loaded}
-        state = state.with_(commands={**state.commands, **loads})
+        before, state = state.commands, state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
         pull = -self.equilibrium.forces(state) - self._dynamics.mass_damping * (self._mass @ velocity)
         acceleration = self._free_mass.accelerated(pull)
         kinematics = Kinematics.started(state.positions, velocity, acceleration, h, first=True)
         terms = {**state.terms, inertia.NAME: saved_of(kinematics, h=h, positions=state.positions)}
         balance = self.actuation.balance(state.positions, state.commands)
-        return state.with_(terms=terms, balance=balance, ledger=self._accounts.begun(state.ledger, acceleration, h))
+        ledger = changed(state.ledger, work=state.ledger.work + self._raised(state, before))
+        return state.with_(terms=terms, balance=balance, ledger=self._accounts.begun(ledger, acceleration, h))
+
+    def _raised(self, state: State, before: Mapping[str, float]) -> float:
+        """Return the potential [J] that loads, which act from now on, have of what was put elsewhere before."""
+        rest = self.at_rest().positions
+        if np.array_equal(rest, state.positions):
+            return 0.0
+        now, then = (
+            self.actuation.balance(state.positions, given).potential - self.actuation.balance(rest, given).potential
+            for given in (state.commands, before)
+        )
+        return now - then
 
 
 def _noted(state: State, duration: float) -> March:

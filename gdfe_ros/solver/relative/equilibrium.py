@@ -18,6 +18,7 @@ from gdfe_ros.solver.descent.active_set import Movable
 from gdfe_ros.solver.descent.minimiser import Observer
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.elements.fields import corner_forces, store_energies, strain_states, volume_pressures
+from gdfe_ros.solver.elements.flatness import flattened
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.equilibrium.predictor import Prediction, Predictor
 from gdfe_ros.solver.handle_motions import HandleMotions
@@ -193,6 +194,8 @@ class RelativeEquilibrium:
         elements = np.arange(len(energies), dtype=np.int32)
         shape, material = operators.shape, body.material
         store_energies(x, elements, shape, material, body.table, pressure, energies, stored, least, False)
+        if not (converged and least.min() > 0.0):
+            converged, message = False, "; ".join(text for text in (message, flattened(least)) if text)
         return Summary(
             converged=converged,
             residual=residual,

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gdfe_ros.solver.distance import largest_distance
+from gdfe_ros.solver.elements.folding import THRESHOLD
 from gdfe_ros.solver.state import State
 
 SAME = 1e-6
@@ -46,6 +47,11 @@ class March:
     def sound(self) -> bool:
         """Whether it is an equilibrium at the commands without a folded or inverted element."""
         return self.reached and self.converged and self.state.summary.min_det > 0.0
+
+    @property
+    def crumpled(self) -> bool:
+        """Whether walls keep corners from folding: another equilibrium may be lower in energy."""
+        return self.state.summary.min_det < THRESHOLD
 
     @property
     def inverted(self) -> bool:

@@ -16,7 +16,7 @@ from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.attempt import Attempt
+from gdfe_ros.solver.stepping.attempt import FOLDS, Attempt
 from gdfe_ros.solver.stepping.balance import jumped
 from gdfe_ros.solver.stepping.increments import planned_increments
 from gdfe_ros.solver.stepping.march import NEAR, March
@@ -30,6 +30,7 @@ FINER = 1e-2
 """Share of the tolerance to which a body is solved whose handles turn freely: what a tolerance leaves of the forces on
 them is much beside their moments."""
 LET_GO = "let go of {} without following the way there, on which {}"
+FARTHER_FOLDS = "on the way to the command elements are pressed flat, and would fold or turn inside out"
 UNFOLD = "remedy: go back to where it was sound, or reset; finer cells fold later"
 
 
@@ -93,17 +94,18 @@ class Stepper:
         march, suspect, tried = self._march(state, goal), state.suspect, state.tried
         unfinished = march.state.unfinished
         given_up = unfinished is None or unfinished.iterations >= self.equilibrium.patience
-        if given_up and state.anchor is not None and not march.sound and not past(deadline):
-            # What a cut solve left behind leads nowhere: the last equilibrium may.
+        doubtful = march.crumpled or not march.sound
+        if given_up and state.anchor is not None and doubtful and not past(deadline):
+            # What a cut solve left behind leads nowhere, or to a crumpled body: the last equilibrium may lead on.
             again = self._march(state.anchor, goal)
-            march = _after(again if again.sound else march, march, again)
+            lower = not march.sound or self._energy(again.state) < self._energy(march.state)
+            march = _after(again if again.sound and lower else march, march, again)
         if given_up and not (march.sound or (march.snapped and march.reached) or past(deadline)):
             march = self._let_go(march, goal, state)
         if (suspect or (march.inverted and self._displaced(state))) and not past(deadline):
             march, suspect, tried = self._better_from_rest(march, goal), False, True
         if march.inverted:
-            text = f"folded or inverted elements, least volume ratio {march.state.summary.min_det:.3g}; {UNFOLD}"
-            march = changed(march, converged=False, message=f"{march.message}; {text}".lstrip("; "))
+            march = changed(march, converged=False, message=f"{march.message}; {UNFOLD}".lstrip("; "))
         end, tried = march.state, tried and not march.sound
         if (end.summary.converged, end.summary.message) != (march.converged, march.message):
             end = end.with_(summary=changed(end.summary, converged=march.converged, message=march.message))
@@ -176,22 +178,24 @@ class Stepper:
         spent = way.iterations + solution.iterations >= way.budget or past(deadline)
         jumps = way.moves and jumped(state, solution, self.equilibrium.handles, self.body.size)
         way, before = way.tried(solution, jumps=jumps), state.unfinished.iterations if state.unfinished else 0
+        patient = before + way.iterations < patience
         return Attempt(
             way=way,
             began=state,
             solution=solution,
             jumps=jumps,
-            unstable=self._unstable_chamber(state, solution, commands),
+            unstable="" if solution.cut and patient else self._unstable_chamber(state, solution, commands),
             spent=spent,
-            patient=before + way.iterations < patience,
+            patient=patient,
         )
 
     def _unstable_chamber(self, state: State, solution: Solution, commands: Mapping[str, float]) -> str:
         """Name the chamber that lost its stability in an attempt that came to an end without an equilibrium."""
-        if solution.converged or solution.cut:
+        if solution.converged:
             return ""
         before = state.commands if solution.diverged else None
-        return self.actuation.unstable(solution.positions, commands, before)
+        since = (state.anchor or state).positions
+        return self.actuation.unstable(solution.positions, since, commands, before)
 
     def _accepted(self, state: State, attempt: Attempt) -> State:
         """Return the state of an accepted attempt; on the way to an equilibrium it remembers the last one."""
@@ -205,14 +209,18 @@ class Stepper:
         return accepted.with_(**changes)
 
     def _end(self, state: State, way: Way, solution: Solution) -> March:
-        reached = way.done == 1.0
+        reached, summary = way.done == 1.0, state.summary
+        if way.folded and not (summary.converged and reached) and FOLDS not in summary.message:
+            text = "; ".join(part for part in (summary.message, FARTHER_FOLDS) if part)
+            summary = changed(summary, converged=False, message=text)
+            state = state.with_(summary=summary)
         return March(
             state=state,
             iterations=way.iterations,
             increments=way.attempts,
             reached=reached,
-            converged=state.summary.converged and reached,
-            message=state.summary.message,
+            converged=summary.converged and reached,
+            message=summary.message,
             skipped=self.equilibrium.skipped(solution),
         )
 

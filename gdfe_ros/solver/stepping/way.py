@@ -9,6 +9,7 @@ from enum import Enum
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.deadline import Deadline
+from gdfe_ros.solver.elements.folding import THRESHOLD
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
@@ -58,7 +59,7 @@ class Way:
         done: share of it behind.
         iterations, attempts: made on it so far.
         jumped: the body has jumped on it.
-        folded: an attempt ended in folded or inverted elements.
+        folded: an attempt ended in folded or inverted elements, or in vain where corners are pressed flat.
         leap: length of the first attempt from here that jumped to a sound equilibrium; 0 for none.
         leaping: shorter attempts led nowhere, and that jump is taken.
     """
@@ -120,7 +121,7 @@ class Way:
             iterations=self.iterations + solution.iterations,
             attempts=self.attempts + 1,
             jumped=self.jumped or jumps,
-            folded=self.folded or not sound,
+            folded=self.folded or not sound or (solution.min_det < THRESHOLD and not solution.converged),
             leap=self.leap or (self.length if jumps and sound and solution.converged else 0.0),
         )
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tangent stiffness of single elements: central differences of the element kernel where cells share no vertex."""
+"""Tangent stiffness of a body's elements."""
 
 from __future__ import annotations
 
@@ -8,76 +8,53 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.descent.workspace import Problem
-from gdfe_ros.solver.elements.response import evaluate
+from gdfe_ros.solver.elements.folding import add_walls
+from gdfe_ros.solver.elements.tangent_rows import element_tangents
 
 SPACING = 1e-5
 """Of the cube root of an element's volume: truncation and rounding of a central difference are alike there, 1e-10."""
 
 
 @kernel
-def element_stiffness(x, cells, spacing, shape, blocks, material, pressure, scale, table, work, force, energy, out):
-    """Write d(corner force)/d(corner position) (m, 24, 24) [N/m] of the elements of ``blocks`` at ``x`` (n, 3) [m].
+def add_wall_tangents(x, watched, shape, material, table, force, energy, out):
+    """Add the tangents of the walls of the ``watched`` elements (k,) to ``out`` (m, 24, 24) [N/m].
 
-    ``shape`` is that of a mesh whose cells share no vertex; ``spacing`` (m,) [m], ``work`` (8 m, 3), ``force``
-    (2, m, 8, 3) and ``energy`` (m,) are scratch, of which ``force`` is zero for the elements that are left out.
+    They are central differences of `add_walls`. ``x`` (n, 3) is moved and put back; ``force`` (m, 8, 3) and ``energy``
+    (m,) are scratch.
     """
-    count = len(cells)
-    for corner in range(7):
-        for axis in range(3):
+    for k in range(len(watched)):
+        e = watched[k]
+        spacing = SPACING * np.cbrt(shape.volume[e])
+        for column in range(24):
+            vertex, axis = shape.cells[e, column // 3], column % 3
+            here = x[vertex, axis]
             for side in range(2):
-                for e in range(count):
-                    for a in range(8):
-                        for b in range(3):
-                            work[8 * e + a, b] = x[cells[e, a], b]
-                    work[8 * e + corner, axis] += spacing[e] if side == 0 else -spacing[e]
-                evaluate(work, shape, blocks, material, pressure, scale, table, force[side], energy, None)
-            for e in range(count):
-                share = 0.5 / spacing[e]
+                step = spacing if side == 0 else -spacing
+                x[vertex, axis] = here + step
+                force[e] = 0.0
+                add_walls(x, watched[k : k + 1], shape, material, table, force, energy)
                 for a in range(8):
-                    for b in range(3):
-                        out[e, 3 * corner + axis, 3 * a + b] = share * (force[0, e, a, b] - force[1, e, a, b])
-    # The eighth corner's rows follow from the others: a translation costs nothing.
-    for e in range(count):
-        for axis in range(3):
-            for j in range(24):
-                total = 0.0
-                for corner in range(7):
-                    total += out[e, 3 * corner + axis, j]
-                out[e, 21 + axis, j] = -total
+                    for i in range(3):
+                        out[e, column, 3 * a + i] += 0.5 * force[e, a, i] / step
+            x[vertex, axis] = here
 
 
 class ElementStiffness:
-    """Evaluates the tangents of a body's elements.
+    """Evaluates the tangents of a body's elements, into an array of its own.
 
     Args:
-        cells: (m, 8) corners of the elements.
-        volume: (m,) at rest [m^3].
+        count: number of elements m.
     """
 
-    def __init__(self, cells: NDArray[np.int32], volume: NDArray[np.float64]) -> None:
-        count = len(cells)
-        self._cells, self._spacing = cells, SPACING * np.cbrt(volume)
-        self._apart = np.arange(8 * count, dtype=np.int32).reshape(count, 8)
-        self._work, self._energy = np.zeros((8 * count, 3)), np.zeros(count)
-        self._force, self._values = np.zeros((2, count, 8, 3)), np.zeros((count, 24, 24))
+    def __init__(self, count: int) -> None:
+        self._values, self._force, self._energy = np.zeros((count, 24, 24)), np.zeros((count, 8, 3)), np.zeros(count)
 
     def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites."""
-        element_stiffness(
-            x,
-            self._cells,
-            self._spacing,
-            problem.shape._replace(cells=self._apart),
-            problem.blocks,
-            problem.material,
-            problem.pressure,
-            problem.scale,
-            problem.table,
-            self._work,
-            self._force,
-            self._energy,
-            self._values,
-        )
+        shape, material, table = problem.shape, problem.material, problem.table
+        element_tangents(x, shape, problem.blocks, material, problem.pressure, problem.scale, table, self._values)
+        scratch = self._force, self._energy
+        add_wall_tangents(x, problem.watch.watched, shape, material, table, *scratch, self._values)
         return self._values
 
 

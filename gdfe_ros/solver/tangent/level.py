@@ -28,6 +28,8 @@ from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
 """Share of the constant matrix that is added to a tangent without a factor, and by how much more each time."""
+MOST_SHIFT = 1e12
+"""Largest such share; where it is not enough, the constant matrix stands in for the tangent."""
 TURN = 1e-6
 """Change [m over the body's size] of a rigid row by which the motion of a handle's vertices is told."""
 
@@ -69,7 +71,7 @@ class TangentLevel:
 
     def __init__(self, body: Body, matrix: sparse.csc_matrix, terms: Sequence[Term] = ()) -> None:
         self._body, self._unknowns, self._terms = body, body.unknowns, terms
-        self._elements = ElementStiffness(body.cells, body.shape.volume)
+        self._elements = ElementStiffness(len(body.cells))
         self._assembly = Assembly([body.cells, *(term.couplings() for term in terms)], body.unknowns)
         self._constant = self._assembly.spread(matrix, body.unknowns)
         even = [term.stiffness() for term in terms if term.even]
@@ -88,23 +90,35 @@ class TangentLevel:
         """Return the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m], and be ready to apply it.
 
         Where it is indefinite, as beyond a buckling load, the elements' tangents are taken without their negative
-        eigenvalues, and a share of the constant matrix is added until the factor exists.
+        eigenvalues, and a share of the constant matrix is added until the factor exists. Where no share helps, as where
+        the tangent is not finite, the constant matrix is taken.
 
         Args:
             problem: what the elements and the handles' frame are at present.
             u: the unknowns.
             x: where they put the vertices.
             damping: share of the constant matrix that is added anyway.
+
+        Raises:
+            FloatingPointError: not even the constant matrix has a factor.
         """
         stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
         added, springs = [term.tangents(x) for term in self._terms], self._springs(x)._asdict()
         tangent, shift = self._assembly.blocks([stiffness, *added]) + self._even + damping * self._constant, 0.0
         if self._load(Tangent(blocks=tangent, motion=motion, softest=float(not damping), **springs)):
             return self._loaded
-        tangent = self._assembly.blocks([without_negative(stiffness), *added])
-        tangent += self._even + damping * self._constant
-        while not self._load(Tangent(blocks=tangent + shift * self._constant, motion=motion, shift=shift, **springs)):
+        finite = bool(np.isfinite(tangent).all())
+        if finite:
+            tangent = self._assembly.blocks([without_negative(stiffness), *added])
+            tangent += self._even + damping * self._constant
+        while finite and shift <= MOST_SHIFT:
+            if self._load(Tangent(blocks=tangent + shift * self._constant, motion=motion, shift=shift, **springs)):
+                return self._loaded
             shift = max(FIRST_SHIFT, SHIFT_GROWTH * shift)
+        if not self._load(
+            Tangent(blocks=self._constant, motion=self._motion(np.zeros_like(u), problem.frame), shift=shift)
+        ):
+            raise FloatingPointError("neither the tangent nor the constant matrix has a factor")
         return self._loaded
 
     def load(self, tangent: Tangent) -> None:

@@ -114,6 +114,11 @@ class Actuation:
         misses = [term.update(positions) for term in self.terms if term.updates]
         return max(misses, default=0.0) / self._body.size
 
+    def stiffen(self, vertices: NDArray[np.int32]) -> None:
+        """Have contacts press harder, in the next solve, on points that these vertices (k,) carry."""
+        for term in self.contacts:
+            term.stiffen(vertices)
+
     def hasten(self, near: float) -> None:
         """Take multipliers farther than their last update did, which was not enough."""
         for term in self.contacts:
@@ -156,10 +161,13 @@ class Actuation:
     def unstable(
         self,
         positions: NDArray[np.float64],
+        since: NDArray[np.float64],
         commands: Mapping[str, float],
         before: Mapping[str, float] | None = None,
     ) -> str:
-        """Name the chamber that inflated without bound in the last solve, which failed; empty if none did.
+        """Name the chamber that inflated without bound since an equilibrium; empty if none did.
+
+        Both positions (n, 3) are in m; the solves in between failed.
 
         Where the body ran away at the first step, no volume tells: then it is the one whose pressure has risen since
         the commands ``before``.
@@ -168,7 +176,7 @@ class Actuation:
             pressed = term.actuator.mode is Mode.PRESSURE
             if before is not None and pressed and commands[term.name] > before[term.name]:
                 return term.name
-            if term.ran_away(positions):
+            if term.ran_away(positions, since):
                 return term.name
         return ""
 

@@ -23,6 +23,8 @@ from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
 EFFORT, TARGET, STIFFNESS, WEIGHTS = range(4)
 """Where T [N], l [m] and k [N/m] lie in the term's numbers, and where the weights of its points begin."""
 
+BALANCED = 1e-9
+"""Force on what moves, over the tension, that counts as none."""
 NO_WEIGHT = 1e-9
 """Of a corner, below which a cable's point does not follow it."""
 
@@ -129,9 +131,23 @@ class CableTerm(Term):
         """Take the cable's own stiffness, or for a commanded length a penalty that fits the body's."""
         if self.actuator.mode is Mode.TENSION:
             return
-        force = np.zeros_like(self._body.rest)
-        pull(self._body.rest, self.reals, self.integers, 1.0, force)
-        self.reals[STIFFNESS] = self.actuator.stiffness if self._elastic else fitted_penalty(matrix, force, self.name)
+        if self._elastic:
+            self.reals[STIFFNESS] = self.actuator.stiffness
+            return
+        force, unknowns = self._pull(slice(None)), self._body.unknowns
+        moving = np.concatenate([unknowns.free, unknowns.members])
+        if np.abs(force[moving]).max(initial=0.0) <= BALANCED:
+            # Straight between handles: the stretches hold each other in balance, and one alone tells how stiff it is.
+            stretches = [self._pull(slice(first, first + 2)) for first in range(len(self._anchored) - 1)]
+            force = max(stretches, key=matrix.compliance)
+        self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
+
+    def _pull(self, points: slice) -> NDArray[np.float64]:
+        """Return dl/dx (n, 3) at rest of the stretches between some of its points."""
+        weights, corners = self.reals[WEIGHTS:].reshape(-1, 8)[points], self.integers.reshape(-1, 8)[points]
+        force, reals = np.zeros_like(self._body.rest), np.concatenate([self.reals[:WEIGHTS], weights.ravel()])
+        pull(self._body.rest, reals, corners.ravel(), 1.0, force)
+        return force
 
     def couplings(self) -> NDArray[np.int32]:
         """Return the corners about the two ends of each stretch (k, 16)."""

@@ -177,7 +177,7 @@ class ChamberTerm(Term):
             return
         volume = self._volume(positions)
         numbers[EFFORT], numbers[TARGET] = self._command, volume
-        numbers[LIMIT] = LARGEST_INFLATION * max(abs(volume), self._rest_volume)
+        numbers[LIMIT] = self._limit(volume)
 
     def update(self, positions: NDArray[np.float64]) -> float:
         """Update the pressure that keeps the volume."""
@@ -189,10 +189,14 @@ class ChamberTerm(Term):
         """Keep the pressure."""
         return remembered(float(self.reals[EFFORT]), saved)
 
-    def ran_away(self, positions: NDArray[np.float64]) -> bool:
-        """Tell whether a chamber of given pressure has inflated far towards its limit in a solve that failed."""
-        volume = self._volume(positions)
-        return math.isfinite(self.reals[LIMIT]) and not volume <= RUNNING_AWAY * self.reals[LIMIT]
+    def _limit(self, volume: float) -> float:
+        """Return the volume [m^3] to which no equilibrium inflates it from a ``volume``."""
+        return LARGEST_INFLATION * max(abs(volume), self._rest_volume)
+
+    def ran_away(self, positions: NDArray[np.float64], since: NDArray[np.float64]) -> bool:
+        """Tell whether a chamber of given pressure has inflated far, since an equilibrium, in solves that failed."""
+        pressed = math.isfinite(self.reals[LIMIT])
+        return pressed and not self._volume(positions) <= RUNNING_AWAY * self._limit(self._volume(since))
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState:
         """Return command, volume and pressure."""

@@ -95,3 +95,23 @@ def test_what_is_dragged_over_a_ball_stays_when_it_is_asked_again() -> None:
             again = simulation.step(command)
             assert np.abs(again.positions - result.positions).max() < 1e-4 * simulation.mesh.size
     assert slipped
+
+
+FINGER = """
+name: dragged
+mesh: {bar: {size: [0.012, 0.012, 0.06], cells: [3, 3, 12]}}
+materials: {soft: {law: neo_hookean, young: 5.0e5, poisson: 0.45, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: z+}}}
+obstacles: {table: {box: {size: [0.3, 0.1, 0.02]}, at: [0, 0, AT], friction: 1, fixed: true}}
+"""
+
+
+def test_a_finger_that_is_dragged_over_a_table_is_found_at_every_step() -> None:
+    """Press a slender finger on a table and drag it: friction lifts what it holds, and each step settles."""
+    low = scene_from_text(FINGER.replace("AT", "-1")).mesh.vertices[:, 2].min()
+    simulation = Simulation(scene_from_text(FINGER.replace("AT", str(low - 0.0101))))
+    poses = [Pose((0.0, 0.0, -0.003 * step / 20)) for step in range(1, 21)]
+    poses += [Pose((0.08 * step / 128, 0.0, -0.003)) for step in range(1, 65)]
+    missed = [pose for pose in poses if not simulation.step(Command({"base": pose})).converged]
+    assert not missed

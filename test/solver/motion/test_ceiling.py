@@ -55,13 +55,17 @@ def test_a_soft_cube_that_falls_by_a_metre_gains_nothing(scheme: str, young: flo
 
 @pytest.mark.parametrize("scheme", ["newmark", "generalised_alpha"])
 def test_a_spinning_body_gains_nothing_after_a_step_of_another_length(moving: Callable, scheme: str) -> None:
-    """Spin it by 0.3 radians a step, a shorter one first: its momentum stays to a millionth."""
+    """Spin it by 0.3 radians a step, a shorter one first: its momentum stays to a ten-millionth.
+
+    Free flight would fold elements, and a step begins a part of the way back; the centre of mass must not. It did, and
+    up to 1.3e-3 of the momentum was lost, as rounding had it; at most 2e-8 on twelve roundings since.
+    """
     keys = {"dynamics__spin": [0.0, 0.0, 60.0], "dynamics__step": 0.005, "dynamics__scheme": scheme}
     spinning = moving(handles={}, dynamics__velocity=[1.0, 0.0, 0.0], **keys)
     results = [spinning.step(dt=0.005 / 3.0)] + [spinning.step() for _ in range(200)]
     require_bounded(results)
     momentum = (spinning._stepper._mass @ results[-1].velocities).sum(axis=0)
-    np.testing.assert_allclose(momentum, [0.04, 0.0, 0.0], atol=4e-8)
+    np.testing.assert_allclose(momentum, [0.04, 0.0, 0.0], atol=4e-9)
 
 
 @pytest.mark.parametrize("step", [0.002, 0.01])

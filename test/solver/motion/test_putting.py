@@ -67,6 +67,16 @@ def test_putting_is_work() -> None:
     assert energies["work"] == pytest.approx(WEIGHT * 2.0, rel=0.05)
 
 
+def test_putting_before_the_first_step_is_work_too() -> None:
+    """Lift a box before anything has moved: the steps after it converge, and energies balance with the work."""
+    simulation = cushion("generalised_alpha", 0)
+    result = simulation.step(Command(bodies={"part": Pose((0.0, 0.0, 0.5))}))
+    assert result.converged, result.message
+    run(simulation, 10)
+    stored = sum(simulation.result.energies[name] for name in ("kinetic", "elastic", "potential", "dissipated"))
+    assert stored == pytest.approx(simulation.result.energies["work"], abs=0.02 * WEIGHT * 0.5)
+
+
 def test_who_puts_it_all_the_time_holds_it() -> None:
     """Put a box at one place in every step: it stays there; on the cushion again, it weighs on that."""
     simulation = cushion(steps=0)

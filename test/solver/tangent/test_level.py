@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -105,3 +107,19 @@ def test_a_kept_tangent_is_loaded_from_the_state(monkeypatch: pytest.MonkeyPatch
     one, other = (simulation.step(Command(loads={"weight": 0.52})) for simulation in (first, second))
     np.testing.assert_array_equal(one.positions, other.positions)
     assert one.iterations == other.iterations
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
+def test_a_tangent_that_is_not_finite_is_replaced(value: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the elements' stiffness overflow: the search for a factor ends, with that of the constant matrix."""
+    level, tangent, *_ = _level("", 0.0)
+    stiffness = np.full((40, 24, 24), value)
+    monkeypatch.setattr(level._elements, "at", lambda *_: stiffness)
+    u, x = np.zeros(3 * level._unknowns.rows), level._body.rest
+    with np.errstate(all="ignore"):
+        taken = level.take(SimpleNamespace(frame=None), u, x)  # what is not finite is known to be; 1e300 is tried
+    assert np.array_equal(taken.blocks, level._constant)
+    found = np.empty_like(u)
+    level.solve(np.ones_like(u), found)
+    assert np.isfinite(found).all()
+    assert tangent.blocks.shape == taken.blocks.shape

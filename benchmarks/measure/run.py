@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One table measured in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from benchmarks.measure.tables import Table
+from benchmarks.peers.peer import worker_environment
+from benchmarks.provenance import ROOT
+from benchmarks.report import IMAGES, Report, read_report
+
+LOGS = ROOT / "runs" / "measure"
+"""Folder of what the scripts print."""
+PATIENCE = 10.0
+"""Times the expected minutes after which a script is ended; the first minutes may go into compiling."""
+LEAST = 20.0
+"""Minutes that every script is given."""
+BEAT = 0.5
+"""Between two looks at a script [s]."""
+
+
+def kept(table: Table) -> Report | None:
+    """Return the kept report; None if there is no file, or one of another form."""
+    try:
+        return read_report(table.file)
+    except (OSError, ValueError):
+        return None
+
+
+def is_current(table: Table) -> bool:
+    """Return whether the kept file was made by this very solver, with a probe."""
+    report = kept(table)
+    return report is not None and report.made.is_current and bool(report.probe)
+
+
+def measure(table: Table, *, beat: Callable[[], None] = lambda: None) -> str | None:
+    """Run a table's script; the kept file is replaced when it is done.
+
+    Args:
+        table: what to measure.
+        beat: called twice a second.
+
+    Returns:
+        None, or in a few words what went wrong.
+    """
+    LOGS.mkdir(parents=True, exist_ok=True)
+    log = LOGS / f"{table.name}.log"
+    command = [sys.executable, "-m", table.module, *table.arguments, "--out", str(table.file), "--pictures"]
+    environment = {**os.environ, "PYTHONPATH": _path()} if table.ros else worker_environment(1)
+    environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    before = table.file.stat().st_mtime_ns if table.file.is_file() else 0
+    end = time.monotonic() + 60.0 * max(LEAST, PATIENCE * table.minutes)
+    with (
+        log.open("w") as output,
+        subprocess.Popen(
+            [*command, str(IMAGES)],
+            cwd=ROOT,
+            env=environment,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        ) as process,
+    ):
+        try:
+            status = _wait(process, end, beat)
+        except BaseException:
+            _end(process)  # an interruption
+            raise
+    written = table.file.is_file() and table.file.stat().st_mtime_ns != before
+    if status == 0 and written:
+        return None
+    ended = "took too long and was ended" if status is None else f"ended with status {status}"
+    return f"{ended}; its table is {'written' if written else 'as it was'}; see {log.relative_to(ROOT)}: {_last(log)}"
+
+
+def _wait(process: subprocess.Popen[bytes], end: float, beat: Callable[[], None]) -> int | None:
+    """Return the status of a process; end it, and return None, when its time is over."""
+    while time.monotonic() < end:
+        try:
+            return process.wait(BEAT)
+        except subprocess.TimeoutExpired:
+            beat()
+    _end(process)
+    return None
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a script and all that it has started."""
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def _last(log: Path) -> str:
+    lines = [line.strip() for line in log.read_text(errors="replace").splitlines() if line.strip()]
+    return lines[-1] if lines else "it printed nothing"
+
+
+def _path() -> str:
+    return os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH", "")]))

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tables that are measured: what runs, into which file, how long, and what has to be installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import cast
+
+from benchmarks.report import KEPT, Probe
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A file of measurements and what makes it.
+
+    Attributes:
+        name: of the file in `KEPT`, without its ending.
+        module: that ``python -m`` runs; it takes ``--out FILE --pictures FOLDER``.
+        minutes: that it takes on two quiet cores, about.
+        arguments: further ones.
+        probe: the module's function that replays a small part.
+        needs: packages without which nothing can be measured, each with the remedy.
+        ros: whether nodes are started, which keep the environment's threads.
+    """
+
+    name: str
+    module: str
+    minutes: float
+    arguments: tuple[str, ...] = ()
+    probe: str = "probe"
+    needs: tuple[str, ...] = ()
+    ros: bool = False
+
+    @property
+    def file(self) -> Path:
+        """Where the report is kept."""
+        return KEPT / f"{self.name}.json"
+
+    def missing(self) -> list[str]:
+        """Return which of the packages it needs are not installed."""
+        return [name for name in self.needs if find_spec(name) is None]
+
+    def replay(self) -> Probe:
+        """Return the probe of today."""
+        return self.replay_function()()
+
+    def replay_function(self) -> Callable[[], Probe]:
+        """Return the function of the probe; a package has it in its ``__main__``."""
+        module = import_module(self.module)
+        if hasattr(module, "__path__"):
+            module = import_module(f"{self.module}.__main__")
+        return cast(Callable[[], Probe], getattr(module, self.probe))
+
+
+TABLES = (
+    Table(name="factors", module="benchmarks.factors", minutes=0.5),
+    Table(name="skip", module="benchmarks.savings", minutes=1),
+    Table(name="threads", module="benchmarks.threads", minutes=2),
+    Table(name="cut_cells", module="benchmarks.cut_cells", minutes=0.5),
+    Table(name="batches", module="benchmarks.batches", minutes=2),
+    Table(name="constant_factors", module="benchmarks.constant_factors", minutes=2),
+    Table(name="coarse_meshes", module="benchmarks.coarse_meshes", minutes=1),
+    Table(name="streams", module="benchmarks.streams", minutes=1.5),
+    Table(name="robots", module="benchmarks.robots", minutes=2),
+    Table(name="chamber", module="benchmarks.chamber", minutes=1.5, needs=("felupe", "pypardiso")),
+    Table(name="second_level", module="benchmarks.second_level", minutes=3),
+    Table(
+        name="robots_level",
+        module="benchmarks.second_level",
+        arguments=("--robots",),
+        probe="robot_probe",
+        minutes=3,
+    ),
+    Table(name="motion", module="benchmarks.motion", minutes=3),
+    Table(name="contact", module="benchmarks.contact", minutes=5),
+    Table(
+        name="bench_node",
+        module="benchmarks.node",
+        arguments=("--repeats", "1", "--seconds", "10"),
+        minutes=4,
+        needs=("rclpy",),
+        ros=True,
+    ),
+    Table(name="manners", module="benchmarks.manners", minutes=6, needs=("rclpy",), ros=True),
+    Table(name="bench", module="benchmarks", minutes=9),
+    Table(name="torture", module="benchmarks.torture.measure", minutes=12, needs=("xdist",)),
+)
+"""In the order in which they are measured."""
+NAMES = tuple(table.name for table in TABLES)

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which solver made a table, when, and on which machine."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from dataclasses import dataclass
+from datetime import date
+from functools import cache
+from pathlib import Path
+
+import numba
+
+ROOT = Path(__file__).resolve().parents[1]
+SOLVER = ("gdfe_ros", "config")
+"""Folders whose last commit names the solver: the package, and the scenes that it plays."""
+UNKNOWN = "unknown"
+DIRTY = "+"
+"""Follows the commit of a tree with changes in `SOLVER` that are not committed."""
+
+
+class ProvenanceError(RuntimeError):
+    """Git cannot tell which solver this is."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a table is from.
+
+    Attributes:
+        commit: the last one that changed `SOLVER`, abbreviated; `DIRTY` follows it where files were changed since.
+        date: day of the measurement, ISO 8601.
+        machine: processor, cores, versions of Python and numba.
+    """
+
+    commit: str = UNKNOWN
+    date: str = UNKNOWN
+    machine: str = UNKNOWN
+
+    @property
+    def line(self) -> str:
+        """Return the line of Markdown that stands below a table."""
+        if self.commit == UNKNOWN:
+            return "*Measured with an older solver.*"
+        return f"*Measured {self.date} at {self.commit} on {self.machine}.*"
+
+    @property
+    def is_current(self) -> bool:
+        """Whether this very solver made the table; a tree with changes is like no other."""
+        return self.commit == solver_commit() and not self.commit.endswith(DIRTY)
+
+
+def stamp() -> Provenance:
+    """Return the provenance of what is measured now.
+
+    Raises:
+        ProvenanceError: git is missing, or this is no checkout.
+    """
+    return Provenance(solver_commit(), date.today().isoformat(), machine())
+
+
+@cache
+def solver_commit() -> str:
+    """Return the commit of the solver as `Provenance.commit` names it; asked once in a process.
+
+    Raises:
+        ProvenanceError: git is missing, or this is no checkout.
+    """
+    commit = _git("log", "-1", "--format=%h", "--abbrev=7", "--", *SOLVER)
+    changed = _git("status", "--porcelain", "--", *SOLVER)
+    return commit + DIRTY if changed else commit
+
+
+def machine() -> str:
+    """Return processor, cores, and versions of Python and numba."""
+    cores, python = os.cpu_count() or 1, platform.python_version()
+    return f"{_processor()}, {cores} core{'s' * (cores > 1)}, Python {python}, numba {numba.__version__}"
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.is_file() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor() or platform.machine()
+
+
+def _git(*words: str) -> str:
+    try:
+        found = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        reason = getattr(error, "stderr", "") or str(error)
+        raise ProvenanceError(
+            f"cannot tell the solver's commit in {ROOT}: git {words[0]}: {reason.strip()}; measure in a git checkout"
+        ) from error
+    return found.stdout.strip()

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A trajectory that somebody waits for: how far it has come, and how it ends."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.node.orders import ActuatorOrder, Order, TrajectoryOrder
+
+
+class Code(IntEnum):
+    """How a trajectory ends, as in ``control_msgs/action/FollowJointTrajectory``."""
+
+    SUCCESSFUL = 0
+    INVALID_GOAL = -1
+    INVALID_JOINTS = -2
+    OLD_HEADER_TIMESTAMP = -3
+    PATH_TOLERANCE_VIOLATED = -4
+    GOAL_TOLERANCE_VIOLATED = -5
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """How far commands in force may be from the trajectory's, by actuator or load; who is not named may be anywhere.
+
+    Attributes:
+        path: on the way, in the unit of each mode.
+        goal: at the end.
+        time: after the end within which the goal's are to be met [s].
+    """
+
+    path: Mapping[str, float]
+    goal: Mapping[str, float]
+    time: float
+
+
+class Pursuit:
+    """One trajectory on its way.
+
+    Args:
+        order: that commands it.
+        tolerances: of it.
+        tell: takes time since its start [s], the trajectory's and the present commands, each (k,), after every step.
+        finish: takes how it ended, once.
+
+    Attributes:
+        going: whether it has not ended.
+    """
+
+    def __init__(
+        self,
+        order: TrajectoryOrder,
+        tolerances: Tolerances,
+        *,
+        tell: Callable[[float, NDArray[np.float64], NDArray[np.float64]], object],
+        finish: Callable[[Code, str], object],
+    ) -> None:
+        self.order, self.going = order, True
+        self._tolerances, self._tell, self._finish = tolerances, tell, finish
+        self._start, self._before = order.start, np.array([])
+        self._lock = threading.Lock()
+
+    def begin(self, start: float, before: Collection[float]) -> None:
+        """Note when its time 0 is [s], and the commands (k,) in force then."""
+        self._start, self._before = start, np.array(before)
+
+    def end(self, code: Code, reason: str) -> None:
+        """End it; nothing happens where it has ended."""
+        with self._lock:
+            going, self.going = self.going, False
+        if going:
+            self._finish(code, reason)
+
+    def displace(self, later: Order) -> None:
+        """End it where a later order commands one of its actuators or loads."""
+        names = later.values if isinstance(later, ActuatorOrder) else getattr(later, "names", ())
+        if taken := sorted(set(names) & set(self.order.names)):
+            self.end(Code.INVALID_GOAL, f"a later command of {', '.join(taken)} took its place")
+
+    def look(self, time: float, present: Mapping[str, float]) -> None:
+        """Look how far it is after a step.
+
+        Args:
+            time: simulation time [s].
+            present: commands in force, which a rate limit may hold back, by name.
+        """
+        if not self.going or not len(self._before) or time < self._start:
+            return
+        order, elapsed = self.order, time - self._start
+        actual = np.array([present[name] for name in order.names])
+        times = np.concatenate([[0.0], order.times]) if order.times[0] > 0.0 else order.times
+        values = np.vstack([self._before, order.values]) if order.times[0] > 0.0 else order.values
+        desired = np.array([np.interp(elapsed, times, column) for column in values.T])
+        self._tell(elapsed, desired, actual)
+        left = elapsed - order.times[-1]
+        over = left >= -1e-9
+        wrong = self._beyond(self._tolerances.goal if over else self._tolerances.path, desired, actual)
+        if not over and wrong:
+            self.end(Code.PATH_TOLERANCE_VIOLATED, f"{elapsed:.6g} s after its start, {wrong}")
+        elif over and not wrong:
+            self.end(Code.SUCCESSFUL, "")
+        elif over and left > self._tolerances.time - 1e-9:
+            self.end(Code.GOAL_TOLERANCE_VIOLATED, f"{left:.6g} s after its end, {wrong}")
+
+    def _beyond(self, allowed: Mapping[str, float], desired: NDArray[np.float64], actual: NDArray[np.float64]) -> str:
+        """Say what is out of tolerance; empty where nothing is."""
+        rows = zip(self.order.names, desired, actual, strict=True)
+        return ", ".join(
+            f"{name} is at {there:.6g} instead of {wanted:.6g}; allowed: {allowed[name]:g} off"
+            for name, wanted, there in rows
+            if abs(there - wanted) > allowed.get(name, np.inf)
+        )

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The action ``FollowJointTrajectory``, as joint_trajectory_controller offers it, where control_msgs is installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.interface.services import FOLLOW_TRAJECTORY
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.messages import header
+from gdfe_ros.node.pursuit import Code, Pursuit, Tolerances
+from gdfe_ros.node.qos import installed, interface_class
+from gdfe_ros.node.refusals import Reason, Refusal
+from gdfe_ros.node.session import Session
+
+_CODES = {Reason.UNKNOWN: Code.INVALID_JOINTS, Reason.STALE: Code.OLD_HEADER_TIMESTAMP}
+
+
+class TrajectoryAction:
+    """Takes trajectories as goals: each is an order as of ``~/trajectory``, with feedback and a result.
+
+    Args:
+        node: that offers it.
+        session: gives what runs, or None.
+    """
+
+    def __init__(self, node: ManagedNode, session: Callable[[], Session | None]) -> None:
+        self._node, self._session = node, session
+        if not installed(FOLLOW_TRAJECTORY.type):
+            return
+        from rclpy.action import ActionServer, CancelResponse
+
+        self._kind = interface_class(FOLLOW_TRAJECTORY.type)
+        self._pursuits: dict[bytes, Pursuit] = {}
+        self._action = ActionServer(
+            node,
+            self._kind,
+            FOLLOW_TRAJECTORY.name,
+            execute_callback=lambda goal: self._kind.Result(),
+            handle_accepted_callback=self._accept,
+            cancel_callback=lambda goal: self._cancel(goal) or CancelResponse.ACCEPT,
+        )
+
+    def _accept(self, goal: Any) -> None:
+        """Give the order of a goal, or end it at once with what is wrong with it."""
+        key = bytes(goal.goal_id.uuid)
+
+        def finish(code: Code, reason: str) -> None:
+            self._pursuits.pop(key, None)
+            goal.execute(lambda goal: self._conclude(goal, code, reason))
+
+        try:
+            session = self._session()
+            if session is None or not session.stepper.running:
+                raise Refusal(Reason.INACTIVE, f"the node is {self._node.lifecycle_state}; `activate` it first")
+            tolerances = _tolerances(goal.request)
+            order = session.inputs.trajectory(goal.request.trajectory)
+            tell = _feedback(goal, self._kind, order.names, session)
+            self._pursuits[key] = pursuit = Pursuit(order, tolerances, tell=tell, finish=finish)
+            session.inputs.pursue(pursuit)
+        except GdfeError as error:
+            refusal = error if isinstance(error, Refusal) else Refusal(Reason.MALFORMED, str(error))
+            if session is not None:
+                session.run.refusals.refuse(FOLLOW_TRAJECTORY.name, refusal)
+            finish(_CODES.get(refusal.reason, Code.INVALID_GOAL), str(refusal))
+
+    def _cancel(self, goal: Any) -> None:
+        """Leave the actuators and loads of a goal where they are."""
+        session, pursuit = self._session(), self._pursuits.get(bytes(goal.goal_id.uuid))
+        if pursuit is not None and session is not None:
+            session.inputs.hold(pursuit)
+        if pursuit is not None:
+            pursuit.end(Code.INVALID_GOAL, "it was cancelled")
+
+    def _conclude(self, goal: Any, code: Code, reason: str) -> Any:
+        if code is Code.SUCCESSFUL:
+            goal.succeed()
+        else:
+            (goal.canceled if goal.is_cancel_requested else goal.abort)()
+        return self._kind.Result(error_code=int(code), error_string=reason)
+
+
+def _tolerances(request: Any) -> Tolerances:
+    """Read those of a goal: only positions count, which are commands here; 0 and -1 set none.
+
+    Raises:
+        Refusal: of a tolerance, or because it asks for what no actuator has.
+    """
+    if request.multi_dof_trajectory.joint_names or request.multi_dof_trajectory.points:
+        raise Refusal(Reason.MALFORMED, "multi_dof_trajectory is not empty; allowed: actuators and loads in trajectory")
+    if not request.trajectory.points:
+        raise Refusal(Reason.WRONG_SIZE, "the trajectory has no points; cancel a goal to end it")
+    for each in (*request.path_tolerance, *request.goal_tolerance):
+        if each.name not in request.trajectory.joint_names:
+            raise Refusal(Reason.UNKNOWN, f"a tolerance is for {each.name!r}, which the trajectory does not command")
+        if not np.isfinite(each.position):
+            raise Refusal(Reason.NOT_FINITE, f"the tolerance of {each.name} is {each.position!r}; allowed: numbers")
+    path, goal = (
+        {each.name: each.position for each in given if each.position > 0.0}
+        for given in (request.path_tolerance, request.goal_tolerance)
+    )
+    leeway = request.goal_time_tolerance
+    return Tolerances(path, goal, leeway.sec + 1e-9 * leeway.nanosec)
+
+
+def _feedback(
+    goal: Any, kind: Any, names: tuple[str, ...], session: Session
+) -> Callable[[float, NDArray[np.float64], NDArray[np.float64]], None]:
+    """Make what tells a goal's client of each step."""
+
+    def tell(elapsed: float, desired: NDArray[np.float64], actual: NDArray[np.float64]) -> None:
+        points = [JointTrajectoryPoint(positions=values.tolist()) for values in (desired, actual, desired - actual)]
+        for point in points:
+            point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(1e9 * elapsed), 10**9)
+        head = header(session.run.last.record.stamp, session.run.frames.frame_id)
+        told = dict(zip(("desired", "actual", "error"), points, strict=True))
+        goal.publish_feedback(kind.Feedback(header=head, joint_names=list(names), **told))
+
+    return tell

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What others tell of their frames on /tf and /tf_static."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+from rclpy.serialization import deserialize_message
+
+from gdfe_ros.node.freshness import Freshness
+from gdfe_ros.node.host import Settings
+from gdfe_ros.node.interface import topics
+from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.placement import Placement
+from gdfe_ros.node.qos import installed, interface_class, qos_profile
+from gdfe_ros.node.refusals import Reason, Refusal
+
+_UNREAD = 2000
+"""Messages of /tf that wait to be read; a frame that moves is told again long before as many others are."""
+_DEEPEST = 1000
+"""Frames between one and the root of its tree, beyond which they go round in a circle."""
+_UNIT_SLACK = 1e-2
+"""By how much the length of a quaternion may differ from 1: as in tf2."""
+
+
+class Transforms:
+    """Listens to /tf and /tf_static; of each frame the transform with the latest stamp counts.
+
+    One with a number that is not finite, a quaternion that is not of unit length, or a stamp that is older or farther
+    ahead than a command's may be, changes nothing and is counted as a refused command.
+
+    Args:
+        node: that listens.
+        heard: called after each message.
+        now: gives the time on the clock that stamps are measured on [ns].
+        limits: give ``command_max_age`` and ``command_max_lead`` [s] by name.
+        refuse: takes the refusal of a transform, with the topic and frame.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        heard: Callable[[], object],
+        *,
+        now: Callable[[], int],
+        limits: Settings,
+        refuse: Callable[[str, Refusal], None],
+    ) -> None:
+        self._node, self._heard, self._now, self._limits, self._refuse = node, heard, now, limits, refuse
+        self._freshness = Freshness()
+        self._own: Collection[str] = ()
+        self._unread: deque[tuple[bytes, int]] = deque(maxlen=_UNREAD)
+        self._fixed_unread: deque[tuple[bytes, int]] = deque()
+        self._parents: dict[str, tuple[str, Placement]] = {}
+        self._lock = threading.Lock()
+        self._subscriptions = [
+            node.create_subscription(
+                interface_class(spec.type), spec.name, callback, qos_profile(spec.delivery), raw=True
+            )
+            for spec, callback in ((topics.TF, self._keep), (topics.TF_STATIC, self._keep_fixed))
+        ]
+
+    def destroy(self) -> None:
+        """Take the subscriptions off the graph, after the node's own publishers of these topics."""
+        self._heard = lambda: None
+        for subscription in self._subscriptions:
+            self._node.destroy_later(subscription)
+        self._subscriptions = []
+
+    def known(self) -> list[str]:
+        """Name the frames that were told of, sorted."""
+        with self._lock:
+            self._read()
+            return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
+
+    def find(self, source: str, target: str, own: Mapping[str, tuple[str, Placement]]) -> Placement | None:
+        """Give where ``source`` is in ``target``; None where no transforms lead there.
+
+        Args:
+            source: frame.
+            target: frame.
+            own: what the node itself knows: frame -> frame that it is given in, and its place there.
+        """
+        with self._lock:
+            self._own = own.keys()
+            self._read()
+            parents = {**self._parents, **own}
+        ways = _way_up(source, parents), _way_up(target, parents)
+        common = next((frame for frame in ways[0] if frame in ways[1]), None)
+        return None if common is None else ways[1][common].inverse() @ ways[0][common]
+
+    def reset(self) -> None:
+        """Forget the stamps, as time goes back to zero."""
+        with self._lock:
+            self._freshness.reset()
+
+    def _keep(self, data: bytes) -> None:
+        """Put a message aside: a robot tells of a hundred frames a hundred times a second, and few are asked for."""
+        self._unread.append((data, self._now()))
+        self._heard()
+
+    def _keep_fixed(self, data: bytes) -> None:
+        self._fixed_unread.append((data, self._now()))
+        self._heard()
+
+    def _read(self) -> None:
+        """Read what was put aside; needs the lock."""
+        kind = interface_class(topics.TF.type)
+        for waiting, spec in ((self._fixed_unread, topics.TF_STATIC), (self._unread, topics.TF)):
+            while waiting:
+                data, arrived = waiting.popleft()
+                for each in deserialize_message(data, kind).transforms:
+                    if each.child_frame_id in self._own:  # what this very node tells
+                        continue
+                    try:
+                        self._take(each, arrived, moving=spec is topics.TF)
+                    except Refusal as refusal:
+                        if refusal.reason is not Reason.OUT_OF_ORDER:
+                            self._refuse(f"{spec.name}, frame {each.child_frame_id!r},", refusal)
+
+    def _take(self, told: Any, arrived: int, *, moving: bool) -> None:
+        """Keep a transform that arrived at a time [ns]; the stamp of one that moves is checked.
+
+        Raises:
+            Refusal: a number is not finite, the quaternion not of unit length, the stamp too old, ahead, or before the
+                last one's.
+        """
+        place = _checked(told.transform)
+        if moving:
+            ages = {"max_age": self._limits["command_max_age"], "max_lead": self._limits["command_max_lead"]}
+            self._freshness.check([told.child_frame_id], told.header.stamp, now=arrived, **ages)
+        self._parents[told.child_frame_id] = told.header.frame_id, place
+
+
+def _checked(transform: Any) -> Placement:
+    """Return the placement that a transform tells.
+
+    Raises:
+        Refusal: a number is not finite, or the quaternion is not of unit length.
+    """
+    origin, turn = transform.translation, transform.rotation
+    translation, quaternion = (origin.x, origin.y, origin.z), (turn.x, turn.y, turn.z, turn.w)
+    if not all(map(math.isfinite, (*translation, *quaternion))):
+        text = f"translation {translation} and rotation {quaternion} must be finite numbers"
+        raise Refusal(Reason.NOT_FINITE, text)
+    norm = math.hypot(*quaternion)
+    if abs(norm - 1.0) > _UNIT_SLACK:
+        text = f"rotation (x, y, z, w) {quaternion} has length {norm:.6g}; allowed: 1 +- {_UNIT_SLACK:g}"
+        raise Refusal(Reason.NOT_UNIT, text)
+    return Placement.of(origin, turn)
+
+
+def _way_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
+    """Give where a frame is in each frame above it, nearest first."""
+    way = {frame: Placement()}
+    while frame in parents and parents[frame][0] not in way and len(way) < _DEEPEST:
+        parent, placement = parents[frame]
+        way[parent] = placement @ way[frame]
+        frame = parent
+    return way
+
+
+def transforms_installed() -> bool:
+    """Tell whether the messages of /tf are installed."""
+    return installed(topics.TF.type)

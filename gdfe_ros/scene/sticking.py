@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A remark on schemes under which what rests by friction slides."""
+
+from __future__ import annotations
+
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
+
+
+def slipping(scene: Scene) -> list[str]:
+    """Name what rubs under a scheme that does not damp the beat of contacts; empty where one does, or nothing rubs."""
+    dynamics = scene.dynamics
+    if dynamics is None or not _beats(dynamics):
+        return []
+    names = [handle.name for handle in scene.handles if isinstance(handle, Obstacle) and handle.friction > 0.0]
+    names += ["self_contact"] * (scene.self_contact is not None and scene.self_contact.friction > 0.0)
+    if not names:
+        return []
+    scheme = dynamics.scheme.value
+    if dynamics.scheme is Scheme.GENERALISED_ALPHA:
+        scheme += f" with rho_inf {dynamics.rho_inf:g}"
+    return [
+        f"dynamics: {scheme} does not damp how contacts beat, and what sticks by the friction of {', '.join(names)} "
+        "may slide: a block on a slope of 0.364 went at 22 to 90 mm/s with friction 0.38, at 29 mm/s with 0.45, but "
+        "stood with bdf2; remedy: dynamics.scheme: bdf2, or generalised_alpha with rho_inf 0"
+    ]
+
+
+def _beats(dynamics: Dynamics) -> bool:
+    """Tell whether a scheme leaves almost all of the fastest motion."""
+    if dynamics.scheme is Scheme.NEWMARK:
+        return True
+    return dynamics.scheme is Scheme.GENERALISED_ALPHA and dynamics.rho_inf > Dynamics.rho_inf

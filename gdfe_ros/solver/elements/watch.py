@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled watch over corners that come near to folding: which elements' walls a descent has to evaluate.
+
+Walls act below a volume ratio J_0, and no sound body comes there. So a descent keeps a list of watched elements, and
+evaluates walls for these alone. It looks through all elements where it begins, and watches those with a corner below
+`NEARLY_FOLDED`. All other corners have room: with edges of lengths A, B, C and vertices that move by at most d = t/2,
+
+    |J' - J| <= r ((A + t)(B + t)(C + t) - A B C) <= 3 r t (A B + B C + C A)    for t <= A, B, C
+
+with one over the triple product at rest, r. While a descent has moved no vertex farther than the least of these d, no
+corner outside of the list can be below J_0. Beyond it, the descent looks again. So what it lowers is the energy with
+the walls of all elements, always, and sound bodies pay for one look a solve.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import inlined, internal, kernel
+from gdfe_ros.materials.tensor import cross, dot
+from gdfe_ros.solver.elements.folding import THRESHOLD, edge_at, load_corners
+from gdfe_ros.solver.elements.measures import least_corner
+from gdfe_ros.solver.elements.operators import Operators
+
+NEARLY_FOLDED = 0.4
+"""Least volume ratio of a corner below which its element is watched: twice the walls' threshold."""
+
+
+class Watch(NamedTuple):
+    """The watched elements of a solve; descents add to them.
+
+    Attributes:
+        elements: (m,) int32, of which the first ``count`` are watched.
+        count: (1,) int64.
+        member: (m,) bool, whether each element is watched.
+        room: (2,) how far [m] vertices may move until the next look: from where a descent is, and from where it last
+            evaluated the energy.
+    """
+
+    elements: NDArray[np.int32]
+    count: NDArray[np.int64]
+    member: NDArray[np.bool_]
+    room: NDArray[np.float64]
+
+    @classmethod
+    def over(cls, elements: int) -> Watch:
+        """Watch nothing yet, of so many elements."""
+        numbers, none = np.zeros(elements, dtype=np.int32), np.zeros(elements, dtype=np.bool_)
+        return cls(numbers, np.zeros(1, dtype=np.int64), none, np.full(2, -1.0))
+
+    @property
+    def watched(self) -> NDArray[np.int32]:
+        """The watched elements (k,)."""
+        return self.elements[: self.count[0]]
+
+
+@internal
+def look(x, shape, blocks, watch):
+    """Watch the elements of ``blocks`` that are nearly folded; return the room [m] of all others at ``x`` (n, 3)."""
+    corners, room = np.empty((8, 3)), math.inf
+    for block in range(len(blocks.element)):
+        for lane in range(blocks.used[block]):
+            e = blocks.element[block, lane]
+            if watch.member[e]:
+                continue
+            load_corners(x, shape, e, corners)
+            found = element_room(corners, shape.corner_ratio[e])
+            if found > 0.0:
+                room = min(room, found)
+                continue
+            watch.member[e] = True
+            watch.elements[watch.count[0]] = e
+            watch.count[0] += 1
+    return room
+
+
+@inlined
+def element_room(corners, ratios):
+    """Return the room [m] of an element with these corners (8, 3) [m]; 0 where it is nearly folded."""
+    room = math.inf
+    for c in range(8):
+        a, b, d = edge_at(corners, c, 0), edge_at(corners, c, 1), edge_at(corners, c, 2)
+        ratio = ratios[c] * dot(a, cross(b, d))
+        if not ratio >= NEARLY_FOLDED:
+            return 0.0
+        first, second, third = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(d, d))
+        share = 3.0 * ratios[c] * (first * second + second * third + third * first)
+        room = min(room, min(min(first, second), min(third, (ratio - THRESHOLD) / share)))
+    return 0.5 * room
+
+
+def nearly_folded(positions: NDArray[np.float64], operators: Operators) -> NDArray[np.int32]:
+    """Return the elements with a corner below `NEARLY_FOLDED` at ``positions`` (n, 3) [m]."""
+    found = np.zeros(len(operators.shape.cells), dtype=np.bool_)
+    _tell_nearly_folded(positions, operators.shape, found)
+    return np.flatnonzero(found).astype(np.int32)
+
+
+@kernel
+def _tell_nearly_folded(x, shape, found):
+    for e in range(len(found)):
+        found[e] = not least_corner(x, shape, e) >= NEARLY_FOLDED

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether an equilibrium is stable, and the way down from one that is not: a saddle of the energy."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.descent.minimiser import Task
+from gdfe_ros.solver.descent.products import TangentProducts
+from gdfe_ros.solver.distance import largest
+from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
+
+FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
+"""First length along a direction that curves down, over the body's size, and how often it is doubled or quartered."""
+RANDOM = 0.1
+"""Share of a random load beside that of the softest motion, with which the search begins: a part alone may buckle."""
+FALL = 1e-9
+"""Share of the energy by which it falls at least on a way down; less is rounding."""
+STEP, ASK, LOOK = 4, 40, 500
+"""What a step counts beside its iterations, and after how many of both the softest direction is asked again, which is
+one product, and after how many it is looked for anew: each about a fortieth of the work of a stream."""
+
+
+class Downhill(NamedTuple):
+    """Where the energy is less along a direction.
+
+    Attributes:
+        unknowns: (3 r,).
+        positions: (n, 3) [m].
+    """
+
+    unknowns: NDArray[np.float64]
+    positions: NDArray[np.float64]
+
+
+class Stability:
+    """Looks for directions along which the energy of an equilibrium curves down.
+
+    Args:
+        body: the discretised body.
+        softest: (3 r,) the constant matrix times the softest motion at rest: in such motions bodies buckle.
+    """
+
+    def __init__(self, body: Body, softest: NDArray[np.float64]) -> None:
+        self._size, self._product = body.size, TangentProducts(body)
+        noise = np.random.default_rng(0).standard_normal(len(softest))
+        self._load = softest + RANDOM * np.linalg.norm(softest) / np.linalg.norm(noise) * noise
+
+    def look(self, task: Task) -> Lowest:
+        """Return the softest direction at the unknowns of ``task``, whose terms are evaluated there.
+
+        The first vector has a share of all motions, from a fixed seed: a body that is symmetric to the last bit has no
+        force, and no rounding, along the motion in which it buckles.
+        """
+        with task.turn:
+            self._product.begin(task)
+            return lowest(self._product, task.precondition, self._load)
+
+    def curves_down(self, task: Task, direction: NDArray[np.float64]) -> bool:
+        """Tell whether the energy curves down along a direction (3 r,) that `look` found elsewhere."""
+        with task.turn:
+            self._product.begin(task)
+            return float(direction @ self._product(direction)) < -FLAT
+
+    def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
+        """Return the lowest point along a direction (3 r,), whose length is doubled while the energy falls.
+
+        None where it does not fall.
+        """
+        work = task.active.workspace
+        sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
+        unit, length, best, found = sign / largest(direction) * direction, FIRST * self._size, np.inf, None
+        start = float(task.active.status["energy"])
+        least = start - FALL * float(task.active.status["absolute"] + task.active.status["outside"])
+        self._product.begin(task)
+        for _ in range(SHORTENINGS + DOUBLINGS):
+            with task.turn:
+                energy = self._product.energy(length * unit)
+            if not energy < min(least, best):
+                if found is not None:
+                    break
+                length *= 0.25
+                continue
+            best, found = energy, Downhill(work.u + length * unit, self._product.positions.copy())
+            length *= 2.0
+        return found

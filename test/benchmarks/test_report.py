@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of measurements: where they are from, that they are whole, and what makes them stale."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from benchmarks import provenance
+from benchmarks.provenance import Provenance, ProvenanceError, solver_commit, stamp
+from benchmarks.report import Report, read_report, write_report
+
+MADE = Provenance("5eecb34", "2026-11-23", "AMD EPYC, 2 cores, Python 3.11.7, numba 0.68.1")
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give a checkout with a solver and a page, each in a commit of its own."""
+    monkeypatch.setattr(provenance, "ROOT", tmp_path)
+    solver_commit.cache_clear()
+    monkeypatch.setattr("benchmarks.provenance.solver_commit", solver_commit.__wrapped__)
+    git(tmp_path, "init", "-q")
+    for name in ("gdfe_ros", "docs"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "file").write_text(name)
+        git(tmp_path, "add", ".")
+        git(tmp_path, "-c", "user.name=n", "-c", "user.email=e", "commit", "-qm", name)
+    return tmp_path
+
+
+def git(folder: Path, *words: str) -> str:
+    """Run git in a folder; return what it prints."""
+    return subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_the_commit_is_that_of_the_solver(checkout: Path) -> None:
+    """Commit a page after the solver: the solver's commit counts, and is marked once a file of it has changed."""
+    first = git(checkout, "rev-list", "--max-parents=0", "HEAD")[:7]
+    assert provenance.solver_commit() == first
+    (checkout / "docs" / "file").write_text("other")
+    assert provenance.solver_commit() == first
+    assert Provenance(first).is_current
+    (checkout / "gdfe_ros" / "file").write_text("other")
+    assert provenance.solver_commit() == first + "+"
+    assert not Provenance(first + "+").is_current
+
+
+def test_no_checkout_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ask for the commit where there is none: an error says where, why, and what to do."""
+    monkeypatch.setattr(provenance, "ROOT", tmp_path)
+    with pytest.raises(ProvenanceError, match=rf"{re.escape(str(tmp_path))}.*measure in a git checkout"):
+        provenance.solver_commit.__wrapped__()
+
+
+def test_the_stamp_is_of_today_and_of_this_machine() -> None:
+    """Stamp: a commit, a day, a processor, cores and versions, in one line."""
+    made = stamp()
+    assert re.fullmatch(r"[0-9a-f]{7}\+?", made.commit)
+    assert made.date == date.today().isoformat()
+    assert re.fullmatch(r".+, \d+ cores?, Python \S+, numba \S+", made.machine)
+    assert made.line == f"*Measured {made.date} at {made.commit} on {made.machine}.*"
+    assert Provenance().line == "*Measured with an older solver.*"
+
+
+def test_a_report_survives_its_file(tmp_path: Path) -> None:
+    """Write data and probe, and read them back; nothing else is left in the folder."""
+    path = tmp_path / "new" / "rows.json"
+    write_report(path, [{"a": 1.5}], {"iterations": 7, "kind": "Fronts"})
+    found = read_report(path)
+    assert (found.data, found.probe, found.made) == ([{"a": 1.5}], {"iterations": 7, "kind": "Fronts"}, stamp())
+    assert [item.name for item in path.parent.iterdir()] == ["rows.json"]
+
+
+def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
+    """Write what is no JSON over a report: an error, and the old one is still there."""
+    path = tmp_path / "rows.json"
+    write_report(path, [1], {"a": 1})
+    with pytest.raises(TypeError, match="cannot hold"):
+        write_report(path, [object()], {"a": 2})
+    assert read_report(path).data == [1]
+
+
+def test_another_form_is_refused(tmp_path: Path) -> None:
+    """Read bare rows: the error names the file and the remedy."""
+    path = tmp_path / "robots.json"
+    path.write_text("[]")
+    with pytest.raises(ValueError, match=r"robots.json .* make measure ONLY=robots"):
+        read_report(path)
+
+
+@pytest.mark.parametrize(
+    ("now", "stale"),
+    [
+        ({"iterations": 100, "kind": "Fronts"}, []),
+        ({"iterations": 109, "kind": "Fronts"}, []),
+        ({"iterations": 115, "kind": "Fronts"}, ["iterations"]),
+        ({"iterations": 85, "kind": "Fronts"}, ["iterations"]),
+        ({"iterations": 100, "kind": "Band"}, ["kind"]),
+        ({"kind": "Fronts"}, ["iterations"]),
+        ({"iterations": 100, "kind": "Fronts", "error": 0.1}, ["error"]),
+    ],
+)
+def test_what_differs_by_more_than_a_tenth_is_stale(now: dict[str, float | str], stale: list[str]) -> None:
+    """Compare probes: figures by a tenth, texts as they are; none may be missing on either side."""
+    report = Report([], MADE, {"iterations": 100, "kind": "Fronts"})
+    assert [text.partition(":")[0] for text in report.stale(now)] == stale
+
+
+def test_a_report_without_a_probe_is_stale() -> None:
+    """Compare with a report of before there were probes."""
+    assert Report([], MADE).stale({"iterations": 1}) == ["measured before probes were kept"]

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Resets of commands, of rigid bodies and of the shape alone: what is not named goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import TwistStamped
+from std_srvs.srv import SetBool, Trigger
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.constraints import Pose
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.simulation import Command, Simulation
+
+SLAB = """
+name: slab
+mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [2, 2, 1]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.0205], fixed: true}}
+bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.0, 0, 0.031]}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
+"""
+
+
+def _trigger(client: Any, name: str) -> str:
+    response = client.call(Trigger, name, Trigger.Request())
+    assert response.success, response.message
+    return response.message
+
+
+def test_commands_go_back_to_rest_with_the_next_step(
+    client: Any, start: Callable, coarse: dict, tmp_path: Path
+) -> None:
+    """Lead the tip by a velocity that stays in force, reset the commands: it comes back, and a bag replays."""
+    start(**coarse, velocity_timeout=1000.0, record=True, bag_path=str(tmp_path / "bag"))
+    twist = TwistStamped()
+    twist.twist.linear.z = 0.02
+    client.publish("handles/tip/velocity", twist)
+    client.wait(lambda: client.mesh()[:, 5].max() > 0.01)
+    before = client.record().time
+    _trigger(client, "reset_commands")
+    client.wait(lambda: abs(client.mesh()[:, 5]).max() < 1e-4)
+    assert client.record().time > before
+    assert client.call(SetBool, "record", SetBool.Request(data=False)).success
+    assert Replay(BagRun(tmp_path / "bag")).run().differences.verdict() is Verdict.IDENTICAL
+
+
+def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coarse: dict) -> None:
+    """Lift the tip, reset the shape: at rest at once, the time stays; not while a bag is written."""
+    start(**coarse)
+    client.target(0.05)
+    client.wait(lambda: client.mesh()[:, 5].max() > 0.049)
+    client.status()
+    before = client.record().time
+    assert "at the rest shape, time" in _trigger(client, "reset_shape")
+    client.wait(lambda: not client.mesh()[:, 3:].any())
+    assert client.record().time >= before
+    client.target(0.02)
+    client.wait(lambda: abs(client.mesh()[:, 5].max() - 0.02) < 1e-5)
+    assert "no rigid bodies" in client.call(Trigger, "reset_bodies", Trigger.Request()).message
+
+
+def test_bodies_go_back_and_the_rest_goes_on(client: Any, start: Callable, tmp_path: Path) -> None:
+    """Let a box fall, put it back by the service: it is where it began, without velocity, and falls again."""
+    path = tmp_path / "slab.yaml"
+    path.write_text(SLAB.replace("0.031]", "0.061]"))
+    start(scene=str(path), clock="lockstep", dt=0.01)
+    client.wait(client.records)
+    for _ in range(5):
+        _trigger(client, "step")
+    assert _trigger(client, "reset_bodies") == "the next step puts back part"
+    _trigger(client, "step")
+    client.wait(lambda: any(record.bodies for record in client.records()))
+    record = next(record for record in client.records() if record.bodies)
+    assert record.bodies == {"part": Pose()}
+    assert record.time == pytest.approx(0.06)
+
+
+def test_a_simulation_goes_back_to_its_shape_alone() -> None:
+    """Let a box press a slab, reset the shape: the slab is at rest, the box where it was, both still; time stays."""
+    simulation = Simulation(scene_from_text(SLAB, origin="of a test"))
+    for _ in range(10):
+        simulation.step(Command(loads={"weight": 5.0}), dt=0.01)
+    place = simulation.handle_pose("part")
+    assert np.abs(simulation.positions - simulation.mesh.vertices).max() > 1e-5
+    simulation.step(Command(bodies={"part": Pose((0.0, 0.0, 0.02))}), dt=0.005)
+    place = simulation.handle_pose("part")
+    simulation.reset_shape()
+    np.testing.assert_array_equal(simulation.positions, simulation.mesh.vertices)
+    np.testing.assert_allclose(simulation.handle_pose("part").translation, place.translation, atol=1e-12)
+    assert simulation.time == pytest.approx(0.105)
+    assert simulation.commands["weight"] == 1.0
+    assert simulation.step(dt=0.005).converged

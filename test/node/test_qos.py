@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which packages of messages count as installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gdfe_ros.node.qos import installed
+
+
+def test_a_folder_of_the_same_name_is_no_installed_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put the sources of a package on Python's path: not installed, as the package itself is."""
+    (tmp_path / "made_msgs" / "action").mkdir(parents=True)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert not installed("made_msgs/action/Made")
+    assert not installed("missing_msgs/action/Made")
+    (tmp_path / "made_msgs" / "action" / "__init__.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)  # Python forgets what it knows of the folder
+    assert installed("made_msgs/action/Made")

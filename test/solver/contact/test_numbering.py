@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What soft bodies do to each other in motion does not depend on their order, the place of the origin or the unit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gdfe_ros import Simulation
+from gdfe_ros.constraints.self_contact import NAME
+from gdfe_ros.scene.loader import scene_from_text
+
+CUBE = {"bar": {"size": [0.04, 0.04, 0.04], "cells": [3, 3, 3]}}
+PLACES = {"low": (0.0, 0.0, 0.02), "high": (0.007, 0.004, 0.11)}
+PAIR = """
+name: pair
+meshes: {}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, 0], friction: 0.5, fixed: true}}
+self_contact: {friction: 0.5}
+dynamics: {step: 0.005}
+"""
+
+
+def fallen(
+    *, order: Sequence[str] = ("low", "high"), origin: Sequence[float] = (0.0, 0.0, 0.0), unit: float = 1.0
+) -> dict[str, NDArray[np.float64]]:
+    """Return by mesh where two cubes are, over their size, 0.25 s after one began to fall by 5 cm onto the other."""
+    meshes: dict[str, Any] = {name: {**CUBE, "at": np.add(PLACES[name], origin).tolist()} for name in order}
+    given = {"materials.soft.young": 1e5 * unit, "materials.soft.density": 1000 * unit, "obstacles.floor.at": [*origin]}
+    simulation, touched = Simulation(scene_from_text(PAIR, overrides={"meshes": meshes, **given})), False
+    for _ in range(50):
+        result = simulation.step()
+        assert result.converged, result.message
+        touched = touched or len(result.contacts[NAME].presses) > 0
+    assert touched
+    halves = np.split((result.positions - origin) / simulation.mesh.size, 2)
+    return dict(zip(order, halves, strict=True))
+
+
+@pytest.mark.parametrize("other", [{"order": ("high", "low")}, {"origin": (0.13, -0.07, 0.05)}, {"unit": 100.0}])
+def test_two_soft_cubes_collide_alike(other: dict[str, Any]) -> None:
+    """Number them the other way round, move the origin, count in other units: within 0.3 % of the size after 0.25 s.
+
+    At most 7.4e-4 in eight such scenes of cubes and balls, none of which has edge on edge.
+    """
+    here, there = fallen(), fallen(**other)
+    for name in PLACES:
+        assert np.linalg.norm(here[name] - there[name], axis=1).max() < 3e-3

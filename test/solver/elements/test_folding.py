@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The wall at corners: its energy, its forces, and where it acts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gdfe_ros.compiled import kernel
+from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.folding import LINE, THRESHOLD, add_walls, wall
+from gdfe_ros.solver.elements.measures import least_corner
+from gdfe_ros.solver.elements.watch import NEARLY_FOLDED, Watch, look
+
+
+@kernel
+def _walls(x, watched, shape, material, table, force, energy):
+    add_walls(x, watched, shape, material, table, force, energy)
+
+
+@kernel
+def _look(x, shape, blocks, watch):
+    return look(x, shape, blocks, watch)
+
+
+@kernel
+def _least(x, shape, out):
+    for e in range(len(out)):
+        out[e] = least_corner(x, shape, e)
+
+
+def walls(body: Body, shape: ShapeOperators, x: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the energy [J] of the walls of all elements and its gradient (n, 3) [N]."""
+    count = len(body.material)
+    force, energy, gradient = np.zeros((count, 8, 3)), np.zeros(count), np.zeros_like(x)
+    _walls(x, np.arange(count, dtype=np.int32), shape, body.material, body.table, force, energy)
+    np.add.at(gradient, shape.cells, force)
+    return float(energy.sum()), gradient
+
+
+def pressed(mesh: HexMesh, share: float) -> np.ndarray:
+    """Return positions with a vertex pushed by a share of the way to the middle, which makes corners flat."""
+    x, random = mesh.vertices.copy(), np.random.default_rng(1)
+    x[0] += share * (x.mean(axis=0) - x[0])
+    return x + random.normal(scale=0.002 * mesh.size, size=x.shape)
+
+
+@pytest.mark.parametrize("filled", ["whole", "cut"])
+def test_forces_are_the_slopes_of_the_energy(element: HexMesh, make_body: Callable[..., Body], filled: str) -> None:
+    """Press corners of four shapes of cells, whole and cut: forces are differences of energies."""
+    body = make_body(element)
+    shape = body.shape
+    if filled == "cut":
+        box = np.array([[[0.0, 0.8], [0.1, 1.0], [0.0, 1.0]]])
+        ratios = shape.corner_ratio / (0.8 * 0.9)
+        shape = shape._replace(cut=np.array([True]), box=box, corner_ratio=ratios)
+    for share in (0.9, 1.0, 1.2):
+        x, step = pressed(element, share), 1e-7 * element.size
+        energy, gradient = walls(body, shape, x)
+        assert energy > 0.0
+        slopes = np.zeros_like(x)
+        for place in np.ndindex(x.shape):
+            ahead, behind = x.copy(), x.copy()
+            ahead[place] += step
+            behind[place] -= step
+            slopes[place] = (walls(body, shape, ahead)[0] - walls(body, shape, behind)[0]) / (2.0 * step)
+        np.testing.assert_allclose(gradient, slopes, atol=1e-6 * np.abs(slopes).max())
+        np.testing.assert_allclose(gradient.sum(axis=0), 0.0, atol=1e-12 * np.abs(gradient).max())
+
+
+def test_the_wall_begins_smoothly_and_goes_on_straight() -> None:
+    """Value, slope and curvature vanish at the threshold; below `LINE` the slope stays; between, b is (1 - s)^3 / s."""
+    near, step = 1.0 - 1e-6, 1e-3
+    assert wall.py_func(near)[0] == pytest.approx(0.0, abs=1e-17)
+    assert wall.py_func(near)[1] == pytest.approx(0.0, abs=1e-11)
+    assert (wall.py_func(near)[1] - wall.py_func(near - step)[1]) / step == pytest.approx(0.0, abs=0.01)
+    for s in (0.9, 0.5, 0.2, 0.11):
+        value, slope = wall.py_func(s)
+        assert value == pytest.approx((1.0 - s) ** 3 / s)
+        assert slope == pytest.approx((wall.py_func(s + 1e-6)[0] - wall.py_func(s - 1e-6)[0]) / 2e-6, rel=1e-5)
+    assert wall.py_func(-3.0)[1] == wall.py_func(LINE)[1]
+    assert wall.py_func(LINE - 1e-12)[0] == pytest.approx(wall.py_func(LINE)[0])
+
+
+def test_sound_corners_feel_nothing(distorted: HexMesh, make_body: Callable[..., Body]) -> None:
+    """Strain a block of skewed cells by a third: no wall has an energy."""
+    body = make_body(distorted)
+    assert walls(body, body.shape, 0.7 * distorted.vertices)[0] == 0.0
+
+
+def test_no_corner_folds_within_the_room(distorted: HexMesh, make_body: Callable[..., Body]) -> None:
+    """Move every vertex as far as a look allows: whatever was not watched stays above the threshold."""
+    body = make_body(distorted)
+    count, random = len(body.material), np.random.default_rng(3)
+    for noise in (0.0, 0.01, 0.02):
+        x, watch, least = distorted.vertices + random.normal(scale=noise, size=body.rest.shape), Watch.over(count), None
+        room, least = _look(x, body.shape, body.blocks, watch), np.empty(count)
+        _least(x, body.shape, least)
+        np.testing.assert_array_equal(np.sort(watch.watched), np.flatnonzero(least < NEARLY_FOLDED))
+        assert 0.0 < room < distorted.size
+        for _ in range(200):
+            way = random.normal(size=x.shape)
+            _least(x + room * way / np.linalg.norm(way, axis=1, keepdims=True), body.shape, least)
+            assert least[~watch.member].min(initial=1.0) >= THRESHOLD

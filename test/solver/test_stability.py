@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Equilibria that are saddles of the energy are left, in one step and in small ones; sound ones keep their bits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Simulation
+from gdfe_ros.constraints import Pose
+from gdfe_ros.scene import load_scene, scene_from_text
+from gdfe_ros.simulation import Command
+from gdfe_ros.solver.equilibrium.stability import Stability
+from gdfe_ros.solver.settings import Policy
+from gdfe_ros.solver.tangent.curvature import Lowest
+
+COLUMN = """
+name: column
+mesh: {bar: {size: [0.2, 0.01, 0.01], cells: [20, 2, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.3, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}, tip: {where: {face: x+}}}
+"""
+STANDING = """
+name: standing
+mesh: {bar: {size: [0.01, 0.01, HEIGHT], cells: [2, 2, 24]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.3, density: 1000}}
+regions: [{material: soft}]
+handles: {base: {where: {face: z-}, fixed: true}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+"""
+LENGTH = 0.2
+
+
+def _shortened(share: float, aside: float = 0.0) -> Command:
+    return Command({"tip": Pose((-share * LENGTH, aside, 0.0))})
+
+
+@pytest.mark.parametrize("share", [0.02, 0.04, 0.1])
+def test_a_column_that_is_shortened_in_one_step_bends(share: float) -> None:
+    """Press a straight column past its buckling load: the energy is that of one that was pushed aside, twice alike."""
+    aside = Simulation(scene_from_text(COLUMN))
+    aside.step(_shortened(share, 0.02))
+    bent = aside.step(_shortened(share))
+    results = [Simulation(scene_from_text(COLUMN)).step(_shortened(share)) for _ in range(2)]
+    assert [result.converged for result in (bent, *results)] == [True] * 3
+    assert results[0].energy == pytest.approx(bent.energy, rel=2e-3)
+    assert results[0].stable is True
+    assert np.array_equal(results[0].positions, results[1].positions)
+
+
+def test_a_column_that_is_shortened_in_small_steps_bends() -> None:
+    """Press in steps of a thousandth, each smooth: it bends soon after the buckling load."""
+    small, large = Simulation(scene_from_text(COLUMN)), Simulation(scene_from_text(COLUMN))
+    for share in np.linspace(0.0, 0.02, 21)[1:]:
+        result = small.step(_shortened(share))
+    assert result.converged
+    assert result.energy == pytest.approx(large.step(_shortened(0.02)).energy, rel=2e-3)
+
+
+def test_steps_that_are_each_far_do_not_hide_a_saddle() -> None:
+    """Press by 0.7 %, where a column stands, and on in the same way to 1.9 %: it bends."""
+    simulation = Simulation(scene_from_text(COLUMN))
+    stands, bends = [simulation.step(_shortened(share)) for share in (0.007, 0.019)]
+    sideways = [np.abs(result.positions - simulation.mesh.vertices)[:, 1:].max() for result in (stands, bends)]
+    assert (stands.stable, bends.stable) == (True, True)
+    assert sideways[0] < 1e-4
+    assert sideways[1] > 5e-3
+
+
+@pytest.mark.parametrize(("height", "stands"), [(0.07, True), (0.12, False)])
+def test_a_column_stands_under_its_weight_up_to_the_critical_height(height: float, *, stands: bool) -> None:
+    """Weigh a column down whose critical height is 8.7 cm (Greenhill): a lower one stands, a higher one does not."""
+    simulation = Simulation(scene_from_text(STANDING.replace("HEIGHT", str(height))))
+    result = simulation.step()
+    sideways = np.abs(result.positions - simulation.mesh.vertices)[:, :2].max()
+    assert (result.converged, result.stable) == (True, True)
+    assert (sideways < 0.05 * height) == stands
+
+
+def test_a_saddle_that_is_not_left_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Find no way down from a saddle: the result says that it is unstable, and what to do."""
+    monkeypatch.setattr(Stability, "leave", lambda self, task, direction: None)
+    result = Simulation(scene_from_text(COLUMN)).step(_shortened(0.04))
+    assert result.stable is False
+    assert "unstable" in result.message
+    assert "push it aside" in result.message
+
+
+def test_an_even_stretch_that_is_a_saddle_is_left_for_less_energy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pull a material that yields to its end at once: it ends sound, below the energy of the shape not looked at."""
+    found = list(Simulation(load_scene("tensile_curve")).play(1))[-1]
+    monkeypatch.setattr(Stability, "look", lambda *_: Lowest(1.0, np.zeros(0), known=True, products=0))
+    even = list(Simulation(load_scene("tensile_curve")).play(1))[-1]
+    assert (found.converged, found.stable, even.converged) == (True, True, True)
+    assert found.min_det > 0.0
+    assert found.energy < 0.999 * even.energy
+
+
+def test_looking_changes_no_bit_of_what_is_stable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bend a bar in steps that are cold, warm, and back again, with and without a look: the same to the last bit."""
+
+    def run(look: bool) -> list[bytes]:
+        simulation = Simulation(scene_from_text(COLUMN))
+        if not look:
+            monkeypatch.setattr(simulation._stepper.equilibrium, "_stability", None)
+        ways = [*np.linspace(0.0, 0.02, 9), 0.05, 0.0]
+        results = [simulation.step(_shortened(-0.01, way)) for way in ways]
+        assert {result.stable for result in results} == {True if look else None}
+        return [result.positions.tobytes() for result in results]
+
+    assert run(look=True) == run(look=False)
+
+
+def test_a_policy_without_energy_does_not_say() -> None:
+    """Solve with captured shapes, which have no energy: nobody looks."""
+    text = f"{COLUMN}solver: {{policy: {Policy.RELATIVE.value}}}\n"
+    assert Simulation(scene_from_text(text)).step(_shortened(0.001)).stable is None

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Message packages that are built for tests: who may see them, and when."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gdfe_ros.testing import interfaces
+
+
+class _Builder:
+    """Makes a package without sources."""
+
+    def __init__(self, definitions: Path, target: Path) -> None:
+        self._target = target
+
+    def build(self) -> None:
+        self._target.mkdir(parents=True)  # raises where it is there already
+
+
+def test_who_imports_a_package_sees_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Build two packages in one folder: neither is where the other is imported from, and each is built once."""
+    monkeypatch.setattr(interfaces, "_Builder", _Builder)
+    places = {name: interfaces.build_interfaces(Path(name), tmp_path) for name in ("one_msgs", "other_msgs")}
+    for name, place in places.items():
+        assert [path.name for path in place.iterdir()] == [name]
+        assert interfaces.build_interfaces(Path(name), tmp_path) == place
