@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import threading
+from collections.abc import Callable, Iterable
 
 from scipy.spatial.transform import Rotation
 
@@ -21,6 +22,8 @@ def pose_order(handle: str, pose: Pose) -> PoseOrder:
 class Programme:
     """Plays a program from a moment of the simulation on; what somebody else commands meanwhile leaves it.
 
+    Another thread may call `leave` while this one calls `give`. Once `leave` returns, no order for those names comes.
+
     Args:
         program: of the scene.
         start: simulation time at which it begins [s].
@@ -32,6 +35,7 @@ class Programme:
     def __init__(self, program: Program, start: float) -> None:
         self._program, self.start = program, start
         self._left: set[str] = set()
+        self._giving = threading.Lock()
 
     @property
     def duration(self) -> float:
@@ -40,14 +44,20 @@ class Programme:
 
     def leave(self, names: Iterable[str]) -> None:
         """Leave handles, actuators and loads to somebody else."""
-        self._left.update(names)
+        with self._giving:
+            self._left.update(names)
 
     def over(self, time: float) -> bool:
         """Tell whether nothing is left to command after a simulation time [s]."""
         return time - self.start >= self._program.duration
 
-    def orders(self, time: float) -> list[tuple[str, Order]]:
-        """Give what is commanded to a step that ends at a simulation time [s], by input."""
+    def give(self, time: float, send: Callable[[str, Order], None]) -> None:
+        """Send what is commanded to a step that ends at a simulation time [s], by input."""
+        with self._giving:
+            for name, order in self._orders(time):
+                send(name, order)
+
+    def _orders(self, time: float) -> list[tuple[str, Order]]:
         moment = time - self.start
         poses = self._program.handle_poses(moment)
         orders: list[tuple[str, Order]] = [

@@ -285,8 +285,7 @@ class LiveSession:
         if self._programme.over(time):
             self._programme = None
             return
-        for name, order in self._programme.orders(time + self.parameters["dt"]):
-            self._inbox.put(name, order)
+        self._programme.give(time + self.parameters["dt"], self._inbox.put)
 
     def report(self, text: str) -> None:
         """Tell of a step that failed."""

@@ -7,6 +7,7 @@ import contextlib
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -181,6 +182,28 @@ def test_what_no_step_follows_is_commanded_again(bar: str) -> None:
     player.stop()
     player.remind()
     assert len(sent) == 3
+
+
+def test_nothing_is_commanded_that_was_left_to_the_viewer(bar: str) -> None:
+    """Leave a tendon while the program's order for it is on its way: it has arrived once the tendon is left."""
+    happened: list[str] = []
+    viewers: list[threading.Thread] = []
+
+    def leave() -> None:
+        player.leave(["lower"])
+        happened.append("left")
+
+    def send(name: str, order: Any) -> None:
+        if name == "program":
+            viewers.append(threading.Thread(target=leave))
+            viewers[-1].start()
+            viewers[-1].join(0.2)
+        happened.append(name)
+
+    player = Player(scene_from_text(bar), send)
+    player.play()
+    viewers[-1].join()
+    assert happened == ["tip", "program", "left"]
 
 
 def test_the_end_of_a_program_is_commanded_though_the_word_of_steps_is_lost(bar: str) -> None:

@@ -65,13 +65,21 @@ class Commander:
             for ability, spec in SERVICES.items()
         }
 
+    def require(self, name: str, order: Order) -> None:
+        """Refuse an order of ``name`` that `send` would refuse.
+
+        Raises:
+            GdfeError: a number is not finite, or something is led too far away.
+        """
+        require_order(name, order, self._scene.mesh.size)
+
     def send(self, name: str, order: Order) -> None:
         """Publish an order of ``name``.
 
         Raises:
             GdfeError: a number is not finite, something is led too far away, or it is another kind of order.
         """
-        require_order(name, order, self._scene.mesh.size)
+        self.require(name, order)
         if isinstance(order, (PoseOrder, PutOrder)):
             position = Point(**dict(zip("xyz", order.translation, strict=True)))
             pose = PoseMessage(

@@ -189,8 +189,9 @@ class NodeSession:
         Raises:
             GdfeError: a number is not finite, or something is led too far away.
         """
-        self._commander.send(name, order)
+        self._commander.require(name, order)
         self._player.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
+        self._commander.send(name, order)
 
     def ask(self, ability: Ability) -> Future[str] | None:
         """Call a service, or play the program.

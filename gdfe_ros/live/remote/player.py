@@ -81,5 +81,4 @@ class Player:
 
     def _give(self, programme: Programme, time: float) -> None:
         self._next, self._given = time, monotonic()
-        for name, order in programme.orders(time):
-            self._send(name, order)
+        programme.give(time, self._send)
