@@ -66,19 +66,19 @@ def lowest(
     precondition(load, vector)
     weight = float(load @ vector)
     vectors = np.empty((most, len(load)), np.float32)  # what is not written takes no memory
-    diagonal, beside, values = [], [], []
-    coefficients, known, flat = np.ones(1), not weight > 0.0, FLAT if steady else 0.0
-    while weight > 0.0 and len(values) < most:
-        scale, count = 1.0 / np.sqrt(weight), len(values)
+    diagonal: list[float] = []
+    beside: list[float] = []
+    values: list[float] = []
+    known, flat = not weight > 0.0, FLAT if steady else 0.0
+    while weight > 0.0 and len(diagonal) < most:
+        scale = 1.0 / np.sqrt(weight)
         vector, load = scale * vector, scale * load
-        vectors[count] = vector
+        vectors[len(diagonal)] = vector
         image = product(vector)
         diagonal.append(float(vector @ image))
-        ritz, shapes = eigh_tridiagonal(np.array(diagonal), np.array(beside), select="i", select_range=(0, 0))
-        values.append(float(ritz[0]))
-        coefficients = shapes[:, 0]
-        enough = len(values) >= LEAST_PRODUCTS
-        known = enough and values[-1 - LOOK_BACK] - values[-1] <= max(steady * abs(values[-1]), flat)
+        if len(diagonal) >= LEAST_PRODUCTS - LOOK_BACK:
+            values.append(_least(diagonal, beside)[0])
+        known = len(values) > LOOK_BACK and (values[-1 - LOOK_BACK] - values[-1] <= max(steady * abs(values[-1]), flat))
         if known:
             break
         load, before = image - diagonal[-1] * load - (beside[-1] if beside else 0.0) * before, load
@@ -88,6 +88,13 @@ def lowest(
         if known:
             break
         beside.append(np.sqrt(weight))
-    if not values:
+    if not diagonal:
         return Lowest(1.0, np.zeros_like(load), True, 0)
-    return Lowest(values[-1], coefficients @ vectors[: len(values)], known, len(values))
+    value, coefficients = _least(diagonal, beside[: len(diagonal) - 1])
+    return Lowest(value, coefficients @ vectors[: len(diagonal)], known, len(diagonal))
+
+
+def _least(diagonal: list[float], beside: list[float]) -> tuple[float, NDArray[np.float64]]:
+    """Return the least eigenvalue of a symmetric tridiagonal matrix, and its vector."""
+    values, vectors = eigh_tridiagonal(np.array(diagonal), np.array(beside), select="i", select_range=(0, 0))
+    return float(values[0]), vectors[:, 0]
