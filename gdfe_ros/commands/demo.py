@@ -15,6 +15,7 @@ from rich.table import Table
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.recording.bag_info import IN_RUN
 from gdfe_ros.scene import Scene, load_scene
 
 FAILED = 1
@@ -35,8 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program'")
     out = arguments.out or Path("runs") / f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S}"
     console = Console()
-    first = _play(scene, str(arguments.scene), out / "bag", arguments.dt)
-    bag = BagRun(out / "bag")
+    first = _play(scene, str(arguments.scene), out / IN_RUN, arguments.dt)
+    bag = BagRun(out / IN_RUN)
     console.print(_table(scene, bag, first))
     _draw(bag, out / f"{scene.name}.png")
     console.print(f"bag      {out / 'bag'}\npicture  {out / f'{scene.name}.png'}")

@@ -9,13 +9,25 @@ from pathlib import Path
 
 from rich.console import Console
 
+from gdfe_ros.recording.bag_info import bag_directory
+
+BESIDE = Path()
+"""A moving picture that has no name of its own."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("bag", type=Path, help="directory of a bag that sim_node recorded")
+    parser.add_argument("bag", type=Path, help="directory of a bag that sim_node recorded, or of its run")
     parser.add_argument("--out", type=Path, metavar="FILE.html", help="default: <bag>_report.html beside the bag")
-    parser.add_argument("--gif", type=Path, metavar="FILE.gif", help="also draw the motion")
-    parser.add_argument("--mp4", type=Path, metavar="FILE.mp4", help="also draw the motion, as a video (extra 'video')")
+    for kind, text in (("gif", "also draw the motion"), ("mp4", "also draw the motion, as a video (extra 'video')")):
+        parser.add_argument(
+            f"--{kind}",
+            type=Path,
+            nargs="?",
+            const=BESIDE,
+            metavar=f"FILE.{kind}",
+            help=f"{text}; default: beside the page",
+        )
     parser.add_argument("--frames", type=int, default=40, help="of the moving picture (default: 40)")
     parser.add_argument("--field", default="eps_eq", help="that pictures are coloured by (default: eps_eq)")
 
@@ -28,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.mp4:
         require_video()
-    bag = arguments.bag.resolve()
+    bag = bag_directory(arguments.bag.resolve())
     out = arguments.out or bag.with_name(f"{bag.stem}_report.html")
     console, started = Console(soft_wrap=True), time.perf_counter()
     facts = write_report(bag, out)
@@ -39,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     console.print(f"picture  {write_png(bag, out.with_suffix('.png'), field=arguments.field)}")
     if arguments.gif or arguments.mp4:
         pictures = list(draw_steps(bag, field=arguments.field, frames=arguments.frames))
-        for path, write in ((arguments.gif, write_gif), (arguments.mp4, write_mp4)):
+        for path, ending, write in ((arguments.gif, ".gif", write_gif), (arguments.mp4, ".mp4", write_mp4)):
             if path:
-                console.print(f"motion   {write(pictures, path)}")
+                console.print(f"motion   {write(pictures, out.with_suffix(ending) if path == BESIDE else path)}")
     return 0

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gdfe_ros.mesh.touching import Touching
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HexMesh:
     """A mesh of 8-vertex hexahedra.
 
@@ -69,6 +69,13 @@ class HexMesh:
         for name in ("cell_sets", "vertex_sets"):
             sets = {key: np.unique(ids).astype(np.int32) for key, ids in getattr(self, name).items()}
             object.__setattr__(self, name, sets)
+
+    def __repr__(self) -> str:
+        spans = (
+            " x ".join(f"{span:.4g}" for span in self.bounds[1] - self.bounds[0]) if len(self.vertices) else "nothing"
+        )
+        parts = f", of {', '.join(self.parts)}" if self.parts else ""
+        return f"HexMesh({self.n_cells} cells, {self.n_vertices} vertices, {spans} m{parts})"
 
     @property
     def n_vertices(self) -> int:

@@ -7,6 +7,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -15,6 +16,17 @@ from gdfe_ros.recording.topic import TopicInfo
 
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
+IN_RUN = "bag"
+"""Folder of the bag in that of a run, which also has the table and the picture."""
+
+
+def bag_directory(path: Path) -> Path:
+    """Return the bag's directory: of a run's folder, the bag in it; of all else the path itself."""
+    return path / IN_RUN if path.is_dir() and not _has_bag(path) and _has_bag(path / IN_RUN) else path
+
+
+def _has_bag(path: Path) -> bool:
+    return (path / METADATA_FILE).is_file() or any(path.glob("*.mcap"))
 
 
 @dataclass(kw_only=True)

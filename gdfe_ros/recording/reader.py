@@ -17,7 +17,7 @@ from mcap.records import Channel, Schema
 
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.recording.bag_file import RECORDING_RECORD, ROLE_KEY, RUN_RECORD
-from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY
+from gdfe_ros.recording.bag_info import METADATA_FILE, ROOT_KEY, bag_directory
 from gdfe_ros.recording.frames import DAMAGE as UNREADABLE
 from gdfe_ros.recording.frames import require_sound_summary
 from gdfe_ros.recording.provenance import RunInfo
@@ -42,13 +42,13 @@ class BagReader:
     """A finished bag, ours or one of ``ros2 bag record --storage mcap``.
 
     Args:
-        path: directory of the bag, or one of its MCAP files.
+        path: directory of the bag or of the run that it is in, or one of the bag's MCAP files.
 
     Raises:
         RecordingError: no bag there, or it is cut off or damaged (the remedy is ``gdfe recover``).
 
     Attributes:
-        path: as given.
+        path: of the bag's directory or file.
         files: MCAP files in the order written.
         topics: by name.
         counts: number of messages by topic.
@@ -59,7 +59,7 @@ class BagReader:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+        self.path = bag_directory(Path(path))
         self.files = _bag_files(self.path)
         self.topics: dict[str, TopicInfo] = {}
         self.counts: Counter[str] = Counter()

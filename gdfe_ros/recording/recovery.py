@@ -11,6 +11,7 @@ from itertools import chain
 from pathlib import Path
 
 from gdfe_ros.errors import RecordingError
+from gdfe_ros.recording.bag_info import bag_directory
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.salvage import Salvage
 from gdfe_ros.recording.writer import BagOptions, BagWriter
@@ -53,7 +54,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, options: BagO
     The old bag is not touched. The run's origin (scene, settings, machine) is carried over.
 
     Args:
-        path: directory of the bag, or one MCAP file.
+        path: directory of the bag or of the run that it is in, or one MCAP file.
         output: directory of the new bag, which must not exist or be empty; None: beside the old one, with
             ``_recovered`` added to the name.
         options: how the new bag is written.
@@ -65,7 +66,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, options: BagO
         >>> report = recover("runs/bend5")
         >>> print(report.total, "messages in", report.path)
     """
-    source = Path(path)
+    source = bag_directory(Path(path))
     files = [source] if source.is_file() else sorted(source.glob("*.mcap"), key=_part_number)
     if not files:
         raise RecordingError(f"there is no MCAP file in {source}: name the directory of a bag")

@@ -167,6 +167,16 @@ def test_the_command_writes_page_picture_and_motion(make_bag: Callable[..., Path
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=\"http", text)
 
 
+def test_the_folder_of_a_run_is_as_good_as_its_bag(make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """Name the folder that holds the bag, and no file for the motion: page, picture and motion stand beside the bag."""
+    run = tmp_path / "run"
+    run.mkdir()
+    make_bag().rename(run / "bag")
+    assert main(["report", str(run), "--gif", "--frames", "3"]) == 0
+    assert {path.name for path in run.iterdir()} == {"bag", "bag_report.html", "bag_report.png", "bag_report.gif"}
+    assert main(["replay", str(run)]) == 0
+
+
 def test_a_video_has_every_frame(make_bag: Callable[..., Path], tmp_path: Path) -> None:
     """Ask for an mp4 of five frames: it decodes to five pictures of the PNG's size, and the last shows the bent bar."""
     out, mp4 = tmp_path / "r.html", tmp_path / "r.mp4"

@@ -62,3 +62,8 @@ def test_wrong_shapes_are_named_together() -> None:
     assert len(caught.value.defects) == 3
     assert "(n, 3)" in str(caught.value)
     assert "(m, 8)" in str(caught.value)
+
+
+def test_a_mesh_is_printed_in_one_line() -> None:
+    """Print a mesh: kinds, counts and size, and none of its arrays."""
+    assert repr(bar([0.5, 0.2, 0.1], [5, 3, 2])) == "HexMesh(30 cells, 72 vertices, 0.5 x 0.2 x 0.1 m)"
