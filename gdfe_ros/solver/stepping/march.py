@@ -49,11 +49,6 @@ class March:
         return self.reached and self.converged and self.state.summary.min_det > 0.0
 
     @property
-    def crumpled(self) -> bool:
-        """Whether walls keep corners from folding: another equilibrium may be lower in energy."""
-        return self.state.summary.min_det < THRESHOLD
-
-    @property
     def inverted(self) -> bool:
         """Whether an element is folded or inverted, or a position is not a number."""
         return not self.state.summary.min_det > 0.0
@@ -82,3 +77,8 @@ class March:
         if not self.sound:
             return other.inverted and not self.inverted
         return self.differs(other, reach) and gain >= -SAME * other.state.summary.energy
+
+
+def crumpled(state: State) -> bool:
+    """Tell whether elements are folded, or kept from it by walls: another equilibrium may be lower in energy."""
+    return not state.summary.min_det >= THRESHOLD

@@ -19,7 +19,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.attempt import FOLDS, Attempt
 from gdfe_ros.solver.stepping.balance import jumped
 from gdfe_ros.solver.stepping.increments import planned_increments
-from gdfe_ros.solver.stepping.march import NEAR, March
+from gdfe_ros.solver.stepping.march import NEAR, March, crumpled
 from gdfe_ros.solver.stepping.placing import placed, require_own
 from gdfe_ros.solver.stepping.way import Goal, Verdict, Way
 from gdfe_ros.solver.terms.actuation import Actuation
@@ -93,10 +93,11 @@ class Stepper:
             return _refused(state, unreachable)
         march, suspect, tried = self._march(state, goal), state.suspect, state.tried
         unfinished = march.state.unfinished
-        given_up = unfinished is None or unfinished.iterations >= self.equilibrium.patience
-        doubtful = march.crumpled or not march.sound
+        given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
+        doubtful = crumpled(state) or crumpled(march.state) or not march.sound
         if given_up and state.anchor is not None and doubtful and not past(deadline):
-            # What a cut solve left behind leads nowhere, or to a crumpled body: the last equilibrium may lead on.
+            # What a cut solve left behind leads nowhere, or is crumpled and leads to another equilibrium of more
+            # energy: the last equilibrium may lead on.
             again = self._march(state.anchor, goal)
             lower = not march.sound or self._energy(again.state) < self._energy(march.state)
             march = _after(again if again.sound and lower else march, march, again)
@@ -155,7 +156,7 @@ class Stepper:
     def _march(self, state: State, goal: Goal) -> March:
         """Follow a goal from ``state``, in smaller increments where an attempt asks for them."""
         planned = planned_increments(goal.poses, state.poses, self.body.size)
-        way = Way.between(state, goal, planned, self._settings.max_iterations)
+        way, begin = Way.between(state, goal, planned, self._settings.max_iterations), state
         while True:
             attempt = self._attempt(way, state)
             verdict = attempt.verdict
@@ -163,7 +164,7 @@ class Stepper:
             if verdict is Verdict.WITHDRAW:
                 return self._end(_withdrawn(state, attempt), way, attempt.solution)
             if verdict in (Verdict.ACCEPT, Verdict.STOP):
-                state = self._accepted(state, attempt)
+                state = self._accepted(state, attempt, begin)
             if verdict is Verdict.STOP:
                 return changed(self._end(state, way, attempt.solution), snapped=attempt.snapped)
 
@@ -197,11 +198,15 @@ class Stepper:
         since = (state.anchor or state).positions
         return self.actuation.unstable(solution.positions, since, commands, before)
 
-    def _accepted(self, state: State, attempt: Attempt) -> State:
-        """Return the state of an accepted attempt; on the way to an equilibrium it remembers the last one."""
+    def _accepted(self, state: State, attempt: Attempt, begin: State) -> State:
+        """Return the state of an accepted attempt; on the way to an equilibrium it remembers the last one.
+
+        Rather than one that is crumpled on the way of a march that fails, that is the one with which the march began.
+        """
         accepted = self.equilibrium.accept(attempt.solution, state)
-        before = state if state.unfinished is None and state.sound else None
-        anchor = state.anchor or before if accepted.unfinished is not None else None
+        before = [each for each in (state, begin) if each.unfinished is None and each.sound]
+        before.sort(key=crumpled)
+        anchor = state.anchor or next(iter(before), None) if accepted.unfinished is not None else None
         changes = {"sound": attempt.sound, "anchor": anchor}
         if attempt.snapped:
             message = f"{SNAPPED}; {accepted.summary.message}".rstrip("; ")
