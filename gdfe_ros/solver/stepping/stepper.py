@@ -199,14 +199,16 @@ class Stepper:
         return self.actuation.unstable(solution.positions, since, commands, before)
 
     def _accepted(self, state: State, attempt: Attempt, begin: State) -> State:
-        """Return the state of an accepted attempt; on the way to an equilibrium it remembers the last one.
+        """Return the state of an accepted attempt; where a march fails on the way, it remembers the last equilibrium.
 
-        Rather than one that is crumpled on the way of a march that fails, that is the one with which the march began.
+        That is rather the one with which the march began than one that is crumpled.
         """
         accepted = self.equilibrium.accept(attempt.solution, state)
         before = [each for each in (state, begin) if each.unfinished is None and each.sound]
         before.sort(key=crumpled)
-        anchor = state.anchor or next(iter(before), None) if accepted.unfinished is not None else None
+        crumples = attempt.verdict is Verdict.STOP and attempt.way.next < 1.0 and crumpled(accepted)
+        fails = accepted.unfinished is not None or crumples
+        anchor = state.anchor or next(iter(before), None) if fails else None
         changes = {"sound": attempt.sound, "anchor": anchor}
         if attempt.snapped:
             message = f"{SNAPPED}; {accepted.summary.message}".rstrip("; ")
@@ -215,6 +217,12 @@ class Stepper:
 
     def _end(self, state: State, way: Way, solution: Solution) -> March:
         reached, summary = way.done == 1.0, state.summary
+        if not reached and summary.converged:
+            deadline = way.goal.deadline
+            ended = deadline.reason if past(deadline) else f"{way.iterations} iterations are spent"
+            text = f"{ended} at {way.done:.3g} of the way to the command; the next step goes on from there"
+            summary = changed(summary, converged=False, message=text)
+            state = state.with_(summary=summary)
         if way.folded and not (summary.converged and reached) and FOLDS not in summary.message:
             text = "; ".join(part for part in (summary.message, FARTHER_FOLDS) if part)
             summary = changed(summary, converged=False, message=text)
