@@ -346,7 +346,7 @@ class Stepper:
             command = Command()
             result = simulation.step(command, dt=dt, **limits)
         self.work = None
-        self.slew.note(converged=result.converged, cut=result.cut_after is not None)
+        self.slew.note(converged=result.converged, cut=result.cut_after is not None, iterations=result.iterations)
         if not np.isfinite(result.positions).all():
             raise GdfeError(f"step {self.count} gave positions that are not finite numbers: {result.message}")
         record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
