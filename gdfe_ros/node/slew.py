@@ -87,6 +87,9 @@ class Slew:
             dt: time in which they change [s].
             slew_time: in which an actuator crosses its range [s]; 0: any change is made at once.
         """
+        if not self._goals and not command.actuators:
+            self._given = {}
+            return command
         limited = self._ranges.keys() if slew_time > 0.0 else ()
         wanted = {**self._goals, **command.actuators}
         goals = {name: goal for name, goal in wanted.items() if name in limited}
