@@ -7,6 +7,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
@@ -68,6 +69,11 @@ class Channel:
 
             events = PublisherEventCallbacks(matched=node.guarded(tell, f"who listens to {topic}"))
         self._publisher = make(interface_class(spec.type), topic, profile, event_callbacks=events)
+        # Held for good where each step asks for listeners: rclpy would enter and leave it in every call.
+        self._held, self._count = ExitStack(), self._publisher.get_subscription_count
+        if matched is not None:
+            self._held.enter_context(self._publisher.handle)
+            self._count = self._publisher.handle.get_subscription_count
         name, qos = self._publisher.topic_name, Qos.from_rclpy(profile)
         self.info = TopicInfo(name=name, type=spec.type, qos=qos, role=topic.removeprefix("~/"))
         self.recorder: Recorder | None = None
@@ -79,7 +85,7 @@ class Channel:
 
     @property
     def _listened(self) -> bool:
-        return self._publisher.get_subscription_count() > self._own
+        return self._count() > self._own
 
     def due(self, step: Step) -> bool:
         """Tell whether a step is to be published: one that is told again only where somebody has not been told."""
@@ -97,7 +103,7 @@ class Channel:
     def _greet(self) -> None:
         """Note who has begun to listen. What was published last reaches them by itself, but for volatile ones."""
         listeners = self._node.get_subscriptions_info_by_topic(self.info.name)
-        self._unsure = len(listeners) < self._publisher.get_subscription_count()
+        self._unsure = len(listeners) < self._count()
         volatile = (each for each in listeners if each.qos_profile.durability is DurabilityPolicy.VOLATILE)
         before, self._greeted = self._greeted, {bytes(each.endpoint_gid) for each in volatile}
         self._newcomers |= bool(self._greeted - before)
@@ -122,6 +128,8 @@ class Channel:
 
     def destroy(self) -> None:
         """Take the topic off the graph."""
+        self._held.close()
+        self._count = lambda: 0
         self._node.destroy_lifecycle_publisher(self._publisher)
 
 

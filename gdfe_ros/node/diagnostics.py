@@ -131,7 +131,8 @@ class Diagnostics:
             counts |= {f"{name} follows": leader for name, leader in session.inputs.led().items()}
         if session is not None and session.mode is ClockMode.LOCKSTEP and session.run.pace is not None:
             counts["waits for"] = reason = f"waits for {session.waiting()}"
-        if session is not None and session.stepper.slew.moving:
+        short = session is not None and session.stepper.slew.stopped
+        if session is not None and session.stepper.slew.goals:
             counts["on their way"] = _on_their_way(session)
         unheard = "; ".join(session.inputs.unheard()) if session is not None else ""
         if unheard:
@@ -142,6 +143,8 @@ class Diagnostics:
             return _Part(counts, _WARN, f"{refused} commands refused since the last report; the log says why")
         if unheard:
             return _Part(counts, _WARN, f"commands are not heard of {unheard}")
+        if short:
+            return _Part(counts, _WARN, f"commands stay short: {counts['on their way']}")
         return _Part(counts, _OK, reason)
 
 
@@ -149,6 +152,8 @@ def _on_their_way(session: Session) -> str:
     """Say which commands are followed at a limited rate, and at how much of it."""
     slew, present = session.stepper.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
+    if slew.stopped:
+        return f"{goals}; no step beyond converges within the deadline: command less, or allow more time"
     return f"{goals}; at {100.0 * slew.share:.3g} % of the range in slew_time, so that steps converge"
 
 

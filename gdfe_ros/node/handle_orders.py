@@ -56,7 +56,17 @@ def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frame
 
 
 def require_pose(pose: PoseMessage) -> Placement:
-    """Check a pose message.
+    """Check a pose message and return the placement that it tells.
+
+    Raises:
+        Refusal: as of ``_checked``.
+    """
+    _checked(pose)
+    return Placement.of(pose.position, pose.orientation)
+
+
+def _checked(pose: PoseMessage) -> tuple[Vector, Quaternion]:
+    """Return translation and quaternion of a pose message.
 
     Raises:
         Refusal: a number is not finite, or the quaternion is not of unit length.
@@ -69,7 +79,7 @@ def require_pose(pose: PoseMessage) -> Placement:
     if abs(norm - 1.0) > UNIT_SLACK:
         text = f"orientation (x, y, z, w) {quaternion} has length {norm:.6g}; allowed: 1 +- {UNIT_SLACK:g}"
         raise Refusal(Reason.NOT_UNIT, text)
-    return Placement.of(position, orientation)
+    return translation, quaternion
 
 
 def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: Frames) -> TwistOrder:
@@ -96,13 +106,12 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
 
 def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
     """Return translation from rest and quaternion of a message, those that it has where its frame is that of rest."""
-    place, given = frames.relative(message.header.frame_id, handle.name), message.pose
-    pose = require_pose(given)
+    place = frames.relative(message.header.frame_id, handle.name)
     if place is not None:
-        return _near(place @ pose, size)
-    translation, turn = tuple(pose.origin.tolist()), given.orientation
+        return _near(place @ require_pose(message.pose), size)
+    translation, quaternion = _checked(message.pose)
     require_near(translation, size)
-    return translation, (turn.x, turn.y, turn.z, turn.w)
+    return translation, quaternion
 
 
 def _near(place: Placement, size: float) -> tuple[Vector, Quaternion]:

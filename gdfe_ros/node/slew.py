@@ -6,29 +6,40 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from enum import Enum, auto
 
 from gdfe_ros.actuators import Actuator
 from gdfe_ros.simulation import Command
 
-_SLOWEST = 1.0 / 64.0
+_SLOWEST = 1.0 / 32.0
 """Smallest share of the full rate."""
 _SLOWER, _FASTER = 0.5, 1.2
-"""By what the share changes after a step that did not converge, and after one that did."""
-_PATIENCE = 3
-"""Failures in a row from which on a command goes back."""
-_IMPATIENCE = 8
-"""Failures in a row from which on it goes on all the same."""
+"""By what the share changes after a change that needed more than its step, and after one that did not."""
+_HELD, _BACK = 200, 2000
+"""Iterations after which a change is given up that is held, and one back; a change that converges needs 5 to 150."""
+
+
+class _Phase(Enum):
+    """What the next step does with commands that are on their way."""
+
+    GO = auto()
+    HOLD = auto()
+    BACK = auto()
+    FREE = auto()
+    STOP = auto()
 
 
 class Slew:
     """Limits how fast commands of actuators change, by default to their range in ``slew_time``.
 
-    In a step an actuator's command changes by at most share * range / slew_time * dt. The share is 1 until a step does
-    not converge before its deadline. Then the share is halved and the command stays, for the next step goes on from
-    there; with the third failure in a row it goes half of the way back to the command of the last step that converged.
-    With the eighth it goes on, faster each time: small steps lead to the edge of a body's stability, not past it. The
-    share grows again by a fifth with each step that converges. Steps record the commands that they were given, so
-    replays need none of this.
+    In a step an actuator's command changes by at most share * range / slew_time * dt. The share is 1 until a deadline
+    ends a step before it converges. Then the share is halved, and the command is held until a later step, which goes
+    on from there, has converged. Where none does within 200 iterations, the command goes back to the last one that
+    converged, and the next change is half as large; where the smallest one fails, too, each next change is twice as
+    large, so that edges of stability are passed. Where even the change to the goal fails, the command stays at the last
+    one that converged until another goal is given. Where that does not converge either, the command is not the reason,
+    and nothing but ``slew_time`` limits it. The share grows by a fifth with each step that converges. Steps record the
+    commands that they were given, so replays need none of this.
 
     Args:
         actuators: of the scene; those without a finite range are not limited.
@@ -44,16 +55,22 @@ class Slew:
         self._goals: dict[str, float] = {}
         self._good: dict[str, float] = {}
         self._given: dict[str, float] = {}
-        self._share, self._failures = 1.0, 0
+        self._phase, self._share, self._effort = _Phase.GO, 1.0, 0
+        self._leaping = self._missed = False
 
     @property
     def moving(self) -> bool:
         """Whether commands are still on their way."""
-        return bool(self._goals)
+        return bool(self._goals) and not self.stopped
+
+    @property
+    def stopped(self) -> bool:
+        """Whether commands stay short of their goals, because no step beyond has converged in its time."""
+        return self._phase is _Phase.STOP
 
     @property
     def goals(self) -> Mapping[str, float]:
-        """Where commands that are on their way go, by actuator."""
+        """Where commands that are not there yet are to go, by actuator."""
         return dict(self._goals)
 
     @property
@@ -70,34 +87,54 @@ class Slew:
             dt: time in which they change [s].
             slew_time: in which an actuator crosses its range [s]; 0: any change is made at once.
         """
-        wanted = {**self._goals, **command.actuators}
-        if not wanted:
+        if not self._goals and not command.actuators:
             self._given = {}
             return command
-        values, goals = dict(wanted), {}
-        self._good = {name: self._good.get(name, present[name]) for name in wanted}
-        for name, goal in wanted.items():
-            if slew_time <= 0.0 or name not in self._ranges:
-                continue
+        limited = self._ranges.keys() if slew_time > 0.0 else ()
+        wanted = {**self._goals, **command.actuators}
+        goals = {name: goal for name, goal in wanted.items() if name in limited}
+        if not self._goals:
+            self._good = {}
+        self._good = {name: self._good.get(name, present[name]) for name in goals}
+        if self.stopped and goals != self._goals:
+            self._phase, self._share, self._leaping = _Phase.GO, _SLOWEST, False
+        self._goals, self._given = goals, {}
+        for name, goal in goals.items() if not self.stopped else ():
             reach = self._share * self._ranges[name] * dt / slew_time
-            if 0 < self._failures < _IMPATIENCE:
-                back = 0.5 if self._failures >= _PATIENCE else 0.0
-                values[name] = present[name] + back * (self._good[name] - present[name])
-            elif abs(goal - present[name]) > reach * (1.0 + 1e-9):
-                values[name] = present[name] + math.copysign(reach, goal - present[name])
-            if values[name] != goal:
-                goals[name] = goal
-        self._given, self._goals = values, goals
-        return replace(command, actuators=values)
+            self._given[name] = self._next(name, goal, present[name], reach)
+        unlimited = {name: value for name, value in wanted.items() if name not in goals}
+        return replace(command, actuators={**unlimited, **self._given})
 
-    def note(self, *, converged: bool, cut: bool) -> None:
-        """Learn from a step: whether it converged, and whether a deadline ended it before it could."""
-        if converged:
+    def _next(self, name: str, goal: float, present: float, reach: float) -> float:
+        """Give the command of the next step, which may go as far as ``reach``."""
+        if self._phase is _Phase.HOLD:
+            return present
+        if self._phase is _Phase.BACK:
+            return self._good[name]
+        change = goal - present
+        return goal if abs(change) <= reach * (1.0 + 1e-9) else present + math.copysign(reach, change)
+
+    def note(self, *, converged: bool, cut: bool, iterations: int) -> None:
+        """Learn from a step: whether it converged, whether a deadline ended it before it could, its iterations."""
+        if not self._given:
+            return
+        self._effort = self._effort + iterations if cut and not converged else 0
+        if converged and self._phase is _Phase.BACK:
+            self._try_again()
+        elif converged or not cut:
             self._good |= self._given
-            self._share, self._failures = min(1.0, _FASTER * self._share), 0
-        elif self._given and cut:
-            self._failures += 1
-            if self._failures == 1:
-                self._share = max(_SLOWEST, _SLOWER * self._share)
-            elif self._failures > _IMPATIENCE:
-                self._share = min(1.0, self._share / _SLOWER)
+            self._goals = {name: goal for name, goal in self._goals.items() if self._given[name] != goal}
+            self._phase, self._leaping = _Phase.GO, False
+            self._share = min(1.0, _FASTER * self._share)
+        elif self._phase is _Phase.GO:
+            self._phase, self._leaping = _Phase.HOLD, self._leaping or self._share < 1.01 * _SLOWEST
+            self._share = self._share if self._leaping else max(_SLOWEST, _SLOWER * self._share)
+        elif self._phase is _Phase.HOLD and self._effort >= _HELD:
+            self._phase, self._effort, self._missed = _Phase.BACK, 0, self._given == self._goals
+        elif self._phase is _Phase.BACK and self._effort >= _BACK:
+            self._phase, self._share, self._leaping = _Phase.FREE, 1.0, False
+
+    def _try_again(self) -> None:
+        """Go on from the last command that converged: by less than before, past an edge by more, or not at all."""
+        self._phase = _Phase.STOP if self._leaping and self._missed else _Phase.GO
+        self._share *= 2.0 if self._leaping else 1.0

@@ -8,6 +8,7 @@ start many nodes.
 
 from __future__ import annotations
 
+import faulthandler
 import multiprocessing
 import os
 import subprocess
@@ -32,7 +33,7 @@ def start(arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -
     if _SERVER:
         return Forked(_SERVER[0], arguments, log, environment)
     with log.open("wb") as file:
-        command = [sys.executable, "-m", "gdfe_ros.node", *arguments]
+        command = [sys.executable, "-X", "faulthandler", "-m", "gdfe_ros.node", *arguments]
         return subprocess.Popen(command, stdout=file, stderr=file, env=dict(environment))
 
 
@@ -85,6 +86,7 @@ def _run(arguments: tuple[str, ...], log: str, environment: dict[str, str]) -> N
     for descriptor in (1, 2):
         os.dup2(file, descriptor)
     os.close(file)
+    faulthandler.enable()  # a crash tells in the log what each thread was at
     os.environ.clear()
     os.environ.update(environment)
     sys.argv[:] = ["sim_node", *arguments]

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 FOLDER = Path(__file__).parent
-QUESTIONS = (FOLDER / "asked.py", FOLDER / "systems.py")
+QUESTIONS = (FOLDER / "asked.py", FOLDER / "systems.py", FOLDER / "troubles.py")
 REPORT = FOLDER.parents[1] / "runs" / "manners.json"
 
 
@@ -39,8 +39,9 @@ def main(names: list[str]) -> int:
     """Ask all, or the groups named."""
     import asked
     import systems
+    import troubles
 
-    groups = {group.__name__: group for group in (*asked.GROUPS, *systems.GROUPS)}
+    groups = {group.__name__: group for group in (*asked.GROUPS, *systems.GROUPS, *troubles.GROUPS)}
     if unknown := ", ".join(set(names) - set(groups)):
         print(f"no group {unknown}; there are {', '.join(groups)}", file=sys.stderr)
         return 2

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -16,12 +18,34 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 COARSE = ("-p", "scene:=bend5", "-p", "scene_overrides:=['mesh.bar.cells=[20, 2, 2]']")
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _PATIENCE = 120.0
+_DEFINITIONS = Path(__file__).parents[1] / "data" / "interfaces"
+_BUILT = Path(__file__).parents[2] / "runs" / "interfaces"
+_BUILD = """
+import sys
+from pathlib import Path
+from gdfe_ros.testing.interfaces import build_interfaces
+print(build_interfaces(Path(sys.argv[1]), Path(sys.argv[2])))
+"""
+
+
+def provide(package: str) -> None:
+    """Make a package of messages importable, here and in processes that are started; it is built where it is missing.
+
+    A process of its own builds it: this one imports nothing of gdfe_ros.
+    """
+    if find_spec(package) is not None:
+        return
+    command = [sys.executable, "-c", _BUILD, str(_DEFINITIONS / package), str(_BUILT)]
+    place = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    sys.path.insert(0, place)
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [place, os.environ.get("PYTHONPATH")]))
 
 
 class Stage:
@@ -49,6 +73,7 @@ class Stage:
         self._log = Path(self._folder.name) / "log.txt"
         self._clients: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
+        self._actions: list[ActionClient] = []
         with self._log.open("wb") as log:
             self._processes = [
                 subprocess.Popen(
@@ -128,6 +153,16 @@ class Stage:
         self.node.create_subscription(kind, topic, got.append, qos)
         return got
 
+    def goal(self, kind: type, action: str, goal: Any) -> Any:
+        """Send a goal to an action of the node, and return its handle."""
+        client = ActionClient(self.node, kind, f"{self._name}/{action}")
+        self.wait(client.server_is_ready)
+        self.await_report()
+        sent = client.send_goal_async(goal)
+        self.wait(sent.done)
+        self._actions.append(client)
+        return sent.result()
+
     def intrude(self, topic: str, message: Any) -> None:
         """Publish a message of another type on a topic, from a participant of its own: one alone has one type each."""
         context = rclpy.Context()
@@ -154,6 +189,8 @@ class Stage:
         self.end()
         if kind is not None:
             print(self.log, file=sys.stderr)
+        for action in self._actions:
+            action.destroy()
         self._executor.shutdown()
         self.node.destroy_node()
         rclpy.shutdown(context=self._context)

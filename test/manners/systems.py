@@ -16,6 +16,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
+from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
 from stage import Stage
@@ -88,23 +89,36 @@ def types() -> Iterator[Row]:
 
 def disks() -> Iterator[Row]:
     """Fill the disk while a bag is written: said, counted alike, answered with false, and the simulation goes on."""
-    with tempfile.TemporaryDirectory() as folder:
-        bag = Path(folder) / "bag"
-        with Stage(["-p", "publish_clock:=true", "-p", "record:=true", "-p", f"bag_path:={bag}"]) as stage:
-            steps = stage.listen("/gdfe_sim/step_record", String)
-            stage.wait(lambda: steps)
-            resource.prlimit(stage.pid, resource.RLIMIT_FSIZE, (5 << 20, resource.RLIM_INFINITY))
-            said = stage.wait(lambda: "recording ended, the simulation goes on" in stage.log)
-            yield "a full disk, in the log", "said", _told(said, "said", "no word")
-            told = stage.wait(lambda: stage.values.get("bag error", "none") != "none")
-            yield "on /diagnostics", "said", _told(told, "said", "no word")
-            answer = stage.call(SetBool, "record", SetBool.Request(data=False))
-            agreed = f"{stage.values['messages written']} messages, {stage.values['messages dropped']} dropped"
-            found = "no answer" if answer is None else f"{str(answer.success).lower()}, {agreed in answer.message}"
-            yield "~/record false after that: success, the same counts", "false, True", found
-            count = len(steps)
-            going = stage.wait(lambda: len(steps) > count)
-            yield "the steps after that", "go on", _told(going, "go on", "stand still")
+    for way in ("~/record false", "SIGINT"):
+        with tempfile.TemporaryDirectory() as folder:
+            bag = Path(folder) / "bag"
+            with Stage(["-p", "publish_clock:=true", "-p", "record:=true", "-p", f"bag_path:={bag}"]) as stage:
+                yield from _fill(stage, way)
+                written = int(stage.values["messages written"])
+            found = f"{'all' if _messages(bag) == written else f'{_messages(bag)} of {written}'} that were counted"
+            yield f"messages in that bag, after {way}", "all that were counted", found
+
+
+def _fill(stage: Stage, way: str) -> Iterator[Row]:
+    """Have a bag fill its disk, then end the recording one way or the other."""
+    steps = stage.listen("/gdfe_sim/step_record", String)
+    stage.wait(lambda: steps)
+    resource.prlimit(stage.pid, resource.RLIMIT_FSIZE, (5 << 20, resource.RLIM_INFINITY))
+    said = stage.wait(lambda: "recording ended, the simulation goes on" in stage.log)
+    yield "a full disk, in the log", "said", _told(said, "said", "no word")
+    told = stage.wait(lambda: stage.values.get("bag error", "none") != "none")
+    yield "on /diagnostics", "said", _told(told, "said", "no word")
+    if way == "SIGINT":
+        yield "SIGINT after that: status, tracebacks", "0, 0", f"{stage.end()}, {stage.log.count('Traceback')}"
+        return
+    answer = stage.call(SetBool, "record", SetBool.Request(data=False))
+    agreed = f"{stage.values['messages written']} messages, {stage.values['messages dropped']} dropped"
+    found = "no answer" if answer is None else f"{str(answer.success).lower()}, {agreed in answer.message}"
+    yield "~/record false after that: success, the same counts", "false, True", found
+    count = len(steps)
+    going = stage.wait(lambda: len(steps) > count)
+    yield "the steps after that", "go on", _told(going, "go on", "stand still")
+    yield "SIGINT after that: status, tracebacks", "0, 0", f"{stage.end()}, {stage.log.count('Traceback')}"
 
 
 def parameters() -> Iterator[Row]:
@@ -192,6 +206,12 @@ def doubles() -> Iterator[Row]:
         moved = stage.wait(lambda: abs(_rise(meshes[0][-1]) - 0.1) < 1e-6)
         apart = moved and _rise(meshes[1][-1]) < 1e-9
         yield "a command to one of them", "moves that one", _told(apart, "moves that one", "not so")
+
+
+def _messages(bag: Path) -> int:
+    """Count the messages of a bag, read by rosbags."""
+    with AnyReader([bag]) as reader:
+        return sum(1 for _ in reader.messages())
 
 
 def _service(request: Any) -> type:

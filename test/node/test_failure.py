@@ -13,6 +13,7 @@ import pytest
 import rclpy
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.errors import CommandError, GdfeError, RecordingError
 from gdfe_ros.node.orders import PoseOrder
@@ -196,6 +197,31 @@ def test_many_failed_steps_lose_nothing(tmp_path: Path, make: Callable[..., Any]
     _fail_often(robot, count)
     robot.close()
     assert BagReader(tmp_path / "bag").counts["/gdfe_sim/mesh"] == count + 1
+
+
+@pytest.mark.parametrize("count", [20, pytest.param(1000, marks=pytest.mark.torture)])
+def test_a_node_of_its_own_outlives_failed_steps(client: Any, start: Callable, tmp_path: Path, count: int) -> None:
+    """Ask for steps of 1000 s, with too many internal ones: each fails; all others are made, and in the bag."""
+    bag = tmp_path / "bag"
+    mesh = ["mesh.bar.cells=[10, 1, 1]", "dynamics.step=0.001"]
+    process = start(scene="drop", scene_overrides=mesh, clock="lockstep", record=True, bag_path=str(bag))
+    client.wait(client.records)
+    for number in range(count):
+        client.set(dt=1e3)
+        answer = client.call(Trigger, "step", Trigger.Request())
+        assert not answer.success
+        assert "paused in the last good state" in answer.message
+        client.set(dt=0.01)
+        if number % 2:
+            assert client.call(SetBool, "pause", SetBool.Request(data=False)).success
+        assert client.call(Trigger, "step", Trigger.Request()).success
+    values = client.status()
+    assert (values["state"], values["steps failed"], values["steps"]) == ("active", str(count), str(count + 1))
+    client.set(dt=1e3)
+    assert not client.call(Trigger, "step", Trigger.Request()).success
+    assert process.stop() == 0, process.log
+    assert "Traceback" not in process.log
+    assert BagReader(bag).counts["/gdfe_sim/mesh"] == count + 1
 
 
 def test_bags_that_failed_and_bags_that_did_not_are_told(tmp_path: Path) -> None:

@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
@@ -16,6 +20,7 @@ from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.examples.carrying_arm import CarryingArm, joints_at, tool_at
 from gdfe_ros.node.following import leaders_of
+from gdfe_ros.node.messages import to_time
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.testing import Simulator
 
@@ -68,6 +73,40 @@ def test_the_gripper_hangs_on_the_arm(tmp_path: Any) -> None:
         np.testing.assert_allclose(state.wrenches["wrist"][:3], [0.0, 0.0, weight], atol=0.05 * weight)
     assert np.linalg.norm(states[-1].poses["wrist"].rotation) > 0.0
     assert Replay(BagRun(bag)).run().verdict().value == "bit-identical"
+
+
+def test_a_followed_pose_that_makes_no_sense_is_refused(client: Any, start: Callable, coarse: dict) -> None:
+    """Hold the tip at NaN, at infinity, by a zero quaternion, ahead and too old: each is counted, the tip stays."""
+    process = start(**coarse, follow=["tip=topic:/tool"], command_max_age=10.0)
+    publisher = client.node.create_publisher(PoseStamped, "/tool", 10)
+    client.wait(lambda: publisher.get_subscription_count() and client.received["mesh"])
+    vertices = client.mesh()[:, :3]
+    rest = vertices[vertices[:, 0] > vertices[:, 0].max() - 1e-6].mean(axis=0, dtype=float)
+    tip = client.received["handles/tip/pose"]
+
+    def lead(z: float, *, w: float = 1.0, age: float = 0.0) -> None:
+        message, place = PoseStamped(), np.add(rest, [0.0, 0.0, z])
+        message.header.stamp = to_time(time.time_ns() - round(age * 1e9))
+        message.pose.position.x, message.pose.position.y, message.pose.position.z = place.tolist()
+        message.pose.orientation.w = w
+        publisher.publish(message)
+
+    lead(0.02)
+    client.wait(lambda: tip and tip[-1].pose.position.z == pytest.approx(0.02, abs=1e-6))
+    bad = {
+        "not finite": [{"z": math.nan}, {"z": math.inf}, {"z": 0.0, "w": math.nan}],
+        "quaternion not of unit length": [{"z": 0.0, "w": 0.0}],
+        "stamp ahead": [{"z": 0.0, "age": -1000.0}],
+        "stale": [{"z": 0.0, "age": 100.0}],
+    }
+    for changes in (each for several in bad.values() for each in several):
+        lead(**changes)
+    client.wait(lambda: all(client.status().get(f"refused: {name}") == f"{len(each)}" for name, each in bad.items()))
+    values = client.status()
+    assert (values["state"], values["steps failed"], values["commands taken"]) == ("active", "0", "1")
+    assert "Traceback" not in process.log
+    lead(0.05)
+    client.wait(lambda: tip[-1].pose.position.z == pytest.approx(0.05, abs=1e-6))
 
 
 def _volumes(mesh: Any) -> np.ndarray:

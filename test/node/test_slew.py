@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,60 +13,116 @@ from sensor_msgs.msg import JointState
 
 from gdfe_ros.node.slew import Slew
 from gdfe_ros.scene import load_scene
-from gdfe_ros.simulation import Command
+from gdfe_ros.simulation import Command, Simulation
+
+
+class _Finger:
+    """The flexor's command, limited over steps whose outcome a function of the command tells."""
+
+    def __init__(self, outcome: Callable[[float], tuple[bool, bool, int]] = lambda value: (True, False, 10)) -> None:
+        self.slew, self._outcome = Slew(load_scene("tendon_finger").actuators), outcome
+        self.present = {"flexor": 0.0, "extensor": 0.0}
+
+    def step(self, goal: float | None = None, *, dt: float = 0.05, slew_time: float = 0.5) -> float:
+        """Make a step, with a new goal or without, and give the command that it was given."""
+        command = Command() if goal is None else Command(actuators={"flexor": goal})
+        self.present |= self.slew.limit(command, self.present, dt=dt, slew_time=slew_time).actuators
+        converged, cut, iterations = self._outcome(self.present["flexor"])
+        self.slew.note(converged=converged, cut=cut, iterations=iterations)
+        return self.present["flexor"]
+
+    def go(self, goal: float, steps: int) -> list[float]:
+        """Make steps towards a goal, and give their commands."""
+        return [self.step(goal), *(self.step() for _ in range(steps - 1))]
 
 
 def test_a_command_crosses_the_range_in_its_time() -> None:
     """Command 20 N of a range of 20 N at once: 2 N a step of 0.05 s in 0.5 s; without a time all at once."""
-    slew = Slew(load_scene("tendon_finger").actuators)
-    present, command = {"flexor": 0.0, "extensor": 0.0}, Command(actuators={"flexor": 20.0})
-    seen = []
-    while command.actuators or slew.moving:
-        given = slew.limit(command, present, dt=0.05, slew_time=0.5)
-        present |= given.actuators
-        seen.append(present["flexor"])
-        slew.note(converged=True, cut=False)
-        command = Command()
-    np.testing.assert_allclose(seen, np.arange(2.0, 21.0, 2.0))
-    assert slew.limit(Command(actuators={"flexor": 0.0}), present, dt=0.05, slew_time=0.0).actuators == {"flexor": 0.0}
-    assert not slew.moving
+    finger = _Finger()
+    np.testing.assert_allclose(finger.go(20.0, 11), [*np.arange(2.0, 21.0, 2.0), 20.0])
+    assert not finger.slew.goals
+    assert finger.step(0.0, slew_time=0.0) == 0.0
+    assert not finger.slew.moving
 
 
-def test_steps_that_do_not_converge_slow_it_down() -> None:
-    """Let steps fail: the command stays, then goes half of the way back, the rate is halved, and grows."""
-    slew = Slew(load_scene("tendon_finger").actuators)
-    present, seen = {"flexor": 0.0, "extensor": 0.0}, []
-    command = Command(actuators={"flexor": 20.0})
-    for converged in (True, False, False, False, True, True, True):
-        present |= slew.limit(command, present, dt=0.05, slew_time=0.5).actuators
-        command = Command()
-        slew.note(converged=converged, cut=not converged)
-        seen.append(present["flexor"])
-    np.testing.assert_allclose(seen, [2.0, 4.0, 4.0, 4.0, 3.0, 4.2, 5.64])
-    slew.clear()
-    assert slew.limit(Command(), present, dt=0.05, slew_time=0.5).actuators == {}
+def test_a_command_is_held_until_a_step_converges() -> None:
+    """Let four steps of six be cut: the command stays until one converges, the next change is half as large."""
+    outcomes = iter([True, False, False, False, False, True, True, True])
+    finger = _Finger(lambda value: ((good := next(outcomes)), not good, 10))
+    np.testing.assert_allclose(finger.go(20.0, 8), [2.0, 4.0, 4.0, 4.0, 4.0, 4.0, 5.2, 6.64])
+    finger.slew.clear()
+    assert not finger.slew.moving
+
+
+def test_a_goal_is_held_until_a_step_converges() -> None:
+    """Let steps at the goal be cut: the command is on its way until one of them converges."""
+    outcomes = iter([False, False, True, True])
+    finger = _Finger(lambda value: ((good := next(outcomes)), not good, 10))
+    seen = [(finger.step(1.0 if step == 0 else None), finger.slew.moving) for step in range(4)]
+    assert seen == [(1.0, True), (1.0, True), (1.0, False), (1.0, False)]
+
+
+def test_a_change_that_does_not_converge_is_taken_back() -> None:
+    """Let no step beyond 5 N converge: after 200 iterations the command goes back, then on by half of the change."""
+    finger = _Finger(lambda value: ((good := value <= 5.0), not good, 100))
+    seen = finger.go(20.0, 8)
+    np.testing.assert_allclose(seen, [2.0, 4.0, 6.0, 6.0, 4.0, 5.0, 6.2, 6.2])
 
 
 def test_an_edge_of_stability_is_passed() -> None:
-    """Let every step from 6 to 8 N be cut: the command goes back, then on with growing steps, and gets to its goal."""
-    slew, present = Slew(load_scene("tendon_finger").actuators), {"flexor": 0.0, "extensor": 0.0}
-    command = Command(actuators={"flexor": 15.0})
-    for _ in range(200):
-        present |= slew.limit(command, present, dt=0.02, slew_time=0.5).actuators
-        command = Command()
-        bad = 6.0 < present["flexor"] < 8.0
-        slew.note(converged=not bad, cut=bad)
-    assert present["flexor"] == 15.0
-    assert not slew.moving
+    """Let every step from 6 to 8 N be cut: small changes fail there, large ones pass it."""
+    finger = _Finger(lambda value: ((bad := 6.0 < value < 8.0) is False, bad, 200))
+    seen = [finger.step(15.0, dt=0.02), *(finger.step(dt=0.02) for _ in range(299))]
+    assert seen[-1] == 15.0
+    assert not finger.slew.moving
+    assert max(after - before for before, after in pairwise(seen)) >= 2.0
+
+
+def test_a_goal_that_no_step_converges_at_is_left() -> None:
+    """Let no step beyond 6 N converge: the command stays at the last one that did, and goes on to another goal."""
+    finger = _Finger(lambda value: ((good := value <= 6.0), not good, 200))
+    seen = finger.go(20.0, 300)
+    assert finger.slew.stopped
+    assert 5.5 < seen[-1] == seen[-50] <= 6.0
+    assert finger.step(20.0) == seen[-1]
+    assert finger.slew.goals == {"flexor": 20.0}
+    assert not finger.slew.moving
+    assert finger.go(2.0, 30)[-1] == 2.0
+    assert not finger.slew.stopped
+
+
+def test_what_does_not_converge_at_rest_either_is_not_held_for_long() -> None:
+    """Let every step be cut, as of a body in motion that is too large: the command gets to its goal all the same."""
+    finger = _Finger(lambda value: (False, True, 100))
+    assert finger.go(15.0, 60)[-1] == 15.0
 
 
 def test_a_failure_that_time_does_not_mend_slows_nothing() -> None:
-    """Let a step fail that no deadline cut: the command goes on at its full rate."""
-    slew, present = Slew(load_scene("tendon_finger").actuators), {"flexor": 0.0, "extensor": 0.0}
-    for command in (Command(actuators={"flexor": 15.0}), Command()):
-        present |= slew.limit(command, present, dt=0.02, slew_time=0.5).actuators
-        slew.note(converged=False, cut=False)
-    assert present["flexor"] == pytest.approx(1.6)
+    """Let a step fail that no deadline cut: the command goes on at its full rate, and is over at its goal."""
+    finger = _Finger(lambda value: (False, False, 2000))
+    np.testing.assert_allclose(finger.go(5.0, 3), [2.0, 4.0, 5.0])
+    assert not finger.slew.moving
+
+
+def test_the_slender_finger_converges_again_and_again_in_little_time() -> None:
+    """Pull the flexor too far, three iterations a step: changes are held, and one step of eight converges or more.
+
+    Iterations stand for a deadline of some milliseconds, so that the count is the same on every machine.
+    """
+    simulation = Simulation(load_scene("tendon_finger"))
+    simulation.step()
+    slew, command = Slew(simulation.scene.actuators), Command(actuators={"flexor": 20.0})
+    converged, moved, tip = 0, [], simulation.probe_positions()["tip"]
+    for _ in range(200):
+        given = slew.limit(command, simulation.commands, dt=0.01, slew_time=0.5)
+        result = simulation.step(given, dt=0.01, cut_after=2)
+        slew.note(converged=result.converged, cut=result.cut_after is not None, iterations=result.iterations)
+        converged, command = converged + result.converged, Command()
+        before, tip = tip, simulation.probe_positions()["tip"]
+        moved.append(np.linalg.norm(tip - before))
+    assert converged >= 25
+    assert simulation.commands["flexor"] > 1.0
+    assert max(moved) < 0.005
 
 
 @pytest.mark.parametrize("clock", ["wall", "lockstep"])

@@ -84,4 +84,22 @@ def test_a_full_disk_is_told_at_once_and_agreed_upon(tmp_path: Path, clock: str)
         assert f"{written} messages, {dropped} dropped" in answer.message
         watcher.wait_for_steps(1)
         assert process.stop() == 0
+        assert "Traceback" not in process.log
     assert len(BagReader(bag)) == int(written)
+
+
+def test_a_node_whose_disk_is_full_ends_in_order(tmp_path: Path) -> None:
+    """Let a file grow to 5 MiB only, then end the node by SIGINT: no traceback, and the bag holds what was counted."""
+    bag = tmp_path / "bag"
+    with (
+        NodeProcess({**PARAMETERS, "clock": "fast", "bag_path": str(bag)}) as process,
+        closing(Watcher(process)) as watcher,
+    ):
+        watcher.transition("configure")
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (ROOM, resource.RLIM_INFINITY))
+        watcher.transition("activate")
+        watcher.wait(lambda: "File too large" in watcher.report[2], "the error in diagnostics")
+        assert process.stop() == 0
+        assert "Traceback" not in process.log
+        assert "severity" not in process.log
+    assert len(BagReader(bag)) == int(watcher.report[1])
