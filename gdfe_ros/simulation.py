@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,6 +33,10 @@ from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.step_time import require_countable, require_times
 from gdfe_ros.steppers import make_stepper, scene_body, usual_steps
+
+if TYPE_CHECKING:
+    from gdfe_ros.derivatives import Derivatives
+    from gdfe_ros.solver.sensitivity.result import Sensitivities
 
 WARM_UP = 1e-3
 """Of the body's size: how far handles are moved to have every kernel compiled."""
@@ -302,6 +307,39 @@ class Simulation:
     def later_imus(self) -> Callable[[], dict[str, ImuReading]]:
         """Return what evaluates that of the present state in any thread, also after further steps."""
         return later_readings(self.scene.probes, self.scene.loads, self._stepper, self._state, self.commands)
+
+    def sensitivities(
+        self,
+        outputs: Sequence[str] | None = None,
+        parameters: Sequence[str] | None = None,
+        *,
+        interrupted: Callable[[], bool] | None = None,
+    ) -> Sensitivities:
+        """Return exact derivatives d(output)/d(parameter) at the present state, which does not change.
+
+        At an equilibrium K dx = -dF (docs/theory/sensitivities.md), with what touches and what sticks held as they are.
+
+        Args:
+            outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None takes all probes.
+            parameters: as `parameter_names` has them; None takes all actuators.
+            interrupted: asked now and then; once it tells so, nothing is returned.
+
+        Raises:
+            CommandError: no such output or parameter.
+            GdfeError: there is no derivative, as at a saddle or where a step has not converged; or interrupted.
+        """
+        return self._derivatives.found(self._state, outputs, parameters, interrupted=interrupted)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """What `sensitivities` can be with respect to, e.g. ``materials.silicone.young`` or ``handles.tip.x``."""
+        return self._derivatives.parameters.names
+
+    @cached_property
+    def _derivatives(self) -> Derivatives:
+        from gdfe_ros.derivatives import Derivatives  # needed here only
+
+        return Derivatives(self.scene, self._stepper)
 
     def jacobian(
         self,
