@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from gdfe_ros.command import Command, Orders, checked_positions, require_snapsho
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.errors import CommandError, OverlapError
+from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
@@ -24,10 +24,11 @@ from gdfe_ros.solver.body import Body, working_origin
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
 from gdfe_ros.solver.motion.imu import ImuReading, later_readings
-from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.motion.stepper import MotionStepper, Stage
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
-from gdfe_ros.solver.state import Snapshot
+from gdfe_ros.solver.state import Snapshot, State
+from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.outcome import step_result
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
@@ -36,10 +37,26 @@ from gdfe_ros.steppers import make_stepper, scene_body, usual_steps
 
 if TYPE_CHECKING:
     from gdfe_ros.derivatives import Derivatives
+    from gdfe_ros.solver.sensitivity.motion import Trail
     from gdfe_ros.solver.sensitivity.result import Sensitivities
 
 WARM_UP = 1e-3
 """Of the body's size: how far handles are moved to have every kernel compiled."""
+
+
+class _Step(NamedTuple):
+    """A step in motion as it was asked for, with where it began and what it found."""
+
+    start: State
+    found: State
+    targets: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    duration: float
+
+    def again(self, stepper: MotionStepper, observer: Callable[[Stage], None], deadline: Deadline | None) -> None:
+        """Make it again before an observer."""
+        given = {"duration": self.duration, "deadline": deadline, "observer": observer}
+        stepper.step(self.start, self.targets, self.commands, **given)
 
 
 class Simulation:
@@ -113,6 +130,8 @@ class Simulation:
         self.commands = dict(self._state.commands)
         self.commands.update({load.name: LOAD_FACTOR for load in self.scene.loads})
         self._neutral = dict(self.commands)
+        self._trail: Trail | None = None
+        self._last: _Step | None = None
         self.result: StepResult | None = None
 
     def reset_shape(self) -> None:
@@ -198,12 +217,25 @@ class Simulation:
         march = None
         rests = rests or (bool(places) and self._stepper.rests(self._state, targets, limited))
         if not rests and (dt or not moves):
-            march = self._stepper.step(self._state, targets, limited, duration=dt, deadline=limit)
+            march = self._stepped(targets, limited, dt, limit)
             self._state = march.state
         self.time += dt if march is None or march.simulated is None else march.simulated
         given = {"time": self.time, "origin": self._origin, "settings": self.settings}
         self.result = step_result(self._stepper, self._state, march, **given, started=started, limit=limit)
         return self.result
+
+    def _stepped(
+        self, targets: Mapping[str, Pose], commands: Mapping[str, float], dt: float, limit: Deadline | None
+    ) -> March:
+        """Step, and have derivatives follow where they are asked for."""
+        given: dict[str, Any] = {"duration": dt, "deadline": limit}
+        if self._trail is not None:
+            self._trail.begin()
+            given["observer"] = self._trail.observe
+        march = self._stepper.step(self._state, targets, commands, **given)
+        if isinstance(self._stepper, MotionStepper):
+            self._last = _Step(self._state, march.state, targets, commands, dt)
+        return march
 
     @property
     def settled(self) -> bool:
@@ -328,7 +360,43 @@ class Simulation:
             CommandError: no such output or parameter.
             GdfeError: there is no derivative, as at a saddle or where a step has not converged; or interrupted.
         """
-        return self._derivatives.found(self._state, outputs, parameters, interrupted=interrupted)
+        derivatives, trail = self._derivatives, self._trail
+        if not isinstance(self._stepper, MotionStepper):
+            return derivatives.found(self._state, outputs, parameters, interrupted=interrupted)
+        if trail is None or trail.state.positions is not self._state.positions:
+            trail = self._last_step_followed(parameters, interrupted)
+        return derivatives.along(trail, outputs, parameters)
+
+    def _last_step_followed(self, parameters: Sequence[str] | None, interrupted: Callable[[], bool] | None) -> Trail:
+        """Make the last step again, with derivatives."""
+        if self._last is None or self._last.found.positions is not self._state.positions:
+            raise GdfeError("no derivative: no step in motion led here; remedy: step first")
+        trail = self._derivatives.trail(self._last.start, parameters)
+        trail.begin()
+        deadline = Deadline(interrupted=interrupted) if interrupted else None
+        self._last.again(self._stepper, trail.observe, deadline)
+        if deadline is not None and deadline.passed():
+            raise GdfeError("the derivatives were ended before they were found")
+        if not np.array_equal(trail.state.positions, self._state.positions):
+            raise GdfeError("no derivative: the last step was cut by a deadline; remedy: step without one")
+        return trail
+
+    def follow(self, parameters: Sequence[str] | None = None) -> None:
+        """Have all steps from here on carry derivatives along, for `sensitivities` of a motion.
+
+        What a parameter did before is none of it: a modulus is another from here on, a command is offset from the next
+        step on. Without dynamics nothing is carried along: an equilibrium has its derivatives of its own.
+
+        Args:
+            parameters: as `parameter_names` has them; None takes all actuators.
+
+        Raises:
+            CommandError: no such parameter.
+        """
+        derivatives = self._derivatives
+        derivatives.named(parameters)
+        if isinstance(self._stepper, MotionStepper):
+            self._trail = derivatives.trail(self._state, parameters)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ ENTRY = 1e-3
 """Distance over the body's size beyond which a point is outside; what comes in from there does so through a plane."""
 REACH = 0.05
 """Distance, over the body's size, beyond which a vertex is left out until the body has moved as far."""
-SLIP = 1e-4
+SLIP = 3e-7
 """Way over the body's size that a point which slips counts as having slipped where it has only begun to."""
 HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
 """Which of a point's numbers `Contact.update` changes."""

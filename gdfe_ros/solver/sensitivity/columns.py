@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,28 +91,39 @@ class EquilibriumColumns:
                 for parameter in parameters:
                     if interrupted is not None and interrupted():
                         raise GdfeError(ENDED)
-                    pair = pair_of(self._body, self._model, parameter, state)
-                    columns.append(rows_of(Column(solve, pair), outputs, names))
+                    pair = pair_of(self._body, self._model, parameter, own_side(self._body, state))
+                    columns.append(rows_of(Column(solve, [pair]), outputs, names))
             finally:
                 solve.restore()
         return joined(names, parameters, columns)
 
 
-def pair_of(body: Body, model: Model, parameter: Parameter, state: State, h: float | None = None) -> Pair:
-    """Return the solves beside one that began and ended at a ``state``, or in motion at what is put in its place."""
-    sides, step = [], parameter.step(state.commands)
+def own_side(body: Body, state: State, end: State | None = None) -> Side:
+    """Return what the solve that is linearised was given: it began with ``state`` and ended at ``end``, or there."""
+    end = end or state
+    return Side(start=state, commands=end.commands, poses=end.poses, table=body.table)
+
+
+def pair_of(
+    body: Body, model: Model, parameter: Parameter, own: Side, *, h: float | None = None, share: float = 1.0
+) -> Pair:
+    """Return the solves beside one that a parameter makes; in motion in steps of length ``h`` [s].
+
+    A command or pose that changes evenly has come a ``share`` of its way.
+    """
+    sides, step = [], parameter.step(own.commands)
     for change in (step, -step):
         variant = Variant(body, model, parameter.model(parameter.value + change)) if parameter.model else None
         sides.append(
-            Side(
-                start=state,
-                commands=parameter.commanded(state.commands, change),
-                poses=parameter.posed(state.poses, change),
+            replace(
+                own,
+                commands=parameter.commanded(own.commands, share * change),
+                poses=parameter.posed(own.poses, share * change),
                 table=variant.table if variant else body.table,
                 terms=variant.terms(h) if variant else {},
             )
         )
-    return Pair(*sides, step)
+    return Pair(*sides, own, step)
 
 
 def rows_of(column: Column, outputs: Outputs, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:

@@ -32,8 +32,9 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.term import Term, terms_energy
 
-SPACING = 1e-6
-"""Displacement of a difference, over the body's size."""
+SPACING, TURN = 1e-8, 1e-6
+"""Displacement of a difference of terms, and of one that turns handles, over the body's size: the first must stay within
+the way that counts as slipping."""
 
 
 class Change(NamedTuple):
@@ -138,6 +139,10 @@ class Linearised:
         """Return the multipliers (k,) after an update at positions (n, 3) [m]."""
         return self._joined(lambda term: term.updated(x))
 
+    def metres(self, multipliers: NDArray[np.float64]) -> float:
+        """Return what a change (k,) of the multipliers is as a displacement [m], at most."""
+        return float(np.abs(multipliers / self._weights).max(initial=0.0))
+
     def restore(self) -> None:
         """Have all terms be as they were at the end."""
         self.actuation.table.reals[...] = self.numbers
@@ -232,7 +237,7 @@ class Linearised:
     def _turned_stiffness(self) -> NDArray[np.float64]:
         """Return d(force on the rigid rows)/d(rigid rows) (3 q, 3 q) that turning forces about is."""
         first, count = 3 * len(self._unknowns.free), 3 * self._unknowns.rigid_rows
-        stiffness, step = np.zeros((count, count)), SPACING * self.body.size
+        stiffness, step = np.zeros((count, count)), TURN * self.body.size
         for column in range(count if self._motion.size else 0):
             sides = []
             for sign in (step, -step):
@@ -265,7 +270,7 @@ class Linearised:
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return what `product` does, without the elements."""
-        largest = max(np.abs(motion).max(initial=0.0), np.abs(multipliers / self._weights).max(initial=0.0))
+        largest = max(np.abs(motion).max(initial=0.0), self.metres(multipliers))
         if largest == 0.0 or not len(self.actuation.table.address):
             return np.zeros_like(motion), np.zeros_like(multipliers)
         step, sides = SPACING * self.body.size / largest, []

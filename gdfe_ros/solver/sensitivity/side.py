@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,14 @@ from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.matrix.unknowns import Frame, place
 from gdfe_ros.solver.reactions import handle_reactions
-from gdfe_ros.solver.sensitivity.linearised import Linearised
+from gdfe_ros.solver.sensitivity.linearised import SPACING, Linearised
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.terms.term import Saved, Term
+from gdfe_ros.solver.terms.term import Term
+
+NEAR = 1e-7
+"""Displacement, over the body's size, of a difference of what a solve leaves behind."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,20 +49,22 @@ class Pair(NamedTuple):
 
     Attributes:
         above, below: on either side of it.
+        middle: what it was given itself.
         step: half of by how much they differ, in the unit of what differs.
     """
 
     above: Side
     below: Side
+    middle: Side
     step: float
 
 
 class Column:
-    """The derivative of a solve with respect to what a pair of solves differs in.
+    """The derivative of a solve with respect to what pairs of solves differ in, all together.
 
     Args:
         solve: that is linearised.
-        pair: on either side of it.
+        pairs: each on either side of it.
 
     Attributes:
         change: of positions, multipliers and forces.
@@ -66,44 +73,60 @@ class Column:
         GdfeError: there is no derivative.
     """
 
-    def __init__(self, solve: Linearised, pair: Pair) -> None:
-        self._solve, self._pair = solve, pair
-        body, twice = solve.body, 2.0 * pair.step
-        sides = [self._placed(side) for side in (pair.above, pair.below)]
-        self._driven = (sides[0][0] - sides[1][0]) / twice
-        forces, change = self._terms_part([x for x, _ in sides])
-        forces = forces + self._elements_part()
-        if self._driven.any():
-            answer, followed = solve.product(self._driven, np.zeros_like(solve.multipliers))
-            forces, change = forces + answer, change + followed
+    def __init__(self, solve: Linearised, pairs: Sequence[Pair]) -> None:
+        self._solve, self._pairs, body = solve, pairs, solve.body
+        self._numbers, forces = np.zeros(len(solve.numbers)), np.zeros_like(solve.x)
+        change, driven = np.zeros(len(solve.multipliers)), np.zeros_like(solve.x)
         turned = np.zeros(3 * body.unknowns.rigid_rows)
-        if len(turned) and sides[0][1] is not sides[1][1]:
-            turned = (solve.rigid_part(solve.u, sides[0][1]) - solve.rigid_part(solve.u, sides[1][1])) / twice
+        for pair in pairs:
+            (above, first), (below, second) = self._placed(pair.above), self._placed(pair.below)
+            pulled, updated = self._terms_part(pair, above, below)
+            forces, change = forces + pulled + self._elements_part(pair), change + updated
+            driven += (above - below) / (2.0 * pair.step)
+            if len(turned) and first is not second:
+                turned += (solve.rigid_part(solve.u, first) - solve.rigid_part(solve.u, second)) / (2.0 * pair.step)
+        if driven.any():
+            answer, followed = solve.product(driven, np.zeros_like(solve.multipliers))
+            forces, change = forces + answer, change + followed
         found = solve.solve(forces, change, turned)
-        self.change = found._replace(positions=found.positions + self._driven)
+        self.change = found._replace(positions=found.positions + driven)
 
     def reactions(self) -> dict[str, NDArray[np.float64]]:
         """Return the derivative (6,) of what each handle and obstacle exerts on the body."""
-        solve, body, step = self._solve, self._solve.body, self._pair.step
-        found = []
-        for sign, side in ((step, self._pair.above), (-step, self._pair.below)):
-            x = self._go(sign, side)
-            outside = solve.forces + sign * self.change.forces
-            none = np.zeros((len(body.material), 8, 3))
-            found.append(handle_reactions(body, x, none, outside, solve.actuation.contacts))
+        solve, change = self._solve, self.change
+        largest = max(np.abs(change.positions).max(initial=0.0), solve.metres(change.multipliers))
+        step, found = SPACING * solve.body.size / max(largest, 1e-300), []
+        for sign in (step, -step):
+            solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
+            solve.hold(solve.multipliers + sign * change.multipliers)
+            given = solve.x + sign * change.positions, np.zeros((len(solve.body.material), 8, 3))
+            outside = solve.forces + sign * change.forces
+            found.append(handle_reactions(solve.body, *given, outside, solve.actuation.contacts))
         solve.restore()
         return {name: (value - found[1][name]) / (2.0 * step) for name, value in found[0].items()}
 
-    def saved(self) -> tuple[dict[str, Saved], dict[str, Saved]]:
-        """Return what terms keep at the end of either solve beside, whose distance from it is the pair's step."""
-        found = []
-        for sign, side in ((self._pair.step, self._pair.above), (-self._pair.step, self._pair.below)):
-            x, terms = self._go(sign, side), {}
-            for term in self._solve.actuation.terms:
-                terms[term.name] = side.terms.get(term.name, term).finish(side.start.terms[term.name], x)
-            found.append(terms)
-        self._solve.restore()
-        return found[0], found[1]
+    def after(self, made: Callable[[Side, NDArray[np.float64]], T], difference: Callable[[T, T, float], T]) -> list[T]:
+        """Return the parts of the derivative of what ``made`` makes, of a side and positions (n, 3) [m], at the end.
+
+        All terms are then as at the end of that side. ``difference`` divides by what two of them differ in.
+        """
+        solve, change, parts = self._solve, self.change, []
+        for pair in self._pairs:
+            found = []
+            for side in (pair.above, pair.below):
+                self._varied(side, solve.x)
+                found.append(made(side, solve.x))
+            parts.append(difference(*found, 2.0 * pair.step))
+        largest = max(np.abs(change.positions).max(initial=0.0), solve.metres(change.multipliers), 1e-300)
+        step, found, own = NEAR * solve.body.size / largest, [], self._pairs[0].middle
+        for sign in (step, -step):
+            x = solve.x + sign * change.positions
+            self._varied(own, x)
+            solve.hold(solve.multipliers + sign * change.multipliers)
+            found.append(made(own, x))
+        parts.append(difference(*found, 2.0 * step))
+        solve.restore()
+        return parts
 
     def _placed(self, side: Side) -> tuple[NDArray[np.float64], Frame]:
         """Return positions (n, 3) [m] and the frame with the handles where a side has them."""
@@ -128,42 +151,38 @@ class Column:
                 term.reals[...] = own.reals
         solve.hold(solve.multipliers)
 
-    def _go(self, sign: float, side: Side) -> NDArray[np.float64]:
-        """Have all terms be as at the end of a solve beside; return its positions (n, 3) [m]."""
-        solve = self._solve
-        x = solve.x + sign * self.change.positions
-        self._varied(side, x)
-        solve.hold(solve.multipliers + sign * self.change.multipliers)
-        return x
-
-    def _terms_part(self, places: list[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _terms_part(
+        self, pair: Pair, *places: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return by how much terms pull (n, 3) [N], and updates find (k,), otherwise where vertices are the same."""
         solve, numbers = self._solve, []
-        for side, x in zip((self._pair.above, self._pair.below), places, strict=True):
+        for side, x in zip((pair.above, pair.below), places, strict=True):
             solve.restore()
             self._varied(side, x)
             numbers.append(solve.actuation.table.reals.copy())
-        half, found = 0.5 * (numbers[0] - numbers[1]), []
+        half, found = np.zeros(len(solve.numbers)), []  # limits are infinite
+        np.subtract(0.5 * numbers[0], 0.5 * numbers[1], out=half, where=numbers[0] != numbers[1])
+        self._numbers += half / pair.step
         for sign in (1.0, -1.0):
             solve.actuation.table.reals[...] = solve.numbers + sign * half
             found.append((solve.term_forces(solve.x), solve.updated(solve.x)))
         solve.restore()
         (first, above), (second, below) = found
-        return (first - second) / (2.0 * self._pair.step), (above - below) / (2.0 * self._pair.step)
+        return (first - second) / (2.0 * pair.step), (above - below) / (2.0 * pair.step)
 
-    def _elements_part(self) -> NDArray[np.float64]:
+    def _elements_part(self, pair: Pair) -> NDArray[np.float64]:
         """Return by how much elements pull (n, 3) [N] otherwise where vertices are the same."""
         solve, growths, found = self._solve, self._solve.actuation.growths, []
         before = solve.end.operators
-        grown = [growths.at(side.commands, before) for side in (self._pair.above, self._pair.below)]
+        grown = [growths.at(side.commands, before) for side in (pair.above, pair.below)]
         same = all(operators is before for operators in grown)
-        if same and self._pair.above.table is self._pair.below.table:
+        if same and pair.above.table is pair.below.table:
             return np.zeros_like(solve.x)
-        for side, operators in zip((self._pair.above, self._pair.below), grown, strict=True):
+        for side, operators in zip((pair.above, pair.below), grown, strict=True):
             scale = solve.scale.copy()
             if len(solve.softening):
                 given = solve.softening, operators.shape, solve.body.material, side.table
                 update_hourglass_scales(solve.x, *given, scale)
             found.append(solve.element_forces(side.table, operators=operators, scale=scale))
-        return (found[0] - found[1]) / (2.0 * self._pair.step)
+        return (found[0] - found[1]) / (2.0 * pair.step)
 

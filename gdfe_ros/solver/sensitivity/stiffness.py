@@ -25,11 +25,9 @@ class WholeStiffness(ElementStiffness):
         self._viscosity, self._step = viscosity, SPACING * float(np.cbrt(body.shape.volume.min()))
 
     def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites."""
-        values = super().at(problem, x)
-        if self._viscosity is not None:
-            values += self._viscous(problem, x)
-        return values
+        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m]; ``values`` has them without viscosity."""
+        own = super().at(problem, x)
+        return own if self._viscosity is None else own + self._viscous(problem, x)
 
     def _viscous(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return central differences of all elements at once, each with corners of its own."""

@@ -196,8 +196,9 @@ class CableTerm(Term):
         least += NEARLY * numbers[STIFFNESS] * size
         if self.actuator.mode is not Mode.TENSION and not self._elastic:
             numbers[EFFORT] = found["effort"][0]
-        taut = cable_length(positions, numbers, self.integers) >= (1.0 - ROUNDING) * numbers[TARGET]
-        self._lifted = least if taut and cable_tension(numbers[TARGET], numbers) < least else 0.0
+        length = cable_length(positions, numbers, self.integers)
+        taut = length >= (1.0 - ROUNDING) * numbers[TARGET]
+        self._lifted = least if taut and cable_tension(length, numbers) < least else 0.0
         numbers[EFFORT] += self._lifted
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
