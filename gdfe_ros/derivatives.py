@@ -46,9 +46,9 @@ class Derivatives:
         )
         self.parameters = Parameters(stepper.body, model, scene.actuators, scene.loads, scene.handles)
         self._usual = tuple(f"actuators.{actuator.name}" for actuator in scene.actuators)
-        self._stepper, self._model = stepper, model
+        self._stepper = stepper
         self._tangents: dict[int, Tangents] = {}
-        self._columns = EquilibriumColumns(stepper.equilibrium, model)
+        self._columns = EquilibriumColumns(stepper.equilibrium)
 
     def found(
         self,
@@ -68,7 +68,7 @@ class Derivatives:
 
     def trail(self, state: State, parameters: Sequence[str] | None) -> Trail:
         """Return what follows a motion from a state with its derivatives."""
-        return Trail(self._stepper, self._model, self.named(parameters), state, self._tangents)
+        return Trail(self._stepper, self.named(parameters), state, self._tangents)
 
     def along(self, trail: Trail, outputs: Sequence[str] | None, parameters: Sequence[str] | None) -> Sensitivities:
         """Return d(output)/d(parameter) of a motion that was followed; parameters are among those of the trail.

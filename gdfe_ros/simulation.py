@@ -16,15 +16,16 @@ from gdfe_ros.command import Command, Orders, checked_positions, require_snapsho
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.errors import CommandError, GdfeError, OverlapError
+from gdfe_ros.errors import ENDED, CommandError, GdfeError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
 from gdfe_ros.solver.body import Body, working_origin
+from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
 from gdfe_ros.solver.motion.imu import ImuReading, later_readings
-from gdfe_ros.solver.motion.stepper import MotionStepper, Stage
+from gdfe_ros.solver.motion.stepper import InternalStep, MotionStepper
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
 from gdfe_ros.solver.state import Snapshot, State
@@ -53,7 +54,9 @@ class _Step(NamedTuple):
     commands: Mapping[str, float]
     duration: float
 
-    def again(self, stepper: MotionStepper, observer: Callable[[Stage], None], deadline: Deadline | None) -> None:
+    def again(
+        self, stepper: MotionStepper, observer: Callable[[InternalStep], None], deadline: Deadline | None
+    ) -> None:
         """Make it again before an observer."""
         given = {"duration": self.duration, "deadline": deadline, "observer": observer}
         stepper.step(self.start, self.targets, self.commands, **given)
@@ -376,7 +379,7 @@ class Simulation:
         deadline = Deadline(interrupted=interrupted) if interrupted else None
         self._last.again(self._stepper, trail.observe, deadline)
         if deadline is not None and deadline.passed():
-            raise GdfeError("the derivatives were ended before they were found")
+            raise GdfeError(ENDED)
         if not np.array_equal(trail.state.positions, self._state.positions):
             raise GdfeError("no derivative: the last step was cut by a deadline; remedy: step without one")
         return trail
@@ -416,10 +419,12 @@ class Simulation:
         *,
         interrupted: Callable[[], bool] | None = None,
     ) -> NDArray[np.float64]:
-        """Return d(probe position)/d(command) at the present equilibrium, (probes, 3, actuators).
+        """Return d(probe position)/d(command) at the present state, (probes, 3, actuators).
 
-        Central differences of equilibria that are solved to a far smaller tolerance than a step; the simulation's state
-        does not change. One-sided at the end of a range, and at zero tension, where a cable goes slack.
+        Exact, as `sensitivities`; of a motion, over the last step: by how much farther it would have led, had its
+        command ended elsewhere. Where a cable is slack, or a command at the end of its range, it is that of the side on
+        which the actuator acts. The policy ``relative``, and a body that touches itself, have central differences of
+        equilibria.
 
         Args:
             probes: names; None takes all, in the scene's order.
@@ -427,13 +432,33 @@ class Simulation:
             interrupted: asked now and then; once it tells so, nothing is returned.
 
         Raises:
-            GdfeError: no such probe or actuator, dynamics, no equilibrium beside the present one, or interrupted.
+            GdfeError: no such probe or actuator, there is no derivative, or interrupted.
         """
-        if isinstance(self._stepper, MotionStepper):
-            raise CommandError("a Jacobian is one of equilibria; remedy: leave `dynamics` out of the scene")
-        from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
+        points, names = self._orders.probes(probes), self.actuator_names if actuators is None else actuators
+        chosen = [self._orders.actuator(name) for name in names]
+        if not chosen:
+            return np.zeros((len(points), 3, 0))
+        if self._differs:
+            from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
 
-        points = self._orders.probes(probes)
-        chosen = [self._orders.actuator(name) for name in (self.actuator_names if actuators is None else actuators)]
-        columns = jacobian(self._stepper, self._state, points, chosen, interrupted=interrupted)
-        return np.stack(columns, axis=2) if columns else np.zeros((len(points), 3, 0))
+            return np.stack(jacobian(self._stepper, self._state, points, chosen, interrupted=interrupted), axis=2)
+        outputs = [f"probes.{name}" for name in (self.scene.probes if probes is None else probes)]
+        wanted = [f"actuators.{name}" for name in names]
+        followed = self._trail is not None
+        if followed:  # over the last step, whatever was followed before it
+            trail, self._trail = self._trail, None
+        try:
+            found = self.sensitivities(outputs, wanted, interrupted=interrupted)
+        finally:
+            if followed:
+                self._trail = trail
+        return found.matrix.reshape(len(points), 3, len(chosen))
+
+    @property
+    def _differs(self) -> bool:
+        """Whether derivatives of equilibria are differences."""
+        if self.policy is not Policy.ENERGY:
+            return True
+        own = [contact for contact in self._stepper.actuation.contacts if isinstance(contact, OwnContact)]
+        touches = any(self._state.terms[contact.name]["press"].any() for contact in own)
+        return touches and not isinstance(self._stepper, MotionStepper)

@@ -87,6 +87,11 @@ class Contact(ContactTerm):
         """Whether a point was inside of what it touches where the last solve began."""
         return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)
 
+    @property
+    def delicate(self) -> bool:
+        """Whether friction acts."""
+        return self.updates and self.reals[gap.FRICTION] > 0.0
+
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take penalties from the constant matrix' diagonal."""
         self._usual = self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())
@@ -172,9 +177,7 @@ class Contact(ContactTerm):
         kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + self.share * rubbed}
         return {**self._spread(presses, -shears), **kept, "share": np.array([self.share])}
 
-    def resume(
-        self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]
-    ) -> None:
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Take in what touched at the end of a solve, with the forces found; what slipped nowhere slips a little."""
         self._led = np.zeros((0, 3))
         if not found["press"].any():

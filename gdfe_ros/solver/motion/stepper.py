@@ -42,7 +42,7 @@ SHORTEST = 1e-2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Stage:
+class InternalStep:
     """An internal step that was accepted, for those who follow a motion.
 
     Attributes:
@@ -131,7 +131,7 @@ class MotionStepper:
         *,
         duration: float,
         deadline: Deadline | None = None,
-        observer: Callable[[Stage], None] | None = None,
+        observer: Callable[[InternalStep], None] | None = None,
     ) -> March:
         """Follow the commands, which change evenly, for ``duration`` [s] from ``state``, which stays as it is.
 
@@ -144,7 +144,7 @@ class MotionStepper:
             return _noted(state.with_(ledger=changed(state.ledger, owed=due)), duration)
         began = state if self._began(state) else self._started(state, commands)
         if observer is not None and began is not state:
-            observer(Stage(before=state, after=began, h=self._dynamics.step))
+            observer(InternalStep(before=state, after=began, h=self._dynamics.step))
         flight = Flight.over(due, self._dynamics.step, began, targets, commands)
         failure = state.ledger.failure if Skip.SOLVE in self._settings.skip else None
         if failure is not None and flight.repeats(failure):
@@ -265,11 +265,11 @@ class MotionStepper:
         return now - then
 
 
-def _stage(integrator: Integrator, before: State, flight: Flight, h: float) -> Stage:
+def _stage(integrator: Integrator, before: State, flight: Flight, h: float) -> InternalStep:
     """Return the internal step that a flight made last, of length ``h`` [s]."""
     first = bool(before.terms[inertia.NAME]["first"][0])
     share = {"share": flight.done / flight.total, "first": first}
-    return Stage(before=integrator.begun(before), after=flight.state, h=h, integrator=integrator, **share)
+    return InternalStep(before=integrator.begun(before), after=flight.state, h=h, integrator=integrator, **share)
 
 
 def _noted(state: State, duration: float) -> March:

@@ -15,16 +15,15 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
 from gdfe_ros.solver.motion import viscosity
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.sensitivity.curvature import curved
 from gdfe_ros.solver.sensitivity.linearised import Linearised
 from gdfe_ros.solver.sensitivity.parameter import Parameter
 from gdfe_ros.solver.sensitivity.result import Outputs, Sensitivities
 from gdfe_ros.solver.sensitivity.side import Column, Pair, Side
 from gdfe_ros.solver.sensitivity.stiffness import WholeStiffness
-from gdfe_ros.solver.sensitivity.variant import Model, Variant
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel
-
-ENDED = "the derivatives were ended before they were found"
 
 
 class Tangents:
@@ -56,7 +55,8 @@ class Tangents:
             terms = equilibrium.actuation.terms
             dashpots = next((term for term in terms if term.name == viscosity.NAME), None)
             elements = WholeStiffness(equilibrium.body, dashpots)
-            self._level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, terms, elements=elements)
+            own = curved(terms, equilibrium.body)
+            self._level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, own, elements=elements)
         return Linearised(equilibrium, self._level, start, end)
 
 
@@ -65,11 +65,10 @@ class EquilibriumColumns:
 
     Args:
         equilibrium: that solves.
-        model: materials and damping of the scene.
     """
 
-    def __init__(self, equilibrium: EnergyEquilibrium, model: Model) -> None:
-        self._tangents, self._model, self._body = Tangents(equilibrium), model, equilibrium.body
+    def __init__(self, equilibrium: EnergyEquilibrium) -> None:
+        self._tangents, self._body = Tangents(equilibrium), equilibrium.body
 
     def found(
         self,
@@ -87,11 +86,10 @@ class EquilibriumColumns:
         """
         with one_blas_thread():
             solve, columns = self._tangents.at(state, state), []
+            solve.interrupted = interrupted
             try:
                 for parameter in parameters:
-                    if interrupted is not None and interrupted():
-                        raise GdfeError(ENDED)
-                    pair = pair_of(self._body, self._model, parameter, own_side(self._body, state))
+                    pair = pair_of(parameter, own_side(self._body, state))
                     columns.append(rows_of(Column(solve, [pair]), outputs, names))
             finally:
                 solve.restore()
@@ -105,22 +103,27 @@ def own_side(body: Body, state: State, end: State | None = None) -> Side:
 
 
 def pair_of(
-    body: Body, model: Model, parameter: Parameter, own: Side, *, h: float | None = None, share: float = 1.0
+    parameter: Parameter,
+    own: Side,
+    *,
+    h: float | None = None,
+    scheme: Dynamics | None = None,
+    share: float = 1.0,
 ) -> Pair:
-    """Return the solves beside one that a parameter makes; in motion in steps of length ``h`` [s].
+    """Return the solves beside one that a parameter makes; in motion in steps of length ``h`` [s] by a scheme.
 
     A command or pose that changes evenly has come a ``share`` of its way.
     """
     sides, step = [], parameter.step(own.commands)
     for change in (step, -step):
-        variant = Variant(body, model, parameter.model(parameter.value + change)) if parameter.model else None
+        variant = parameter.model(parameter.value + change) if parameter.model else None
         sides.append(
             replace(
                 own,
                 commands=parameter.commanded(own.commands, share * change),
                 poses=parameter.posed(own.poses, share * change),
-                table=variant.table if variant else body.table,
-                terms=variant.terms(h) if variant else {},
+                table=variant.table if variant else own.table,
+                terms=variant.terms(h, scheme) if variant else {},
             )
         )
     return Pair(*sides, own, step)

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.errors import GdfeError
-from gdfe_ros.solver.descent.workspace import Problem
+from gdfe_ros.compiled import vector_kernel
+from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
+from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.elements.pressures import with_bulk
 from gdfe_ros.solver.elements.response import evaluate
@@ -32,9 +33,42 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.term import Term, terms_energy
 
-SPACING, TURN = 1e-8, 1e-6
-"""Displacement of a difference of terms, and of one that turns handles, over the body's size: the first must stay within
-the way that counts as slipping."""
+SOFT, STIFF = 1e-6, 1e-8
+"""Error of a derivative, and where multipliers keep something: forces there are stiff in it."""
+SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
+"""Displacement of a difference of terms, of one within the way that counts as slipping, and of one that turns handles,
+over the body's size."""
+
+
+@vector_kernel
+def add_products(stiffness, softened, slopes, cells, motion, forces):
+    """Add (K + f s^T) dx of elements to ``forces`` (n, 3) [N].
+
+    Args:
+        stiffness: K (m, 24, 24) [N/m].
+        softened: f (m, 24) [N], by how much the forces follow the hourglass scale; none where scales stay.
+        slopes: s (m, 24) [1/m], by how much that follows the corners.
+        cells: (m, 8) corners.
+        motion: dx (n, 3) [m].
+        forces: is added to.
+    """
+    local, soft = np.empty(24), len(softened) > 0
+    for e in range(len(cells)):
+        for a in range(8):
+            for i in range(3):
+                local[3 * a + i] = motion[cells[e, a], i]
+        scale = 0.0
+        if soft:
+            for j in range(24):
+                scale += slopes[e, j] * local[j]
+        for a in range(8):
+            for i in range(3):
+                row, total = stiffness[e, 3 * a + i], 0.0
+                for j in range(24):
+                    total += row[j] * local[j]
+                if soft:
+                    total += softened[e, 3 * a + i] * scale
+                forces[cells[e, a], i] += total
 
 
 class Change(NamedTuple):
@@ -44,13 +78,11 @@ class Change(NamedTuple):
         unknowns: (3 r,) of the unknowns.
         positions: (n, 3) [m] of all vertices.
         multipliers: (k,) of all terms, one after another.
-        forces: (n, 3) [N] of dE/dx at all vertices.
     """
 
     unknowns: NDArray[np.float64]
     positions: NDArray[np.float64]
     multipliers: NDArray[np.float64]
-    forces: NDArray[np.float64]
 
 
 class Linearised:
@@ -70,12 +102,15 @@ class Linearised:
         multipliers: (k,) of all terms, one after another.
         scale: (m,) hourglass scales.
         softening: elements whose scales follow the strain.
+        spacing: [m] of differences.
+        interrupted: asked at every product; once it tells so, what is going on is an error.
         numbers: (k,) of all terms, as they were at the end.
         volumes: the laws of the elements' volumes there.
     """
 
     def __init__(self, equilibrium: EnergyEquilibrium, level: TangentLevel, start: State, end: State) -> None:
         self._level, self.end, self.handles = level, end, equilibrium.handles
+        self.interrupted: Callable[[], bool] | None = None
         self.body, self.actuation = equilibrium.body, equilibrium.actuation
         solve = Solve.at(equilibrium.model, end)
         task = equilibrium.evaluated(solve)
@@ -89,6 +124,8 @@ class Linearised:
         self.multipliers = self.held()
         self._weights = self._joined(lambda term: term.per_metre)
         self.numbers = self.actuation.table.reals.copy()
+        delicate = any(term.delicate for term in self.actuation.terms)
+        self.spacing = (NEARER if delicate else SPACING) * self.body.size
         self.table = with_bulk(self.body.table, end.elements.bulk)
         given = end.operators.shape, self.body.material, self.table, end.elements.pressures
         self.volumes, self.scale = Volumes(self.x, *given), end.elements.hourglass_scale
@@ -166,17 +203,11 @@ class Linearised:
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return dF (n, 3) [N] and dU (k,) of a motion (n, 3) [m] and of multipliers (k,)."""
-        corners = motion[self.body.cells].reshape(-1, 24)
-        force = np.matmul(self._stiffness, corners[:, :, None])[:, :, 0]
-        if len(self.softening):
-            own = self.softening
-            force[own] += self._softened[own] * np.einsum("ei,ei->e", self._slopes[own], corners[own])[:, None]
-        outside, change = self._beside(motion, multipliers)
-        return self._summed(force.reshape(-1, 8, 3)) + outside, change
+        forces, change = self._beside(motion, multipliers)
+        add_products(self._stiffness, self._softened, self._slopes, self.body.cells, motion, forces)
+        return forces, change
 
-    def solve(
-        self, forces: NDArray[np.float64], change: NDArray[np.float64], turned: NDArray[np.float64]
-    ) -> Change:
+    def solve(self, forces: NDArray[np.float64], change: NDArray[np.float64], turned: NDArray[np.float64]) -> Change:
         """Return the derivative that balances forces (n, 3) [N] and a change (k,) of what updates find.
 
         ``turned`` (3 q,) is what else acts on the rigid rows.
@@ -188,11 +219,10 @@ class Linearised:
         load = self.gathered(forces)
         load[rows - len(turned) :] += turned
         right = np.concatenate([-load, change / self._weights])
-        found = solved(self._multiplied, self._preconditioned, right)
+        tolerance = STIFF if len(self.multipliers) else SOFT
+        found = solved(self._multiplied, self._preconditioned, right, tolerance=tolerance)
         unknowns, multipliers = found[:rows], found[rows:] * self._weights
-        motion = self.moved(unknowns)
-        answer, _ = self.product(motion, multipliers)
-        return Change(unknowns, motion, multipliers, forces + answer)
+        return Change(unknowns, self.moved(unknowns), multipliers)
 
     def rigid_part(self, u: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
         """Return what the forces at the end are on the rigid rows (3 q,) where these, or handles, are elsewhere."""
@@ -221,6 +251,7 @@ class Linearised:
     def _soften(self, equilibrium: EnergyEquilibrium) -> None:
         """Take how the forces of elements follow their hourglass scales, where these follow strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
+        self._slopes = self._softened = np.zeros((0, 24))
         if not len(self.softening):
             return
         body, shape = self.body, self.end.operators.shape
@@ -248,6 +279,8 @@ class Linearised:
         return stiffness
 
     def _multiplied(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self.interrupted is not None and self.interrupted():
+            raise GdfeError(ENDED)
         rows = 3 * self._unknowns.rows
         unknowns, multipliers = vector[:rows], vector[rows:] * self._weights
         forces, change = self.product(self.moved(unknowns), multipliers)
@@ -273,7 +306,7 @@ class Linearised:
         largest = max(np.abs(motion).max(initial=0.0), self.metres(multipliers))
         if largest == 0.0 or not len(self.actuation.table.address):
             return np.zeros_like(motion), np.zeros_like(multipliers)
-        step, sides = SPACING * self.body.size / largest, []
+        step, sides = self.spacing / largest, []
         for sign in (step, -step):
             x = self.x + sign * motion
             self.hold(self.multipliers + sign * multipliers)

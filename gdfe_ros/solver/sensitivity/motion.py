@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.motion.stepper import MotionStepper, Stage
+from gdfe_ros.solver.motion.stepper import InternalStep, MotionStepper
 from gdfe_ros.solver.sensitivity.columns import Tangents, own_side, pair_of
 from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
 from gdfe_ros.solver.sensitivity.side import NEAR, Column, Pair, Side
-from gdfe_ros.solver.sensitivity.variant import Model, Variant
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
@@ -48,7 +47,6 @@ class Trail:
 
     Args:
         stepper: that makes it.
-        model: materials and damping of the scene.
         parameters: of the derivatives.
         state: where it begins; nothing has influenced that.
         tangents: of earlier trails, which are used again.
@@ -57,12 +55,11 @@ class Trail:
     def __init__(
         self,
         stepper: MotionStepper,
-        model: Model,
         parameters: Sequence[Parameter],
         state: State,
         tangents: dict[int, Tangents],
     ) -> None:
-        self._stepper, self._model, self._tangents = stepper, model, tangents
+        self._stepper, self._tangents = stepper, tangents
         self.parameters, self.state, self.flaw = tuple(parameters), state, ""
         none = {name: {key: np.zeros_like(array) for key, array in kept.items()} for name, kept in state.terms.items()}
         still = Carried(positions=np.zeros_like(state.positions), terms=none)
@@ -73,7 +70,7 @@ class Trail:
         """Note that a step of the simulation begins: commands go on from where they are."""
         self._began = [column.share for column in self.columns]
 
-    def observe(self, stage: Stage) -> None:
+    def observe(self, stage: InternalStep) -> None:
         """Follow an internal step; where it has no derivative, `flaw` says so from then on."""
         self.state = stage.after
         if self.flaw:
@@ -84,7 +81,7 @@ class Trail:
         except GdfeError as error:
             self.flaw = str(error)
 
-    def _stepped(self, stage: Stage) -> list[Carried]:
+    def _stepped(self, stage: InternalStep) -> list[Carried]:
         integrator, h = stage.integrator, stage.h
         equilibrium, body = integrator.equilibrium(h), self._stepper.body
         if id(equilibrium) not in self._tangents:
@@ -93,11 +90,11 @@ class Trail:
             self._tangents[id(equilibrium)] = Tangents(equilibrium)
         integrator.fit(stage.before, h)
         solve = self._tangents[id(equilibrium)].at(stage.before, stage.after)
-        model, own, found = replace(self._model, dynamics=integrator.dynamics), own_side(body, stage.before, stage.after), []
+        own, found = own_side(body, stage.before, stage.after), []
         try:
             for parameter, column, began in zip(self.parameters, self.columns, self._began, strict=True):
                 share = began + stage.share * (1.0 - began)
-                pairs = [pair_of(body, model, parameter, own, h=h, share=share)]
+                pairs = [pair_of(parameter, own, h=h, scheme=integrator.dynamics, share=share)]
                 if (history := self._history(own, parameter, column)) is not None:
                     pairs.append(history)
                 made = Column(solve, pairs)
@@ -126,7 +123,7 @@ class Trail:
         sides = (replace(own, start=_beside(own.start, parameter, column, sign * step)) for sign in (1.0, -1.0))
         return Pair(*sides, own, step)
 
-    def _left(self, stage: Stage, side: Side, x: NDArray[np.float64]) -> Kept:
+    def _left(self, stage: InternalStep, side: Side, x: NDArray[np.float64]) -> Kept:
         """Return what terms keep of a step beside, with what contacts leave for the next one to count on."""
         integrator, h = stage.integrator, stage.h
         terms = {}
@@ -135,9 +132,9 @@ class Trail:
         now = stage.after.with_(positions=x, poses=side.poses, commands=side.commands, terms=terms)
         return integrator.followed(side.start, now, h, first=stage.first).terms
 
-    def _started(self, stage: Stage) -> list[Carried]:
+    def _started(self, stage: InternalStep) -> list[Carried]:
         """Return the derivatives of the accelerations with which a motion begins, from rest."""
-        stepper, body, h = self._stepper, self._stepper.body, stage.h
+        stepper, h = self._stepper, stage.h
         acceleration = stage.after.terms[inertia.NAME]["acceleration"]
         velocity = stage.after.terms[inertia.NAME]["velocity"]
         loads, found = [term for term in stepper.actuation.terms if term.name in stepper.actuation.loaded], []
@@ -147,9 +144,9 @@ class Trail:
                 pull = np.zeros_like(acceleration)
                 variant = None
                 if parameter.model is not None:
-                    variant = Variant(body, self._model, parameter.model(parameter.value + change))
+                    variant = parameter.model(parameter.value + change)
                     pull -= variant.mass @ (acceleration + variant.dynamics.mass_damping * velocity)
-                commands, others = parameter.commanded(stage.after.commands, change), variant.terms(None) if variant else {}
+                commands, others = parameter.commanded(stage.after.commands, change), variant.terms() if variant else {}
                 for term in (others.get(load.name, load) for load in loads):
                     term.begin(commands, {}, stage.after.positions, 0.0)
                     force = np.zeros_like(pull)
@@ -194,6 +191,4 @@ def _difference(above: Kept, below: Kept, twice: float) -> Kept:
 
 
 def _summed(parts: Sequence[Kept]) -> Kept:
-    return {
-        name: {key: sum(part[name][key] for part in parts) for key in kept} for name, kept in parts[0].items()
-    }
+    return {name: {key: sum(part[name][key] for part in parts) for key in kept} for name, kept in parts[0].items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -17,10 +18,10 @@ from gdfe_ros.errors import CommandError
 from gdfe_ros.materials import Curve, CurveData, Material
 from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.sensitivity.variant import Model
+from gdfe_ros.solver.sensitivity.variant import Model, Variant
 
 NEAR = 1e-5
-"""By how much a value is varied, over itself or what it is of the order of: differences of forces are exact to 1e-10."""
+"""By how much a value is varied, over itself or what it is of the order of: forces differ smoothly, to 1e-10."""
 FAINT = 1e-8
 """Tension over modulus and the square of the body's size, and pressure over the modulus, that are little: forces are
 linear in both."""
@@ -40,7 +41,7 @@ class Parameter:
         command: actuator or load whose command it is; empty for none.
         handle: whose pose it is a part of; empty for none.
         axis: which part.
-        model: returns the model with another value; None where it is not part of the model.
+        model: returns the body with another value; None where it is not part of the model.
     """
 
     name: str
@@ -50,7 +51,7 @@ class Parameter:
     command: str = ""
     handle: str = ""
     axis: int = 0
-    model: Callable[[float], Model] | None = None
+    model: Callable[[float], Variant] | None = None
 
     def step(self, commands: Mapping[str, float]) -> float:
         """Return by how much it is varied where these commands are in force."""
@@ -130,8 +131,10 @@ class Parameters:
         """Add the parameters of a material's law; its Poisson's ratio where it is not incompressible."""
 
         def add(key: str, unit: str, value: float, scale: float, made: Callable[[float], Material]) -> None:
-            def model(changed: float) -> Model:
-                return replace(self._model, materials={**self._model.materials, name: made(changed)})
+            @cache
+            def model(changed: float) -> Variant:
+                materials = {**self._model.materials, name: made(changed)}
+                return Variant(self._body, self._model, replace(self._model, materials=materials))
 
             self._add(f"materials.{name}.{key}", unit, scale, value=value, model=model)
 
@@ -174,13 +177,11 @@ class Parameters:
             return
 
         def add(key: str, unit: str, value: float, scale: float, made: Callable[[float], object]) -> None:
-            self._add(
-                f"dynamics.{key}",
-                unit,
-                scale,
-                value=value,
-                model=lambda changed: replace(self._model, dynamics=made(changed)),
-            )
+            @cache
+            def model(changed: float) -> Variant:
+                return Variant(self._body, self._model, replace(self._model, dynamics=made(changed)))
+
+            self._add(f"dynamics.{key}", unit, scale, value=value, model=model)
 
         for key, unit in (("mass_damping", "1/s"), ("viscosity", "Pa s")):
             if value := getattr(dynamics, key):
@@ -190,7 +191,9 @@ class Parameters:
                 value = getattr(branch, key)
 
                 def made(changed: float, i: int = i, key: str = key) -> object:
-                    return replace(dynamics, prony=_with(dynamics.prony, i, replace(dynamics.prony[i], **{key: changed})))
+                    return replace(
+                        dynamics, prony=_with(dynamics.prony, i, replace(dynamics.prony[i], **{key: changed}))
+                    )
 
                 add(f"prony.{i}.{key}", unit, value, value, made)
 

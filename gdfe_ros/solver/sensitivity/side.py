@@ -15,7 +15,7 @@ from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
 from gdfe_ros.solver.matrix.unknowns import Frame, place
 from gdfe_ros.solver.reactions import handle_reactions
-from gdfe_ros.solver.sensitivity.linearised import SPACING, Linearised
+from gdfe_ros.solver.sensitivity.linearised import Linearised
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
@@ -88,19 +88,20 @@ class Column:
         if driven.any():
             answer, followed = solve.product(driven, np.zeros_like(solve.multipliers))
             forces, change = forces + answer, change + followed
-        found = solve.solve(forces, change, turned)
+        self._forces, found = forces, solve.solve(forces, change, turned)
         self.change = found._replace(positions=found.positions + driven)
 
     def reactions(self) -> dict[str, NDArray[np.float64]]:
         """Return the derivative (6,) of what each handle and obstacle exerts on the body."""
         solve, change = self._solve, self.change
+        forces = self._forces + solve.product(solve.moved(change.unknowns), change.multipliers)[0]
         largest = max(np.abs(change.positions).max(initial=0.0), solve.metres(change.multipliers))
-        step, found = SPACING * solve.body.size / max(largest, 1e-300), []
+        step, found = solve.spacing / max(largest, 1e-300), []
         for sign in (step, -step):
             solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
             solve.hold(solve.multipliers + sign * change.multipliers)
             given = solve.x + sign * change.positions, np.zeros((len(solve.body.material), 8, 3))
-            outside = solve.forces + sign * change.forces
+            outside = solve.forces + sign * forces
             found.append(handle_reactions(solve.body, *given, outside, solve.actuation.contacts))
         solve.restore()
         return {name: (value - found[1][name]) / (2.0 * step) for name, value in found[0].items()}
@@ -151,11 +152,12 @@ class Column:
                 term.reals[...] = own.reals
         solve.hold(solve.multipliers)
 
-    def _terms_part(
-        self, pair: Pair, *places: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _terms_part(self, pair: Pair, *places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return by how much terms pull (n, 3) [N], and updates find (k,), otherwise where vertices are the same."""
         solve, numbers = self._solve, []
+        first, own = pair.above, pair.middle
+        if not first.terms and (first.commands, first.poses, first.start) == (own.commands, own.poses, own.start):
+            return np.zeros_like(solve.x), np.zeros_like(solve.multipliers)
         for side, x in zip((pair.above, pair.below), places, strict=True):
             solve.restore()
             self._varied(side, x)
@@ -185,4 +187,3 @@ class Column:
                 update_hourglass_scales(solve.x, *given, scale)
             found.append(solve.element_forces(side.table, operators=operators, scale=scale))
         return (found[0] - found[1]) / (2.0 * pair.step)
-

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from scipy import sparse
 
@@ -51,7 +52,6 @@ class Variant:
 
     Attributes:
         table: the materials.
-        mass: (n, n) [kg]; None without dynamics.
         dynamics: of the model.
     """
 
@@ -62,24 +62,29 @@ class Variant:
         self._body = replace(body, materials=materials, table=self.table)
         self._own, self._model, self.dynamics = own, model, model.dynamics
         self._heavier = [each.density for each in materials] != [each.density for each in own.materials.values()]
-        self.mass: sparse.csr_matrix | None = None
-        if model.dynamics is not None:
-            density = cell_densities(model.materials, body.material)
-            self.mass = mass_matrix(body.rest, body.cells, density, model.masses, filling=model.filling)
 
-    def terms(self, h: float | None) -> dict[str, Term]:
-        """Return the terms that differ, by name; in motion in steps of length ``h`` [s], each with its own numbers."""
-        terms: dict[str, Term] = {}
-        if self._heavier:
-            density = cell_densities(self._model.materials, self._body.material)
-            for load in self._model.loads:
-                if isinstance(load, Gravity):
-                    terms[load.name] = DeadLoadTerm(replace(load, density=density), self._body)
+    def terms(self, h: float | None = None, scheme: Dynamics | None = None) -> dict[str, Term]:
+        """Return the terms that differ, by name; in motion in steps of length ``h`` [s] by the scheme in force."""
+        terms = dict(self._loads)
         if h is None:
             return terms
-        dynamics = self.dynamics
+        dynamics = replace(self.dynamics, scheme=scheme.scheme, rho_inf=scheme.rho_inf)
         terms[inertia.NAME] = Inertia(self._body, self.mass, dynamics, h)
         if dynamics.damps:
             terms[viscosity.NAME] = Viscosity(self._body, dynamics, h)
         return terms
 
+    @cached_property
+    def _loads(self) -> dict[str, Term]:
+        """Gravity, where materials are heavier."""
+        if not self._heavier:
+            return {}
+        density = cell_densities(self._model.materials, self._body.material)
+        loads = [replace(load, density=density) for load in self._model.loads if isinstance(load, Gravity)]
+        return {load.name: DeadLoadTerm(load, self._body) for load in loads}
+
+    @cached_property
+    def mass(self) -> sparse.csr_matrix:
+        """The mass matrix (n, n) [kg]."""
+        density, model = cell_densities(self._model.materials, self._body.material), self._model
+        return mass_matrix(self._body.rest, self._body.cells, density, model.masses, filling=model.filling)

@@ -87,7 +87,7 @@ class Volumes:
         self.pressure = np.where(carried, self.total - slope * (self.ratio - 1.0), 0.0)
 
     def pressed(self, material: NDArray[np.int32], before: MaterialTable, table: MaterialTable) -> NDArray[np.float64]:
-        """Return pressures (m,) [Pa] with which elements of other materials have, at the same J, what their law asks."""
+        """Return pressures (m,) [Pa] that elements of other materials have, by their law, at the same J."""
         old, new = before.parameters[material], table.parameters[material]
         moduli = []
         for each, law in ((old, before.law[material]), (new, table.law[material])):
@@ -97,5 +97,3 @@ class Volumes:
             share = np.where(np.isfinite(moduli[0]) & np.isfinite(moduli[1]), moduli[1] / moduli[0], 1.0)
         carried = new[:, CARRIED] == 1.0
         return np.where(carried, share * self.total - new[:, PENALTY] * (self.ratio - 1.0), 0.0)
-
-

@@ -186,9 +186,7 @@ class CableTerm(Term):
         numbers[EFFORT] = 0.0 if self._elastic else max(0.0, followed(saved, ratio))
         numbers[TARGET] = self.wanted(self._command)
 
-    def resume(
-        self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]
-    ) -> None:
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Take the tension that was found. A cable that just does not pull counts as one that does."""
         self.begin(commands, saved, positions, 0.0)
         numbers, size = self.reals, self._body.size

@@ -189,9 +189,7 @@ class ChamberTerm(Term):
         """Keep the pressure."""
         return remembered(float(self.reals[EFFORT]), saved)
 
-    def resume(
-        self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]
-    ) -> None:
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Take the pressure that was found."""
         self.begin(commands, saved, positions, 0.0)
         if self.updates:

@@ -87,11 +87,12 @@ class Term:
         integers: (i,) int32, the same.
         updates: whether `update` has anything to do.
         inside: whether the solve began inside of what the term keeps the body out of.
+        delicate: its forces change within the shortest ways, as where something begins to slip.
         even: its stiffness acts on x, y and z alike, is all that it has, and never changes: tangents take it as it is.
     """
 
     kernel: TermKernel | None = None
-    updates, even, inside = False, False, False
+    updates, even, inside, delicate = False, False, False, False
 
     def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         self.name, self.reals, self.integers = name, reals, integers
@@ -155,9 +156,7 @@ class Term:
         """Return what is to be saved of a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
         return {}
 
-    def resume(
-        self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]
-    ) -> None:
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
         """Prepare as at the end of a solve that began with ``saved`` and ended with ``found`` at ``positions``."""
         self.begin(commands, saved, positions, 0.0)
 

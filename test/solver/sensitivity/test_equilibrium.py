@@ -37,7 +37,9 @@ ROTATION = (0.1, -0.2, 0.3)
 
 def solved(text: str, command: Command, **overrides: Any) -> Simulation:
     """Return the simulation of a scene after one converged step."""
-    simulation = Simulation(scene_from_text(text, overrides={key.replace("__", "."): v for key, v in overrides.items()}))
+    simulation = Simulation(
+        scene_from_text(text, overrides={key.replace("__", "."): v for key, v in overrides.items()})
+    )
     result = simulation.step(command)
     assert result.converged, result.message
     return simulation
@@ -209,7 +211,7 @@ BALL = {"obstacles__ball": {"sphere": {"radius": 0.03}, "at": [0.07, 0.004, -0.0
 
 
 def test_contact_with_a_ball() -> None:
-    """Press on a ball without friction, by its place, by weight and by a modulus; positions and what the ball exerts."""
+    """Press on a ball without friction, and vary weight, the place of the ball, and a modulus."""
     raised = Pose((0.0, 0.0, 0.004))
     compared(
         BAR,
@@ -235,3 +237,35 @@ def test_contact_with_a_ball() -> None:
         500.0,
         **BALL,
     )
+
+
+def test_slack_cables_pull_when_they_are_told_to() -> None:
+    """Ask at rest, where a cable does not pull yet: its command moves the tip as a pull does."""
+    text, step = with_actuator(f"{{cable: {{points: {CABLE}, command: tension}}}}"), 1e-4
+    here = solved(text, Command())
+    exact = here.sensitivities(["probes.tip"], ["actuators.a"]).matrix[:, 0]
+    tips = [solved(text, Command(actuators={"a": pull})).probe_positions()["tip"] for pull in (step, 2.0 * step)]
+    began = here.probe_positions()["tip"]
+    difference = (4.0 * tips[0] - 3.0 * began - tips[1]) / (2.0 * step)
+    np.testing.assert_allclose(exact, difference, rtol=0, atol=NEAR * np.abs(difference).max())
+
+
+def test_states_without_derivatives() -> None:
+    """Ask where no step has converged, for names that are none, and of the policy without forces: one clear error."""
+    simulation = Simulation(scene_from_text(BAR, overrides={"solver.max_iterations": 3}))
+    simulation.step()
+    with pytest.raises(GdfeError, match="no derivative: the state is no equilibrium"):
+        simulation.sensitivities(None, ["loads.push"])
+    with pytest.raises(CommandError, match=r"no parameter 'loads.pull' in this scene; parameters: loads.weight"):
+        simulation.sensitivities(None, ["loads.pull"])
+    with pytest.raises(CommandError, match=r"no output 'tip' in this scene; outputs: probes.tip, probes.edge"):
+        simulation.sensitivities(["tip"], ["loads.push"])
+
+
+def test_asking_leaves_the_state() -> None:
+    """Ask for everything, and step on bitwise as if nothing had been asked."""
+    asked, plain = solved(BAR, Command()), solved(BAR, Command())
+    asked.sensitivities(["positions", "reactions.base"], asked.parameter_names)
+    for simulation in (asked, plain):
+        simulation.step(Command(loads={"push": 1.5}))
+    np.testing.assert_array_equal(asked.positions, plain.positions)
