@@ -10,6 +10,10 @@ class GdfeError(Exception):
     """Base of every error that this package raises on purpose."""
 
 
+ENDED = "the derivatives were ended before they were found"
+"""Said where somebody interrupts them."""
+
+
 class DefectsError(GdfeError):
     """An input with one or more defects, all of them named at once.
 

@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,26 +16,50 @@ from gdfe_ros.command import Command, Orders, checked_positions, require_snapsho
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.errors import CommandError, OverlapError
+from gdfe_ros.errors import ENDED, CommandError, GdfeError, OverlapError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
 from gdfe_ros.solver.body import Body, working_origin
+from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
 from gdfe_ros.solver.motion.imu import ImuReading, later_readings
-from gdfe_ros.solver.motion.stepper import MotionStepper
+from gdfe_ros.solver.motion.stepper import InternalStep, MotionStepper
 from gdfe_ros.solver.result import StepResult
 from gdfe_ros.solver.settings import Policy, SolverSettings
-from gdfe_ros.solver.state import Snapshot
+from gdfe_ros.solver.state import Snapshot, State
+from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.outcome import step_result
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.step_time import require_countable, require_times
 from gdfe_ros.steppers import make_stepper, scene_body, usual_steps
 
+if TYPE_CHECKING:
+    from gdfe_ros.derivatives import Derivatives
+    from gdfe_ros.solver.sensitivity.motion import Trail
+    from gdfe_ros.solver.sensitivity.result import Sensitivities
+
 WARM_UP = 1e-3
 """Of the body's size: how far handles are moved to have every kernel compiled."""
+
+
+class _Step(NamedTuple):
+    """A step in motion as it was asked for, with where it began and what it found."""
+
+    start: State
+    found: State
+    targets: Mapping[str, Pose]
+    commands: Mapping[str, float]
+    duration: float
+
+    def again(
+        self, stepper: MotionStepper, observer: Callable[[InternalStep], None], deadline: Deadline | None
+    ) -> None:
+        """Make it again before an observer."""
+        given = {"duration": self.duration, "deadline": deadline, "observer": observer}
+        stepper.step(self.start, self.targets, self.commands, **given)
 
 
 class Simulation:
@@ -108,6 +133,8 @@ class Simulation:
         self.commands = dict(self._state.commands)
         self.commands.update({load.name: LOAD_FACTOR for load in self.scene.loads})
         self._neutral = dict(self.commands)
+        self._trail: Trail | None = None
+        self._last: _Step | None = None
         self.result: StepResult | None = None
 
     def reset_shape(self) -> None:
@@ -193,12 +220,25 @@ class Simulation:
         march = None
         rests = rests or (bool(places) and self._stepper.rests(self._state, targets, limited))
         if not rests and (dt or not moves):
-            march = self._stepper.step(self._state, targets, limited, duration=dt, deadline=limit)
+            march = self._stepped(targets, limited, dt, limit)
             self._state = march.state
         self.time += dt if march is None or march.simulated is None else march.simulated
         given = {"time": self.time, "origin": self._origin, "settings": self.settings}
         self.result = step_result(self._stepper, self._state, march, **given, started=started, limit=limit)
         return self.result
+
+    def _stepped(
+        self, targets: Mapping[str, Pose], commands: Mapping[str, float], dt: float, limit: Deadline | None
+    ) -> March:
+        """Step, and have derivatives follow where they are asked for."""
+        given: dict[str, Any] = {"duration": dt, "deadline": limit}
+        if self._trail is not None:
+            self._trail.begin()
+            given["observer"] = self._trail.observe
+        march = self._stepper.step(self._state, targets, commands, **given)
+        if isinstance(self._stepper, MotionStepper):
+            self._last = _Step(self._state, march.state, targets, commands, dt)
+        return march
 
     @property
     def settled(self) -> bool:
@@ -303,6 +343,75 @@ class Simulation:
         """Return what evaluates that of the present state in any thread, also after further steps."""
         return later_readings(self.scene.probes, self.scene.loads, self._stepper, self._state, self.commands)
 
+    def sensitivities(
+        self,
+        outputs: Sequence[str] | None = None,
+        parameters: Sequence[str] | None = None,
+        *,
+        interrupted: Callable[[], bool] | None = None,
+    ) -> Sensitivities:
+        """Return exact derivatives d(output)/d(parameter) at the present state, which does not change.
+
+        At an equilibrium K dx = -dF (docs/theory/sensitivities.md), with what touches and what sticks held as they are.
+
+        Args:
+            outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None takes all probes.
+            parameters: as `parameter_names` has them; None takes all actuators.
+            interrupted: asked now and then; once it tells so, nothing is returned.
+
+        Raises:
+            CommandError: no such output or parameter.
+            GdfeError: there is no derivative, as at a saddle or where a step has not converged; or interrupted.
+        """
+        derivatives, trail = self._derivatives, self._trail
+        if not isinstance(self._stepper, MotionStepper):
+            return derivatives.found(self._state, outputs, parameters, interrupted=interrupted)
+        if trail is None or trail.state.positions is not self._state.positions:
+            trail = self._last_step_followed(parameters, interrupted)
+        return derivatives.along(trail, outputs, parameters)
+
+    def _last_step_followed(self, parameters: Sequence[str] | None, interrupted: Callable[[], bool] | None) -> Trail:
+        """Make the last step again, with derivatives."""
+        if self._last is None or self._last.found.positions is not self._state.positions:
+            raise GdfeError("no derivative: no step in motion led here; remedy: step first")
+        trail = self._derivatives.trail(self._last.start, parameters)
+        trail.begin()
+        deadline = Deadline(interrupted=interrupted) if interrupted else None
+        self._last.again(self._stepper, trail.observe, deadline)
+        if deadline is not None and deadline.passed():
+            raise GdfeError(ENDED)
+        if not np.array_equal(trail.state.positions, self._state.positions):
+            raise GdfeError("no derivative: the last step was cut by a deadline; remedy: step without one")
+        return trail
+
+    def follow(self, parameters: Sequence[str] | None = None) -> None:
+        """Have all steps from here on carry derivatives along, for `sensitivities` of a motion.
+
+        What a parameter did before is none of it: a modulus is another from here on, a command is offset from the next
+        step on. Without dynamics nothing is carried along: an equilibrium has its derivatives of its own.
+
+        Args:
+            parameters: as `parameter_names` has them; None takes all actuators.
+
+        Raises:
+            CommandError: no such parameter.
+        """
+        derivatives = self._derivatives
+        derivatives.named(parameters)
+        if isinstance(self._stepper, MotionStepper):
+            self._trail = derivatives.trail(self._state, parameters)
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """What `sensitivities` can be with respect to, e.g. ``materials.silicone.young`` or ``handles.tip.x``."""
+        return self._derivatives.parameters.names
+
+    @cached_property
+    def _derivatives(self) -> Derivatives:
+        from gdfe_ros.derivatives import Derivatives  # needed here only
+
+        return Derivatives(self.scene, self._stepper)
+
     def jacobian(
         self,
         probes: Sequence[str] | None = None,
@@ -310,10 +419,12 @@ class Simulation:
         *,
         interrupted: Callable[[], bool] | None = None,
     ) -> NDArray[np.float64]:
-        """Return d(probe position)/d(command) at the present equilibrium, (probes, 3, actuators).
+        """Return d(probe position)/d(command) at the present state, (probes, 3, actuators).
 
-        Central differences of equilibria that are solved to a far smaller tolerance than a step; the simulation's state
-        does not change. One-sided at the end of a range, and at zero tension, where a cable goes slack.
+        Exact, as `sensitivities`; of a motion, over the last step: by how much farther it would have led, had its
+        command ended elsewhere. Where a cable is slack, or a command at the end of its range, it is that of the side on
+        which the actuator acts. The policy ``relative``, and a body that touches itself, have central differences of
+        equilibria.
 
         Args:
             probes: names; None takes all, in the scene's order.
@@ -321,13 +432,33 @@ class Simulation:
             interrupted: asked now and then; once it tells so, nothing is returned.
 
         Raises:
-            GdfeError: no such probe or actuator, dynamics, no equilibrium beside the present one, or interrupted.
+            GdfeError: no such probe or actuator, there is no derivative, or interrupted.
         """
-        if isinstance(self._stepper, MotionStepper):
-            raise CommandError("a Jacobian is one of equilibria; remedy: leave `dynamics` out of the scene")
-        from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
+        points, names = self._orders.probes(probes), self.actuator_names if actuators is None else actuators
+        chosen = [self._orders.actuator(name) for name in names]
+        if not chosen:
+            return np.zeros((len(points), 3, 0))
+        if self._differs:
+            from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
 
-        points = self._orders.probes(probes)
-        chosen = [self._orders.actuator(name) for name in (self.actuator_names if actuators is None else actuators)]
-        columns = jacobian(self._stepper, self._state, points, chosen, interrupted=interrupted)
-        return np.stack(columns, axis=2) if columns else np.zeros((len(points), 3, 0))
+            return np.stack(jacobian(self._stepper, self._state, points, chosen, interrupted=interrupted), axis=2)
+        outputs = [f"probes.{name}" for name in (self.scene.probes if probes is None else probes)]
+        wanted = [f"actuators.{name}" for name in names]
+        followed = self._trail is not None
+        if followed:  # over the last step, whatever was followed before it
+            trail, self._trail = self._trail, None
+        try:
+            found = self.sensitivities(outputs, wanted, interrupted=interrupted)
+        finally:
+            if followed:
+                self._trail = trail
+        return found.matrix.reshape(len(points), 3, len(chosen))
+
+    @property
+    def _differs(self) -> bool:
+        """Whether derivatives of equilibria are differences."""
+        if self.policy is not Policy.ENERGY:
+            return True
+        own = [contact for contact in self._stepper.actuation.contacts if isinstance(contact, OwnContact)]
+        touches = any(self._state.terms[contact.name]["press"].any() for contact in own)
+        return touches and not isinstance(self._stepper, MotionStepper)

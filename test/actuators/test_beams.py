@@ -149,9 +149,9 @@ def test_a_jacobian_can_be_interrupted() -> None:
 
     def interrupted() -> bool:
         asked.append(True)
-        return len(asked) > 20
+        return len(asked) > 2
 
-    with pytest.raises(GdfeError, match="the Jacobian was ended before it was found"):
+    with pytest.raises(GdfeError, match="the derivatives were ended before they were found"):
         simulation.jacobian(interrupted=interrupted)
-    assert len(asked) < 30
+    assert len(asked) == 3
     np.testing.assert_array_equal(simulation.positions, before)

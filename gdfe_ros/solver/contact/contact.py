@@ -28,6 +28,10 @@ ENTRY = 1e-3
 """Distance over the body's size beyond which a point is outside; what comes in from there does so through a plane."""
 REACH = 0.05
 """Distance, over the body's size, beyond which a vertex is left out until the body has moved as far."""
+SLIP = 3e-7
+"""Way over the body's size that a point which slips counts as having slipped where it has only begun to."""
+HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
+"""Which of a point's numbers `Contact.update` changes."""
 STIFFER = 30.0
 """Penalty over the usual one beside elements that walls keep from folding. Multipliers of the usual one converge slowly
 there, since walls make a corner much stiffer than at rest: 836 iterations a step instead of 18 for a cube of 8^3 cells
@@ -61,7 +65,7 @@ class Contact(ContactTerm):
         self._usual, self._penalty = np.zeros(count), np.zeros(count)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        self._clear = -np.inf
+        self._clear, self._led = -np.inf, np.zeros((0, 3))
         self._pose = self._seen_at = Pose()
         self._last: State | None = None
         self._seen: NDArray[np.float64] | None = None
@@ -82,6 +86,11 @@ class Contact(ContactTerm):
     def inside(self) -> bool:
         """Whether a point was inside of what it touches where the last solve began."""
         return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)
+
+    @property
+    def delicate(self) -> bool:
+        """Whether friction acts."""
+        return self.updates and self.reals[gap.FRICTION] > 0.0
 
     def fit(self, matrix: ConstantMatrix) -> None:
         """Take penalties from the constant matrix' diagonal."""
@@ -167,6 +176,60 @@ class Contact(ContactTerm):
         anchor[self._chosen[~slips]], slipping[self._chosen] = anchors[~slips], slips
         kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + self.share * rubbed}
         return {**self._spread(presses, -shears), **kept, "share": np.array([self.share])}
+
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+        """Take in what touched at the end of a solve, with the forces found; what slipped nowhere slips a little."""
+        self._led = np.zeros((0, 3))
+        if not found["press"].any():
+            self._take_none()
+            return
+        self._choose({**saved, "press": found["press"], "shear": found["shear"]}, positions)
+        rows = self._rows()
+        length = np.linalg.norm(rows[:, NORMAL : NORMAL + 3], axis=1)[:, None]
+        rows[:, NORMAL : NORMAL + 3] /= np.where(length > 0.0, length, 1.0)
+        shears = rows[:, SHEAR : SHEAR + 3] @ self._axes
+        size = np.linalg.norm(shears, axis=1)
+        slid = self._in_frame(self._points.at(positions)[self._chosen]) - rows[:, ANCHOR : ANCHOR + 3]
+        still = np.linalg.norm(slid, axis=1) < SLIP * self._body.size
+        on = (found["slips"][self._chosen] > 0.0) & (size > 0.0) & still
+        self._led = SLIP * self._body.size * shears / np.where(size > 0.0, size, 1.0)[:, None] * on[:, None]
+        rows[:, ANCHOR : ANCHOR + 3] -= self._led
+
+    def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Take another place of what is touched, and other anchors, of the same points."""
+        if not self.updates:
+            return
+        self._origin[...], self._axes[...] = self._frame(positions, self._pose)
+        anchors = saved["anchor"][self._chosen]
+        starts = self._starts(self._points.at(positions))[self._chosen]
+        self._rows()[:, ANCHOR : ANCHOR + 3] = np.where(np.isnan(anchors), starts, anchors) - self._led
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """Presses, shears [N], normals, and by how much [m] faces are nearer than their corners, of the points."""
+        return self._rows()[:, HELD].ravel()
+
+    @property
+    def per_metre(self) -> NDArray[np.float64]:
+        """Penalties [N/m], and one over the body's size for normals."""
+        k, one = self._rows()[:, gap.PENALTY], np.ones(len(self._chosen))
+        turned = one / self._body.size
+        return np.stack([k, k, k, k, turned, turned, turned, one], axis=1).ravel()
+
+    def hold(self, multipliers: NDArray[np.float64]) -> None:
+        """Take the multipliers of the points."""
+        self._rows()[:, HELD] = multipliers.reshape(-1, len(HELD))
+
+    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the multipliers after a plain update."""
+        held = self.multipliers
+        if not self.updates:
+            return held
+        law.update_multipliers(positions, self.reals, self.integers)
+        self._correct(positions)
+        found = self.multipliers
+        self.hold(held)
+        return found
 
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return force [N] and moment [N m] about the origin of what is touched (6,) that it exerts on the points."""

@@ -157,6 +157,21 @@ class EnergyEquilibrium:
             summary=summary,
         )
 
+    @property
+    def model(self) -> Model:
+        """What all solves have in common."""
+        return self._model
+
+    @property
+    def whole(self) -> ActiveSet:
+        """Everything that can move."""
+        return self._whole
+
+    def evaluated(self, solve: Solve) -> Task:
+        """Evaluate all terms where a solve begins, and return what would descend from there."""
+        self._loaded = None
+        return solve.evaluate(self._whole, self.matrix.coupling, threads=None)
+
     def observe(self, observer: Observer | None) -> None:
         """Have somebody see the energy of every iteration; None for nobody."""
         self.minimiser.observer = observer

@@ -72,7 +72,7 @@ class Integrator:
 
     def solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
         """Find the end of an internal step of length ``h`` [s]."""
-        state, (poses, commands) = self._begun(flight.state), flight.aim
+        state, (poses, commands) = self.begun(flight.state), flight.aim
         reach = h * h * largest(kinematics_of(state.terms[inertia.NAME]).acceleration) / self._body.size
         tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * reach))
         problem = Increment(
@@ -91,13 +91,26 @@ class Integrator:
     def accepted(self, state: State, solution: Solution, h: float) -> State:
         """Return the state after an internal step of length ``h`` [s] from ``state``, whose ledger it has."""
         first, equilibrium = bool(state.terms[inertia.NAME]["first"][0]), self.equilibrium(h)
-        state = self._begun(state)
+        state = self.begun(state)
         now = equilibrium.accept(solution, state)
         balance = now.balance or equilibrium.actuation.balance(now.positions, now.commands)
         now = now.with_(unfinished=None, balance=balance, sound=True)
-        contacts = equilibrium.actuation.contacts
-        now = self._impacts.stopped(state, now, h, contacts, first=first)
-        return self._pushes.forgotten(state, now, h, contacts)
+        return self.followed(state, now, h, first=first)
+
+    def followed(self, before: State, now: State, h: float, *, first: bool) -> State:
+        """Return the state at the end of a step with what contacts leave for the next one to count on."""
+        contacts = self.equilibrium(h).actuation.contacts
+        now = self._impacts.stopped(before, now, h, contacts, first=first)
+        return self._pushes.forgotten(before, now, h, contacts)
+
+    def fit(self, before: State, h: float) -> None:
+        """Tell contacts what of their multipliers is force in a step of length ``h`` [s] from ``before``."""
+        self._pushes.fit(before, h, self.equilibrium(h).actuation.contacts)
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """Scheme and damping in force."""
+        return self._dynamics
 
     def equilibrium(self, h: float) -> EnergyEquilibrium:
         """Return what solves internal steps of length ``h`` [s]."""
@@ -119,7 +132,7 @@ class Integrator:
         )
         return self._made[h]
 
-    def _begun(self, state: State) -> State:
+    def begun(self, state: State) -> State:
         """Return the state that a step begins at: backward Euler remembers none before it."""
         if not self._euler:
             return state

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,26 @@ SHORTEST = 1e-2
 """Share of the longest internal step below which time is only noted: an acceleration over so short a time is noise."""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InternalStep:
+    """An internal step that was accepted, for those who follow a motion.
+
+    Attributes:
+        before, after: states.
+        h: its length [s].
+        share: of the way from where the whole step began to its commands that is behind after it.
+        integrator: that made it; None where a motion only begins, from which ``after`` has accelerations.
+        first: the step before is none that this scheme made.
+    """
+
+    before: State
+    after: State
+    h: float
+    share: float = 0.0
+    integrator: Integrator | None = None
+    first: bool = False
+
+
 class MotionStepper:
     """Steps a body with mass in time. It has no state of its own, but factors for the step lengths in use.
 
@@ -73,6 +94,16 @@ class MotionStepper:
         self._ceiling = Ceiling(body, dynamics.scheme, settings.tolerance, self._accounts)
         self._calm = max(CALM, RELAXED * dynamics.relaxation(body.table.parameters[body.material][:, SHEAR].min()))
 
+    @property
+    def mass(self) -> sparse.csr_matrix:
+        """The mass matrix (n, n) [kg]."""
+        return self._mass
+
+    @property
+    def free_mass(self) -> FreeMass:
+        """The mass of what is free to move."""
+        return self._free_mass
+
     def at_rest(self) -> State:
         """Return the state at the start: the rest shape, with the velocities that the scene gives."""
         return self.equilibrium.at_rest().with_(ledger=self._accounts.opened())
@@ -100,16 +131,20 @@ class MotionStepper:
         *,
         duration: float,
         deadline: Deadline | None = None,
+        observer: Callable[[InternalStep], None] | None = None,
     ) -> March:
         """Follow the commands, which change evenly, for ``duration`` [s] from ``state``, which stays as it is.
 
         What is too short for a step is made up for by the next one. A deadline ends it between two internal steps: one
-        that is begun is finished, since what is half solved has no velocity. Who interrupts has it dropped.
+        that is begun is finished, since what is half solved has no velocity. Who interrupts has it dropped. An
+        ``observer`` is shown each internal step.
         """
         due = state.ledger.owed + duration
         if due < SHORTEST * self._dynamics.step:
             return _noted(state.with_(ledger=changed(state.ledger, owed=due)), duration)
         began = state if self._began(state) else self._started(state, commands)
+        if observer is not None and began is not state:
+            observer(InternalStep(before=state, after=began, h=self._dynamics.step))
         flight = Flight.over(due, self._dynamics.step, began, targets, commands)
         failure = state.ledger.failure if Skip.SOLVE in self._settings.skip else None
         if failure is not None and flight.repeats(failure):
@@ -132,14 +167,16 @@ class MotionStepper:
                     integrator = self._euler
                     continue
                 halves = bool(excess) and flight.can_halve and not past(deadline)
-            integrator = self._integrator
+            made, integrator = integrator, self._integrator
             if halves:
                 flight = flight.halved()
                 continue
             if not taken:
                 skipped = self.equilibrium.skipped(solution)
                 return _told(flight.withdrawn(solution, skipped, hurried=past(deadline)), state.ledger.owed)
-            flight = flight.went(told(accepted, excess, h) if excess else accepted)
+            before, flight = flight.state, flight.went(told(accepted, excess, h) if excess else accepted)
+            if observer is not None:
+                observer(_stage(made, before, flight, h))
             if not flight.arrived and past(deadline):
                 flight = changed(flight, flaw=flight.flaw or deadline.reason)
                 break
@@ -226,6 +263,13 @@ class MotionStepper:
             for given in (state.commands, before)
         )
         return now - then
+
+
+def _stage(integrator: Integrator, before: State, flight: Flight, h: float) -> InternalStep:
+    """Return the internal step that a flight made last, of length ``h`` [s]."""
+    first = bool(before.terms[inertia.NAME]["first"][0])
+    share = {"share": flight.done / flight.total, "first": first}
+    return InternalStep(before=integrator.begun(before), after=flight.state, h=h, integrator=integrator, **share)
 
 
 def _noted(state: State, duration: float) -> March:

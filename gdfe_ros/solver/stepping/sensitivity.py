@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, Cable, Embedding, Mode
-from gdfe_ros.errors import GdfeError
+from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.state import State
@@ -56,7 +56,7 @@ def jacobian(
     def solve(start: State, commands: Mapping[str, float]) -> March:
         march = stepper.step(start, start.poses, commands, tolerance=TOLERANCE, deadline=deadline)
         if deadline is not None and deadline.passed():
-            raise GdfeError("the Jacobian was ended before it was found")
+            raise GdfeError(ENDED)
         return march
 
     present = state

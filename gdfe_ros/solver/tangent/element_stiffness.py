@@ -44,18 +44,21 @@ class ElementStiffness:
 
     Args:
         count: number of elements m.
+
+    Attributes:
+        values: (m, 24, 24) [N/m] what `at` found last.
     """
 
     def __init__(self, count: int) -> None:
-        self._values, self._force, self._energy = np.zeros((count, 24, 24)), np.zeros((count, 8, 3)), np.zeros(count)
+        self.values, self._force, self._energy = np.zeros((count, 24, 24)), np.zeros((count, 8, 3)), np.zeros(count)
 
     def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites."""
         shape, material, table = problem.shape, problem.material, problem.table
-        element_tangents(x, shape, problem.blocks, material, problem.pressure, problem.scale, table, self._values)
+        element_tangents(x, shape, problem.blocks, material, problem.pressure, problem.scale, table, self.values)
         scratch = self._force, self._energy
-        add_wall_tangents(x, problem.watch.watched, shape, material, table, *scratch, self._values)
-        return self._values
+        add_wall_tangents(x, problem.watch.watched, shape, material, table, *scratch, self.values)
+        return self.values
 
 
 def without_negative(stiffness: NDArray[np.float64]) -> NDArray[np.float64]:

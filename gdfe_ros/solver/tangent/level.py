@@ -64,14 +64,22 @@ class TangentLevel:
         body: the discretised body.
         matrix: (n, n) the assembled constant matrix.
         terms: what acts on the body.
+        elements: evaluates the tangents of the elements; None for those of their laws.
 
     Attributes:
         price: of a tangent, in solutions with it.
     """
 
-    def __init__(self, body: Body, matrix: sparse.csc_matrix, terms: Sequence[Term] = ()) -> None:
+    def __init__(
+        self,
+        body: Body,
+        matrix: sparse.csc_matrix,
+        terms: Sequence[Term] = (),
+        *,
+        elements: ElementStiffness | None = None,
+    ) -> None:
         self._body, self._unknowns, self._terms = body, body.unknowns, terms
-        self._elements = ElementStiffness(len(body.cells))
+        self._elements = elements or ElementStiffness(len(body.cells))
         self._assembly = Assembly([body.cells, *(term.couplings() for term in terms)], body.unknowns)
         self._constant = self._assembly.spread(matrix, body.unknowns)
         even = [term.stiffness() for term in terms if term.even]
@@ -120,6 +128,11 @@ class TangentLevel:
         ):
             raise FloatingPointError("neither the tangent nor the constant matrix has a factor")
         return self._loaded
+
+    @property
+    def stiffness(self) -> NDArray[np.float64]:
+        """Tangents (m, 24, 24) [N/m] of the elements that `take` evaluated last, in its own array."""
+        return self._elements.values
 
     def load(self, tangent: Tangent) -> None:
         """Be ready to apply a tangent that `take` returned, here or in another run."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState, Cable, Mode
 from gdfe_ros.compiled import inlined, kernel
+from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
@@ -27,6 +28,11 @@ BALANCED = 1e-9
 """Force on what moves, over the tension, that counts as none."""
 NO_WEIGHT = 1e-9
 """Of a corner, below which a cable's point does not follow it."""
+FAINT, NEARLY = 1e-12, 3e-6
+"""Tension over modulus and the square of the body's size, and lengthening over the size of a cable that keeps a length:
+nothing, but enough for differences to see a cable that just does not pull as one that does."""
+ROUNDING = 1e-9
+"""Share of a cable's length that is none."""
 
 
 @inlined
@@ -117,7 +123,7 @@ class CableTerm(Term):
         super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
         self.neutral_command = self._rest_length if cable.mode is Mode.LENGTH else 0.0
-        self._body, self._command = body, self.neutral_command
+        self._body, self._command, self._lifted = body, self.neutral_command, 0.0
         stiff = [handle.vertices for handle in body.handles if not (handle.free or handle.turning)]
         held = np.isin(cable.points.corners, np.concatenate([np.zeros(0, np.int32), *stiff]))
         self._anchored = (held | (np.abs(cable.points.weights) < NO_WEIGHT)).all(axis=1)
@@ -179,6 +185,45 @@ class CableTerm(Term):
             return
         numbers[EFFORT] = 0.0 if self._elastic else max(0.0, followed(saved, ratio))
         numbers[TARGET] = self.wanted(self._command)
+
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+        """Take the tension that was found. A cable that just does not pull counts as one that does."""
+        self.begin(commands, saved, positions, 0.0)
+        numbers, size = self.reals, self._body.size
+        least = FAINT * float(self._body.table.parameters[:, YOUNG].min()) * size**2
+        least += NEARLY * numbers[STIFFNESS] * size
+        if self.actuator.mode is not Mode.TENSION and not self._elastic:
+            numbers[EFFORT] = found["effort"][0]
+        length = cable_length(positions, numbers, self.integers)
+        taut = length >= (1.0 - ROUNDING) * numbers[TARGET]
+        self._lifted = least if taut and cable_tension(length, numbers) < least else 0.0
+        numbers[EFFORT] += self._lifted
+
+    def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Take another command or beginning."""
+        self.begin(commands, saved, positions, 0.0)
+        self.reals[EFFORT] += self._lifted
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """The tension [N] that keeps the length."""
+        return self.reals[EFFORT : EFFORT + 1].copy() if self.updates else np.zeros(0)
+
+    @property
+    def per_metre(self) -> NDArray[np.float64]:
+        """The stiffness [N/m] that finds it."""
+        return self.reals[STIFFNESS : STIFFNESS + 1].copy() if self.updates else np.zeros(0)
+
+    def hold(self, multipliers: NDArray[np.float64]) -> None:
+        """Take the tension [N] that keeps the length."""
+        if self.updates:
+            self.reals[EFFORT] = multipliers[0]
+
+    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tension (1,) [N] after an update."""
+        if not self.updates:
+            return np.zeros(0)
+        return np.array([cable_tension(cable_length(positions, self.reals, self.integers), self.reals)])
 
     def wanted(self, command: float) -> float:
         """Return the length [m] that a command asks for; not of a tension."""

@@ -189,6 +189,33 @@ class ChamberTerm(Term):
         """Keep the pressure."""
         return remembered(float(self.reals[EFFORT]), saved)
 
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+        """Take the pressure that was found."""
+        self.begin(commands, saved, positions, 0.0)
+        if self.updates:
+            self.reals[EFFORT] = found["effort"][0]
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """The pressure [Pa] that keeps the volume."""
+        return self.reals[EFFORT : EFFORT + 1].copy() if self.updates else np.zeros(0)
+
+    @property
+    def per_metre(self) -> NDArray[np.float64]:
+        """The penalty [Pa/m^3] that finds it, over a surface of the body's size."""
+        if not self.updates:
+            return np.zeros(0)
+        return self.reals[STIFFNESS : STIFFNESS + 1] * abs(self._rest_volume) ** (2.0 / 3.0)
+
+    def hold(self, multipliers: NDArray[np.float64]) -> None:
+        """Take the pressure [Pa] that keeps the volume."""
+        if self.updates:
+            self.reals[EFFORT] = multipliers[0]
+
+    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the pressure (1,) [Pa] after an update."""
+        return np.array([chamber_pressure(self._volume(positions), self.reals)]) if self.updates else np.zeros(0)
+
     def _limit(self, volume: float) -> float:
         """Return the volume [m^3] to which no equilibrium inflates it from a ``volume``."""
         return LARGEST_INFLATION * max(abs(volume), self._rest_volume)

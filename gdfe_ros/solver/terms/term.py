@@ -87,11 +87,12 @@ class Term:
         integers: (i,) int32, the same.
         updates: whether `update` has anything to do.
         inside: whether the solve began inside of what the term keeps the body out of.
+        delicate: its forces change within the shortest ways, as where something begins to slip.
         even: its stiffness acts on x, y and z alike, is all that it has, and never changes: tangents take it as it is.
     """
 
     kernel: TermKernel | None = None
-    updates, even, inside = False, False, False
+    updates, even, inside, delicate = False, False, False, False
 
     def __init__(self, name: str, reals: NDArray[np.float64], integers: NDArray[np.int32]) -> None:
         self.name, self.reals, self.integers = name, reals, integers
@@ -154,6 +155,31 @@ class Term:
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return what is to be saved of a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
         return {}
+
+    def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
+        """Prepare as at the end of a solve that began with ``saved`` and ended with ``found`` at ``positions``."""
+        self.begin(commands, saved, positions, 0.0)
+
+    def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Prepare beside what was resumed: other commands and beginnings, the same vertices in contact."""
+        self.begin(commands, saved, positions, 0.0)
+
+    @property
+    def multipliers(self) -> NDArray[np.float64]:
+        """What `update` changes (k,), a copy; a solve has converged where it would change nothing more."""
+        return np.zeros(0)
+
+    @property
+    def per_metre(self) -> NDArray[np.float64]:
+        """By how much each multiplier (k,) changes, in order of magnitude, where positions change by 1 m."""
+        return np.zeros(0)
+
+    def hold(self, multipliers: NDArray[np.float64]) -> None:
+        """Take multipliers (k,)."""
+
+    def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the multipliers (k,) after a plain update at ``positions`` (n, 3) [m]; those in force stay."""
+        return np.zeros(0)
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Return the term's energy [J] at ``positions`` (n, 3) [m], as the balance of increments counts it.

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Columns of derivatives at an equilibrium."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.blas import one_blas_thread
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact.own_contact import OwnContact
+from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.motion import viscosity
+from gdfe_ros.solver.motion.dynamics import Dynamics
+from gdfe_ros.solver.sensitivity.curvature import curved
+from gdfe_ros.solver.sensitivity.linearised import Linearised
+from gdfe_ros.solver.sensitivity.parameter import Parameter
+from gdfe_ros.solver.sensitivity.result import Outputs, Sensitivities
+from gdfe_ros.solver.sensitivity.side import Column, Pair, Side
+from gdfe_ros.solver.sensitivity.stiffness import WholeStiffness
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.tangent.level import TangentLevel
+
+
+class Tangents:
+    """Makes tangents of a body for derivatives, with a factor that is analysed once.
+
+    Args:
+        equilibrium: that solves.
+    """
+
+    def __init__(self, equilibrium: EnergyEquilibrium) -> None:
+        self._equilibrium = equilibrium
+        self._level: TangentLevel | None = None
+
+    def at(self, start: State, end: State) -> Linearised:
+        """Linearise the solve that began at ``start`` and ended at ``end``.
+
+        Raises:
+            GdfeError: the end is no equilibrium, or there is no derivative there.
+        """
+        require_differentiable(end)
+        equilibrium = self._equilibrium
+        for contact in equilibrium.actuation.contacts:
+            if isinstance(contact, OwnContact) and end.terms[contact.name]["press"].any():
+                raise GdfeError(
+                    "no derivative: the body touches itself, which derivatives do not take in; remedy: differences of "
+                    "two simulations"
+                )
+        if self._level is None:
+            terms = equilibrium.actuation.terms
+            dashpots = next((term for term in terms if term.name == viscosity.NAME), None)
+            elements = WholeStiffness(equilibrium.body, dashpots)
+            own = curved(terms, equilibrium.body)
+            self._level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, own, elements=elements)
+        return Linearised(equilibrium, self._level, start, end)
+
+
+class EquilibriumColumns:
+    """Derivatives of equilibria.
+
+    Args:
+        equilibrium: that solves.
+    """
+
+    def __init__(self, equilibrium: EnergyEquilibrium) -> None:
+        self._tangents, self._body = Tangents(equilibrium), equilibrium.body
+
+    def found(
+        self,
+        state: State,
+        outputs: Outputs,
+        names: Sequence[str],
+        parameters: Sequence[Parameter],
+        *,
+        interrupted: Callable[[], bool] | None = None,
+    ) -> Sensitivities:
+        """Return d(output)/d(parameter) at an equilibrium.
+
+        Raises:
+            GdfeError: it is none, there is no derivative, or it was interrupted.
+        """
+        with one_blas_thread():
+            solve, columns = self._tangents.at(state, state), []
+            solve.interrupted = interrupted
+            try:
+                for parameter in parameters:
+                    pair = pair_of(parameter, own_side(self._body, state))
+                    columns.append(rows_of(Column(solve, [pair]), outputs, names))
+            finally:
+                solve.restore()
+        return joined(names, parameters, columns)
+
+
+def own_side(body: Body, state: State, end: State | None = None) -> Side:
+    """Return what the solve that is linearised was given: it began with ``state`` and ended at ``end``, or there."""
+    end = end or state
+    return Side(start=state, commands=end.commands, poses=end.poses, table=body.table)
+
+
+def pair_of(
+    parameter: Parameter,
+    own: Side,
+    *,
+    h: float | None = None,
+    scheme: Dynamics | None = None,
+    share: float = 1.0,
+) -> Pair:
+    """Return the solves beside one that a parameter makes; in motion in steps of length ``h`` [s] by a scheme.
+
+    A command or pose that changes evenly has come a ``share`` of its way.
+    """
+    sides, step = [], parameter.step(own.commands)
+    for change in (step, -step):
+        variant = parameter.model(parameter.value + change) if parameter.model else None
+        sides.append(
+            replace(
+                own,
+                commands=parameter.commanded(own.commands, share * change),
+                poses=parameter.posed(own.poses, share * change),
+                table=variant.table if variant else own.table,
+                terms=variant.terms(h, scheme) if variant else {},
+            )
+        )
+    return Pair(*sides, own, step)
+
+
+def rows_of(column: Column, outputs: Outputs, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    """Return the rows (k,) of a column, by output."""
+    reactions = column.reactions() if any(name.startswith("reactions.") for name in names) else {}
+    return {name: outputs.row(name, column.change.positions, reactions) for name in names}
+
+
+def joined(
+    names: Sequence[str], parameters: Sequence[Parameter], columns: Sequence[dict[str, NDArray[np.float64]]]
+) -> Sensitivities:
+    """Return the columns of all parameters side by side."""
+    values = {name: np.stack([column[name] for column in columns], axis=1) for name in names} if columns else {}
+    return Sensitivities(
+        outputs=tuple(names),
+        parameters=tuple(each.name for each in parameters),
+        units=tuple(each.unit for each in parameters),
+        values=values,
+    )
+
+
+def require_differentiable(state: State) -> None:
+    """Refuse a state that is no stable equilibrium.
+
+    Raises:
+        GdfeError: it has not converged, is a saddle, or has folded elements.
+    """
+    summary = state.summary
+    if summary.stable is False:
+        raise GdfeError(f"no derivative: {summary.message}")
+    if not summary.converged or not summary.min_det > 0.0:
+        said = summary.message or "it has not been solved yet"
+        raise GdfeError(f"no derivative: the state is no equilibrium: {said}; remedy: step until it has converged")

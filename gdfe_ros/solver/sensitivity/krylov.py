@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Linear systems whose matrix is known by its products: GMRES (Saad and Schultz 1986), preconditioned from the left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from gdfe_ros.errors import GdfeError
+
+ENOUGH = 1e-5
+"""Residual, likewise, that is accepted where products are differences, and less cannot be reached."""
+EXHAUSTED = 1e-13
+"""Length of what a product adds to the space of all before it, over its own, that is rounding."""
+ROUNDING = 1e-6
+"""Share of the right-hand side that a solution is taken for at least."""
+MOST = 150
+"""Products at most."""
+
+Map = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def solved(product: Map, precondition: Map, right: NDArray[np.float64], *, tolerance: float) -> NDArray[np.float64]:
+    """Return x of A x = b.
+
+    Args:
+        product: returns A times a vector (k,).
+        precondition: returns M^-1 times a vector (k,); the nearer M is to A, the fewer products are needed.
+        right: b (k,).
+        tolerance: of the preconditioned residual, over that of b or, where it is less, x.
+
+    Raises:
+        GdfeError: A is singular, or nearly so: there is no derivative.
+    """
+    residual = precondition(right)
+    size = float(np.linalg.norm(residual))
+    if size == 0.0:
+        return np.zeros_like(right)
+    basis, rows, turns = [residual / size], np.zeros((MOST + 1, MOST)), np.zeros((MOST, 2))
+    goal, best = np.zeros(MOST + 1), np.inf
+    goal[0] = size
+    for k in range(MOST):
+        image = precondition(product(basis[-1]))
+        for _ in range(2):  # once leaves rounding, which counts where the matrix is nearly the preconditioner
+            shares = np.array([float(vector @ image) for vector in basis])
+            rows[: k + 1, k] += shares
+            for share, vector in zip(shares, basis, strict=True):
+                image -= share * vector
+        length = rows[k + 1, k] = float(np.linalg.norm(image))
+        for i in range(k):  # Givens rotations keep the rows triangular
+            _turn(rows[i : i + 2, k], turns[i])
+        turns[k] = rows[k : k + 2, k] / max(float(np.hypot(*rows[k : k + 2, k])), 1e-300)
+        _turn(rows[k : k + 2, k], turns[k])
+        _turn(goal[k : k + 2], turns[k])
+        answer = solve_triangular(rows[: k + 1, : k + 1], goal[: k + 1])
+        # A stiff constraint makes the right-hand side far larger than the solution, which is what must be known.
+        left = abs(goal[k + 1]) / min(size, max(float(np.linalg.norm(answer)), ROUNDING * size))
+        if left < tolerance or not length > EXHAUSTED or (left < ENOUGH and left > 0.5 * best):
+            break
+        best = min(best, left)
+        basis.append(image / length)
+    count = k + 1
+    if not left < ENOUGH:
+        raise GdfeError(
+            f"no derivative exists here, or none is known: the tangent is singular (residual {left:.2g} after {count} "
+            "products); remedy: step away from the edge of stability"
+        )
+    return answer @ np.array(basis[:count])
+
+
+def _turn(pair: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
+    """Turn two numbers by a rotation of this cosine and sine."""
+    cosine, sine = turn
+    pair[:] = cosine * pair[0] + sine * pair[1], cosine * pair[1] - sine * pair[0]

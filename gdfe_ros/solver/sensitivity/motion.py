@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Derivatives along a motion: each internal step hands on those of positions, velocities and all that terms keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.blas import one_blas_thread
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.solver.motion import inertia
+from gdfe_ros.solver.motion.stepper import InternalStep, MotionStepper
+from gdfe_ros.solver.sensitivity.columns import Tangents, own_side, pair_of
+from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
+from gdfe_ros.solver.sensitivity.side import NEAR, Column, Pair, Side
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.term import TermTable, terms_energy
+
+Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
+"""What terms keep, by term and name."""
+MOST_LENGTHS = 4
+"""Lengths of steps whose tangents are kept analysed."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Carried:
+    """The derivative of a state in motion.
+
+    Attributes:
+        positions: (n, 3) [m].
+        terms: what terms keep.
+        share: of a command or a pose.
+        reactions: (6,) by handle and obstacle.
+    """
+
+    positions: NDArray[np.float64]
+    terms: Kept
+    share: float = 0.0
+    reactions: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+
+
+class Trail:
+    """Follows a motion, step by step, with its derivatives.
+
+    Args:
+        stepper: that makes it.
+        parameters: of the derivatives.
+        state: where it begins; nothing has influenced that.
+        tangents: of earlier trails, which are used again.
+    """
+
+    def __init__(
+        self,
+        stepper: MotionStepper,
+        parameters: Sequence[Parameter],
+        state: State,
+        tangents: dict[int, Tangents],
+    ) -> None:
+        self._stepper, self._tangents = stepper, tangents
+        self.parameters, self.state, self.flaw = tuple(parameters), state, ""
+        none = {name: {key: np.zeros_like(array) for key, array in kept.items()} for name, kept in state.terms.items()}
+        still = Carried(positions=np.zeros_like(state.positions), terms=none)
+        self.columns = [still for _ in parameters]
+        self._began = [0.0 for _ in parameters]
+
+    def begin(self) -> None:
+        """Note that a step of the simulation begins: commands go on from where they are."""
+        self._began = [column.share for column in self.columns]
+
+    def observe(self, stage: InternalStep) -> None:
+        """Follow an internal step; where it has no derivative, `flaw` says so from then on."""
+        self.state = stage.after
+        if self.flaw:
+            return
+        try:
+            with one_blas_thread():
+                self.columns = self._started(stage) if stage.integrator is None else self._stepped(stage)
+        except GdfeError as error:
+            self.flaw = str(error)
+
+    def _stepped(self, stage: InternalStep) -> list[Carried]:
+        integrator, h = stage.integrator, stage.h
+        equilibrium, body = integrator.equilibrium(h), self._stepper.body
+        if id(equilibrium) not in self._tangents:
+            while len(self._tangents) >= MOST_LENGTHS:
+                del self._tangents[next(iter(self._tangents))]
+            self._tangents[id(equilibrium)] = Tangents(equilibrium)
+        integrator.fit(stage.before, h)
+        solve = self._tangents[id(equilibrium)].at(stage.before, stage.after)
+        own, found = own_side(body, stage.before, stage.after), []
+        try:
+            for parameter, column, began in zip(self.parameters, self.columns, self._began, strict=True):
+                share = began + stage.share * (1.0 - began)
+                pairs = [pair_of(parameter, own, h=h, scheme=integrator.dynamics, share=share)]
+                if (history := self._history(own, parameter, column)) is not None:
+                    pairs.append(history)
+                made = Column(solve, pairs)
+                parts = made.after(lambda side, x: self._left(stage, side, x), _difference)
+                found.append(
+                    Carried(
+                        positions=made.change.positions,
+                        terms=_summed(parts),
+                        share=share,
+                        reactions=made.reactions(),
+                    )
+                )
+        finally:
+            solve.restore()
+        return found
+
+    def _history(self, own: Side, parameter: Parameter, column: Carried) -> Pair | None:
+        """Return the solves beside one that began elsewhere; None where it did not."""
+        kept = column.terms[inertia.NAME]
+        h, size = own.start.terms[inertia.NAME]["h"][0] or 1.0, self._stepper.body.size
+        ways = (np.abs(kept["velocity"]).max(initial=0.0) * h, np.abs(kept["acceleration"]).max(initial=0.0) * h * h)
+        largest = max(np.abs(column.positions).max(initial=0.0), *ways)
+        if not (largest > 0.0 or column.share):
+            return None
+        step = NEAR * size / max(largest, 1e-300) if largest > 0.0 else parameter.step(own.commands)
+        sides = (replace(own, start=_beside(own.start, parameter, column, sign * step)) for sign in (1.0, -1.0))
+        return Pair(*sides, own, step)
+
+    def _left(self, stage: InternalStep, side: Side, x: NDArray[np.float64]) -> Kept:
+        """Return what terms keep of a step beside, with what contacts leave for the next one to count on."""
+        integrator, h = stage.integrator, stage.h
+        terms = {}
+        for term in integrator.equilibrium(h).actuation.terms:
+            terms[term.name] = side.terms.get(term.name, term).finish(side.start.terms[term.name], x)
+        now = stage.after.with_(positions=x, poses=side.poses, commands=side.commands, terms=terms)
+        return integrator.followed(side.start, now, h, first=stage.first).terms
+
+    def _started(self, stage: InternalStep) -> list[Carried]:
+        """Return the derivatives of the accelerations with which a motion begins, from rest."""
+        stepper, h = self._stepper, stage.h
+        acceleration = stage.after.terms[inertia.NAME]["acceleration"]
+        velocity = stage.after.terms[inertia.NAME]["velocity"]
+        loads, found = [term for term in stepper.actuation.terms if term.name in stepper.actuation.loaded], []
+        for parameter, column in zip(self.parameters, self.columns, strict=True):
+            pulls, step = [], parameter.step(stage.after.commands)
+            for change in (step, -step):
+                pull = np.zeros_like(acceleration)
+                variant = None
+                if parameter.model is not None:
+                    variant = parameter.model(parameter.value + change)
+                    pull -= variant.mass @ (acceleration + variant.dynamics.mass_damping * velocity)
+                commands, others = parameter.commanded(stage.after.commands, change), variant.terms() if variant else {}
+                for term in (others.get(load.name, load) for load in loads):
+                    term.begin(commands, {}, stage.after.positions, 0.0)
+                    force = np.zeros_like(pull)
+                    terms_energy(stage.after.positions, TermTable.of(term), force, np.zeros(1))
+                    pull -= force
+                pulls.append(pull)
+            gained = stepper.free_mass.accelerated((pulls[0] - pulls[1]) / (2.0 * step))
+            kept = dict(column.terms[inertia.NAME])
+            kept.update(acceleration=gained, balanced=gained, before=0.5 * h * h * gained, velocity_before=-h * gained)
+            kept = {key: kept.get(key, np.zeros_like(array)) for key, array in stage.after.terms[inertia.NAME].items()}
+            share = 1.0 if parameter.command in stepper.actuation.loaded else column.share
+            found.append(replace(column, terms={**column.terms, inertia.NAME: kept}, share=share))
+        self._began = [column.share for column in found]
+        return found
+
+
+def _beside(state: State, parameter: Parameter, column: Carried, step: float) -> State:
+    """Return a state by ``step`` times its derivative."""
+    terms = {
+        name: {key: array + step * column.terms[name][key] if key in column.terms[name] else array
+               for key, array in kept.items()}
+        for name, kept in state.terms.items()
+    }  # fmt: skip
+    poses = state.poses
+    if parameter.handle:
+        change = column.share * step * np.eye(6)[parameter.axis]
+        poses = {**poses, parameter.handle: moved(poses[parameter.handle], change)}
+    return state.with_(
+        positions=state.positions + step * column.positions,
+        poses=poses,
+        commands=parameter.commanded(state.commands, column.share * step),
+        terms=terms,
+    )
+
+
+def _difference(above: Kept, below: Kept, twice: float) -> Kept:
+    """Return the difference of what terms keep, over ``twice`` a step; what is not a number on both sides is none."""
+    return {
+        name: {key: np.nan_to_num((array - below[name][key]) / twice) for key, array in kept.items()}
+        for name, kept in above.items()
+    }
+
+
+def _summed(parts: Sequence[Kept]) -> Kept:
+    return {name: {key: sum(part[name][key] for part in parts) for key in kept} for name, kept in parts[0].items()}

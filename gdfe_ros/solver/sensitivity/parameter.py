@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters by name, as a scene's keys name them: what of a command, a pose or a model each one is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from gdfe_ros.actuators import Actuator, Mode
+from gdfe_ros.actuators.actuator import Growth
+from gdfe_ros.actuators.load import Load
+from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.errors import CommandError
+from gdfe_ros.materials import Curve, CurveData, Material
+from gdfe_ros.materials.table import YOUNG
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.sensitivity.variant import Model, Variant
+
+NEAR = 1e-5
+"""By how much a value is varied, over itself or what it is of the order of: forces differ smoothly, to 1e-10."""
+FAINT = 1e-8
+"""Tension over modulus and the square of the body's size, and pressure over the modulus, that are little: forces are
+linear in both."""
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+"""Of a pose: translation [m] and rotation vector [rad]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Parameter:
+    """What a derivative is with respect to.
+
+    Attributes:
+        name: dotted, as `parameters_of` takes it.
+        unit: of its value; empty for none.
+        value: at which the model has it; zero for poses and commands, which a state has.
+        scale: what its value is of the order of, at least.
+        command: actuator or load whose command it is; empty for none.
+        handle: whose pose it is a part of; empty for none.
+        axis: which part.
+        model: returns the body with another value; None where it is not part of the model.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    value: float = 0.0
+    command: str = ""
+    handle: str = ""
+    axis: int = 0
+    model: Callable[[float], Variant] | None = None
+
+    def step(self, commands: Mapping[str, float]) -> float:
+        """Return by how much it is varied where these commands are in force."""
+        return NEAR * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
+
+    def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
+        """Return commands with this one changed."""
+        return {**commands, self.command: commands[self.command] + change} if self.command else commands
+
+    def posed(self, poses: Mapping[str, Pose], change: float) -> Mapping[str, Pose]:
+        """Return poses with this part of one changed."""
+        if not self.handle:
+            return poses
+        return {**poses, self.handle: moved(poses[self.handle], np.eye(6)[self.axis] * change)}
+
+
+def moved(pose: Pose, change: Sequence[float]) -> Pose:
+    """Return a pose with a change (6,) of its translation [m] and rotation vector [rad]."""
+    parts = np.concatenate([pose.translation, pose.rotation]) + change
+    return Pose(tuple(parts[:3]), tuple(parts[3:]))
+
+
+class Parameters:
+    """The parameters that a scene has.
+
+    Args:
+        body: the discretised body.
+        model: its materials and damping.
+        actuators, loads, handles: of the scene.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        model: Model,
+        actuators: Sequence[Actuator],
+        loads: Sequence[Load],
+        handles: Sequence[Handle],
+    ) -> None:
+        self._body, self._model, self._made = body, model, {}
+        for each in actuators:
+            self._add(f"actuators.{each.name}", each.mode.unit, self._size_of(each), command=each.name)
+        for each in loads:
+            self._add(f"loads.{each.name}", "", 1.0, command=each.name)
+        for each in handles:
+            if each.fixed or isinstance(each, RigidBody):
+                continue
+            for axis, part in enumerate(AXES):
+                scale = body.size if axis < 3 else 1.0
+                unit = "m" if axis < 3 else "rad"
+                self._add(f"{each.section}.{each.name}.{part}", unit, scale, handle=each.name, axis=axis)
+        for name, material in model.materials.items():
+            self._add_material(name, material)
+        self._add_damping()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names."""
+        return tuple(self._made)
+
+    def named(self, names: Sequence[str]) -> list[Parameter]:
+        """Return parameters by their names.
+
+        Raises:
+            CommandError: there is no such parameter.
+        """
+        for name in names:
+            if name not in self._made:
+                known = ", ".join(self._made) or "none"
+                raise CommandError(f"no parameter {name!r} in this scene; parameters: {known}")
+        return [self._made[name] for name in names]
+
+    def _add(self, name: str, unit: str, scale: float, **more: object) -> None:
+        self._made[name] = Parameter(name=name, unit=unit, scale=scale, **more)
+
+    def _add_material(self, name: str, material: Material) -> None:
+        """Add the parameters of a material's law; its Poisson's ratio where it is not incompressible."""
+
+        def add(key: str, unit: str, value: float, scale: float, made: Callable[[float], Material]) -> None:
+            @cache
+            def model(changed: float) -> Variant:
+                materials = {**self._model.materials, name: made(changed)}
+                return Variant(self._body, self._model, replace(self._model, materials=materials))
+
+            self._add(f"materials.{name}.{key}", unit, scale, value=value, model=model)
+
+        if hasattr(material, "young"):
+            add("young", "Pa", material.young, material.young, lambda value: replace(material, young=value))
+        if material.poisson < 0.5:
+            room = min(0.5 - material.poisson, 0.1)
+            add("poisson", "", material.poisson, room, lambda value: replace(material, poisson=value))
+        if material.density is not None:
+            add("density", "kg/m^3", material.density, material.density, lambda value: replace(material, density=value))
+        for key, unit in (("mu", "Pa"), ("alpha", "")):
+            values = getattr(material, key, ())
+            for i, value in enumerate(values):
+
+                def made(changed: float, key: str = key, i: int = i, values: tuple = values) -> Material:
+                    return replace(material, **{key: _with(values, i, changed)})
+
+                add(f"{key}.{i}", unit, value, abs(value), made)
+        if isinstance(material, Curve):
+            self._add_curve(add, material)
+
+    @staticmethod
+    def _add_curve(add: Callable[..., None], material: Curve) -> None:
+        data, keys = material.data, ("coefficients", "stress")
+        for key in keys:
+            values = getattr(data, key)
+            for i, value in enumerate(values):
+                if key == "stress" and i == 0:
+                    continue  # zero at rest
+
+                def made(changed: float, key: str = key, i: int = i, values: tuple = values) -> Material:
+                    fresh = CurveData(**{**vars(data), key: _with(values, i, changed)})
+                    return replace(material, data=fresh)
+
+                add(f"{key}.{i}", "Pa", value, abs(value) or data.initial_modulus, made)
+
+    def _add_damping(self) -> None:
+        dynamics = self._model.dynamics
+        if dynamics is None:
+            return
+
+        def add(key: str, unit: str, value: float, scale: float, made: Callable[[float], object]) -> None:
+            @cache
+            def model(changed: float) -> Variant:
+                return Variant(self._body, self._model, replace(self._model, dynamics=made(changed)))
+
+            self._add(f"dynamics.{key}", unit, scale, value=value, model=model)
+
+        for key, unit in (("mass_damping", "1/s"), ("viscosity", "Pa s")):
+            if value := getattr(dynamics, key):
+                add(key, unit, value, value, lambda changed, key=key: replace(dynamics, **{key: changed}))
+        for i, branch in enumerate(dynamics.prony):
+            for key, unit in (("share", ""), ("time", "s")):
+                value = getattr(branch, key)
+
+                def made(changed: float, i: int = i, key: str = key) -> object:
+                    return replace(
+                        dynamics, prony=_with(dynamics.prony, i, replace(dynamics.prony[i], **{key: changed}))
+                    )
+
+                add(f"prony.{i}.{key}", unit, value, value, made)
+
+    def _size_of(self, actuator: Actuator) -> float:
+        """Return what a command is of the order of."""
+        size, young = self._body.size, float(self._body.table.parameters[:, YOUNG].min())
+        if isinstance(actuator, Growth):
+            return 1.0
+        return {
+            Mode.TENSION: FAINT * young * size**2,
+            Mode.PRESSURE: FAINT * young,
+            Mode.VOLUME: 1e-2 * size**3,
+        }.get(actuator.mode, size)
+
+
+def _with(values: Sequence[object], i: int, value: object) -> tuple:
+    return (*values[:i], value, *values[i + 1 :])

@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A solve beside the one that is linearised: what differs in what it was given, and what follows in what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints import Pose
+from gdfe_ros.materials.table import MaterialTable
+from gdfe_ros.solver.elements.measures import update_hourglass_scales
+from gdfe_ros.solver.matrix.unknowns import Frame, place
+from gdfe_ros.solver.reactions import handle_reactions
+from gdfe_ros.solver.sensitivity.linearised import Linearised
+from gdfe_ros.solver.state import State
+from gdfe_ros.solver.terms.term import Term
+
+NEAR = 1e-7
+"""Displacement, over the body's size, of a difference of what a solve leaves behind."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Side:
+    """What a solve beside was given.
+
+    Attributes:
+        start: the state that it began with.
+        commands: of actuators and loads.
+        poses: of handles.
+        table: its materials.
+        terms: that take the place of those of the same name.
+    """
+
+    start: State
+    commands: Mapping[str, float]
+    poses: Mapping[str, Pose]
+    table: MaterialTable
+    terms: Mapping[str, Term] = field(default_factory=dict)
+
+
+class Pair(NamedTuple):
+    """Two solves beside the one that is linearised.
+
+    Attributes:
+        above, below: on either side of it.
+        middle: what it was given itself.
+        step: half of by how much they differ, in the unit of what differs.
+    """
+
+    above: Side
+    below: Side
+    middle: Side
+    step: float
+
+
+class Column:
+    """The derivative of a solve with respect to what pairs of solves differ in, all together.
+
+    Args:
+        solve: that is linearised.
+        pairs: each on either side of it.
+
+    Attributes:
+        change: of positions, multipliers and forces.
+
+    Raises:
+        GdfeError: there is no derivative.
+    """
+
+    def __init__(self, solve: Linearised, pairs: Sequence[Pair]) -> None:
+        self._solve, self._pairs, body = solve, pairs, solve.body
+        self._numbers, forces = np.zeros(len(solve.numbers)), np.zeros_like(solve.x)
+        change, driven = np.zeros(len(solve.multipliers)), np.zeros_like(solve.x)
+        turned = np.zeros(3 * body.unknowns.rigid_rows)
+        for pair in pairs:
+            (above, first), (below, second) = self._placed(pair.above), self._placed(pair.below)
+            pulled, updated = self._terms_part(pair, above, below)
+            forces, change = forces + pulled + self._elements_part(pair), change + updated
+            driven += (above - below) / (2.0 * pair.step)
+            if len(turned) and first is not second:
+                turned += (solve.rigid_part(solve.u, first) - solve.rigid_part(solve.u, second)) / (2.0 * pair.step)
+        if driven.any():
+            answer, followed = solve.product(driven, np.zeros_like(solve.multipliers))
+            forces, change = forces + answer, change + followed
+        self._forces, found = forces, solve.solve(forces, change, turned)
+        self.change = found._replace(positions=found.positions + driven)
+
+    def reactions(self) -> dict[str, NDArray[np.float64]]:
+        """Return the derivative (6,) of what each handle and obstacle exerts on the body."""
+        solve, change = self._solve, self.change
+        forces = self._forces + solve.product(solve.moved(change.unknowns), change.multipliers)[0]
+        largest = max(np.abs(change.positions).max(initial=0.0), solve.metres(change.multipliers))
+        step, found = solve.spacing / max(largest, 1e-300), []
+        for sign in (step, -step):
+            solve.actuation.table.reals[...] = solve.numbers + sign * self._numbers
+            solve.hold(solve.multipliers + sign * change.multipliers)
+            given = solve.x + sign * change.positions, np.zeros((len(solve.body.material), 8, 3))
+            outside = solve.forces + sign * forces
+            found.append(handle_reactions(solve.body, *given, outside, solve.actuation.contacts))
+        solve.restore()
+        return {name: (value - found[1][name]) / (2.0 * step) for name, value in found[0].items()}
+
+    def after(self, made: Callable[[Side, NDArray[np.float64]], T], difference: Callable[[T, T, float], T]) -> list[T]:
+        """Return the parts of the derivative of what ``made`` makes, of a side and positions (n, 3) [m], at the end.
+
+        All terms are then as at the end of that side. ``difference`` divides by what two of them differ in.
+        """
+        solve, change, parts = self._solve, self.change, []
+        for pair in self._pairs:
+            found = []
+            for side in (pair.above, pair.below):
+                self._varied(side, solve.x)
+                found.append(made(side, solve.x))
+            parts.append(difference(*found, 2.0 * pair.step))
+        largest = max(np.abs(change.positions).max(initial=0.0), solve.metres(change.multipliers), 1e-300)
+        step, found, own = NEAR * solve.body.size / largest, [], self._pairs[0].middle
+        for sign in (step, -step):
+            x = solve.x + sign * change.positions
+            self._varied(own, x)
+            solve.hold(solve.multipliers + sign * change.multipliers)
+            found.append(made(own, x))
+        parts.append(difference(*found, 2.0 * step))
+        solve.restore()
+        return parts
+
+    def _placed(self, side: Side) -> tuple[NDArray[np.float64], Frame]:
+        """Return positions (n, 3) [m] and the frame with the handles where a side has them."""
+        solve, end, handles = self._solve, self._solve.end, self._solve.handles
+        base = handles.base(side.poses, end.poses, end.base)
+        if base is end.base:
+            return solve.x, solve.frame
+        x, frame = solve.x.copy(), handles.frame(base)
+        prescribed = solve.body.unknowns.prescribed
+        x[prescribed] = base[prescribed]
+        place(solve.u, frame, solve.body.unknowns, x)
+        return x, frame
+
+    def _varied(self, side: Side, x: NDArray[np.float64]) -> None:
+        """Have all terms take what a side was given, with the multipliers of the end."""
+        solve = self._solve
+        for term in solve.actuation.terms:
+            own = side.terms.get(term.name, term)
+            own.aim(side.poses, side.start)
+            own.vary(side.commands, side.start.terms[term.name], x)
+            if own is not term:
+                term.reals[...] = own.reals
+        solve.hold(solve.multipliers)
+
+    def _terms_part(self, pair: Pair, *places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return by how much terms pull (n, 3) [N], and updates find (k,), otherwise where vertices are the same."""
+        solve, numbers = self._solve, []
+        first, own = pair.above, pair.middle
+        if not first.terms and (first.commands, first.poses, first.start) == (own.commands, own.poses, own.start):
+            return np.zeros_like(solve.x), np.zeros_like(solve.multipliers)
+        for side, x in zip((pair.above, pair.below), places, strict=True):
+            solve.restore()
+            self._varied(side, x)
+            numbers.append(solve.actuation.table.reals.copy())
+        half, found = np.zeros(len(solve.numbers)), []  # limits are infinite
+        np.subtract(0.5 * numbers[0], 0.5 * numbers[1], out=half, where=numbers[0] != numbers[1])
+        self._numbers += half / pair.step
+        for sign in (1.0, -1.0):
+            solve.actuation.table.reals[...] = solve.numbers + sign * half
+            found.append((solve.term_forces(solve.x), solve.updated(solve.x)))
+        solve.restore()
+        (first, above), (second, below) = found
+        return (first - second) / (2.0 * pair.step), (above - below) / (2.0 * pair.step)
+
+    def _elements_part(self, pair: Pair) -> NDArray[np.float64]:
+        """Return by how much elements pull (n, 3) [N] otherwise where vertices are the same."""
+        solve, growths, found = self._solve, self._solve.actuation.growths, []
+        before = solve.end.operators
+        grown = [growths.at(side.commands, before) for side in (pair.above, pair.below)]
+        same = all(operators is before for operators in grown)
+        if same and pair.above.table is pair.below.table:
+            return np.zeros_like(solve.x)
+        for side, operators in zip((pair.above, pair.below), grown, strict=True):
+            scale = solve.scale.copy()
+            if len(solve.softening):
+                given = solve.softening, operators.shape, solve.body.material, side.table
+                update_hourglass_scales(solve.x, *given, scale)
+            found.append(solve.element_forces(side.table, operators=operators, scale=scale))
+        return (found[0] - found[1]) / (2.0 * pair.step)

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How hourglass scales follow the strain: the part of the tangent that the solver's descents hold still."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import kernel
+from gdfe_ros.materials.stress import curve_state
+from gdfe_ros.materials.tensor import cofactor, determinant
+from gdfe_ros.solver.elements.measures import equivalent_strain, mean_gradient, softened_scale
+
+SPACING = 1e-6
+"""Change of an entry of F in a central difference."""
+
+
+@kernel
+def scale_at(f, table, k):
+    """Return the hourglass scale of an element of material ``k`` with the mean gradient ``f`` (9,)."""
+    g = (f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8])
+    c = cofactor(g)
+    _, _, tangent = curve_state(equivalent_strain(g, c, determinant(g, c), table, k), table, k)
+    return softened_scale(tangent, table, k)
+
+
+@kernel
+def scale_slopes(x, elements, shape, material, table, out):
+    """Write d(scale)/d(corner) (m, 8, 3) [1/m] of ``elements`` at ``x`` (n, 3) [m]."""
+    f = np.empty(9)
+    for e in elements:
+        k = material[e]
+        g = mean_gradient(x, shape, e)
+        for i in range(9):
+            f[i] = g[i]
+        for i in range(3):
+            for j in range(3):
+                here = f[3 * i + j]
+                f[3 * i + j] = here + SPACING
+                above = scale_at(f, table, k)
+                f[3 * i + j] = here - SPACING
+                slope = (above - scale_at(f, table, k)) / (2.0 * SPACING)
+                f[3 * i + j] = here
+                for a in range(8):
+                    out[e, a, i] += slope * shape.gradient[e, a, j]
+
+
+def slopes(
+    x: NDArray[np.float64], elements: NDArray[np.int32], shape: tuple, material: NDArray[np.int32], table: tuple
+) -> NDArray[np.float64]:
+    """Return d(scale)/d(corner) (m, 24) [1/m]; zero but for ``elements``."""
+    out = np.zeros((len(material), 8, 3))
+    scale_slopes(x, elements, shape, material, table, out)
+    return out.reshape(len(material), 24)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tangents of a body's elements with those of its viscosity, which no descent needs but derivatives do."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.descent.workspace import Problem
+from gdfe_ros.solver.motion.viscosity import Viscosity, viscous_energy
+from gdfe_ros.solver.tangent.element_stiffness import SPACING, ElementStiffness
+
+
+class WholeStiffness(ElementStiffness):
+    """Evaluates the tangents of a body's elements and of its viscosity.
+
+    Args:
+        body: the discretised body.
+        viscosity: its dashpots and branches; None for none.
+    """
+
+    def __init__(self, body: Body, viscosity: Viscosity | None) -> None:
+        super().__init__(len(body.cells))
+        self._viscosity, self._step = viscosity, SPACING * float(np.cbrt(body.shape.volume.min()))
+
+    def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m]; ``values`` has them without viscosity."""
+        own = super().at(problem, x)
+        return own if self._viscosity is None else own + self._viscous(problem, x)
+
+    def _viscous(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return central differences of all elements at once, each with corners of its own."""
+        cells = problem.shape.cells
+        count, own = len(cells), np.arange(cells.size, dtype=np.int32)
+        out = np.empty((count, 24, 24))
+        for column in range(24):
+            forces = []
+            for step in (self._step, -self._step):
+                corners, force = x[cells].reshape(-1, 3), np.zeros((8 * count, 3))
+                corners[column // 3 :: 8, column % 3] += step
+                viscous_energy(corners, self._viscosity.reals, own, force, np.zeros(1))
+                forces.append(force.reshape(count, 24))
+            out[:, :, column] = (forces[0] - forces[1]) / (2.0 * self._step)
+        return out

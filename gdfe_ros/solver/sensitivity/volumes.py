@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Volumes of elements at a converged state: the total pressure there, and how it follows the volume.
+
+A solve carries the volume of nearly incompressible elements by a pressure of its own beside a soft bulk modulus. Its
+converged state obeys p = U'(J). Near that state the kernels are given the tangent of this law at each element,
+p + U''(J) (J - J_0): a pressure, and a bulk modulus of its own.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import kernel
+from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR, MaterialTable
+from gdfe_ros.materials.tensor import cofactor, determinant
+from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.solver.elements.measures import NEO_HOOKEAN, mean_gradient, volume_at
+
+STIFF = 1e4
+"""Bulk modulus that stands in for an infinite one, over that beside the pressures: it is wrong by a part in 1e5."""
+
+
+@kernel
+def volume_state(x, shape, material, table, pressure, ratio, total, slope):
+    """Write J (m,), p (m,) [Pa] and U'' (m,) [Pa] of elements; of those that carry no pressure, what U itself gives."""
+    for e in range(len(material)):
+        k = material[e]
+        f = mean_gradient(x, shape, e)
+        j = determinant(f, cofactor(f))
+        ratio[e], bulk = j, table.parameters[k, BULK]
+        logarithmic = table.law[k] == NEO_HOOKEAN and bulk != math.inf
+        lame = bulk - 2.0 / 3.0 * table.parameters[k, SHEAR]
+        if table.parameters[k, CARRIED] == 0.0:
+            total[e] = lame * math.log(max(j, 1e-3)) / j if logarithmic else bulk * (j - 1.0)
+            slope[e] = 0.0
+            continue
+        total[e] = pressure[e] + table.parameters[k, PENALTY] * (j - 1.0)
+        if logarithmic:
+            at = volume_at(total[e], table, k)
+            slope[e] = lame * (1.0 - math.log(at)) / (at * at)
+        elif bulk == math.inf:
+            slope[e] = STIFF * table.parameters[k, PENALTY]
+        else:
+            slope[e] = bulk
+
+
+class Volumes:
+    """The laws of the elements' volumes, linearised at a state.
+
+    Args:
+        x: (n, 3) [m] the state.
+        shape: of the elements.
+        material: (m,) int32 of each.
+        table: the materials, with the bulk moduli beside the pressures that are in force.
+        pressure: (m,) [Pa] of the state.
+
+    Attributes:
+        table, material, pressure: what the kernels are given.
+        total: (m,) [Pa] p of the state.
+        ratio: (m,) J of the state.
+    """
+
+    def __init__(
+        self,
+        x: NDArray[np.float64],
+        shape: ShapeOperators,
+        material: NDArray[np.int32],
+        table: MaterialTable,
+        pressure: NDArray[np.float64],
+    ) -> None:
+        self.ratio, self.total, slope = (np.empty(len(material)) for _ in range(3))
+        volume_state(x, shape, material, table, pressure, self.ratio, self.total, slope)
+        carried = table.parameters[material, CARRIED] == 1.0
+        own = carried & (table.law[material] == NEO_HOOKEAN)  # of these each has a bulk modulus of its own
+        parameters, first = table.parameters.copy(), len(table.parameters)
+        stiff = np.where(np.isinf(parameters[:, BULK]), STIFF * parameters[:, PENALTY], parameters[:, BULK])
+        parameters[:, PENALTY] = np.where(parameters[:, CARRIED] == 1.0, stiff, parameters[:, PENALTY])
+        rows = table.parameters[material[own]].copy()
+        rows[:, PENALTY] = slope[own]
+        self.material = material.copy()
+        self.material[own] = first + np.arange(int(own.sum()))
+        law = np.concatenate([table.law, table.law[material[own]]])
+        self.table = table._replace(law=law, parameters=np.concatenate([parameters, rows]))
+        self.pressure = np.where(carried, self.total - slope * (self.ratio - 1.0), 0.0)
+
+    def pressed(self, material: NDArray[np.int32], before: MaterialTable, table: MaterialTable) -> NDArray[np.float64]:
+        """Return pressures (m,) [Pa] that elements of other materials have, by their law, at the same J."""
+        old, new = before.parameters[material], table.parameters[material]
+        moduli = []
+        for each, law in ((old, before.law[material]), (new, table.law[material])):
+            bulk = each[:, BULK]
+            moduli.append(np.where(law == NEO_HOOKEAN, bulk - 2.0 / 3.0 * each[:, SHEAR], bulk))
+        with np.errstate(invalid="ignore"):
+            share = np.where(np.isfinite(moduli[0]) & np.isfinite(moduli[1]), moduli[1] / moduli[0], 1.0)
+        carried = new[:, CARRIED] == 1.0
+        return np.where(carried, share * self.total - new[:, PENALTY] * (self.ratio - 1.0), 0.0)

@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Exact derivatives of equilibria against central differences of equilibria."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation
+from gdfe_ros.errors import CommandError, GdfeError
+from gdfe_ros.scene import scene_from_text
+
+NEAR = 1e-4
+"""Of a derivative, by which it may differ from a difference."""
+NOISE = 1e-8
+"""Of a reaction, by which a solve is off."""
+BAR = """
+name: bar
+mesh: {bar: {size: [0.1, 0.03, 0.03], cells: [8, 3, 3]}}
+materials:
+  stiff: {law: neo_hookean, young: 2.0e5, poisson: 0.3, density: 1200}
+  soft: {law: neo_hookean, young: 1.0e5, poisson: 0.45, density: 1100}
+regions: [{material: stiff}, {material: soft, where: {box: {x: [0.03, 0.1]}}}]
+handles: {base: {where: {face: x-}}}
+loads: {weight: {gravity: [0, 0, -9.81]}, push: {surface: {where: {face: x+}, force: [0, 0.05, 0]}}}
+probes: {tip: [0.1, 0, 0], edge: [0.1, 0.015, 0.015]}
+solver: {tolerance: 1.0e-9, max_iterations: 100000}
+"""
+CABLE = "[[0, 0, 0.012], [0.05, 0.003, 0.012], [0.098, 0, 0.012]]"
+HOLLOW = {"mesh.bar": {"size": [0.1, 0.03, 0.03], "cells": [10, 3, 3], "cut": [{"box": {"x": [0.02, 0.08],
+          "y": [-0.005, 0.005], "z": [-0.005, 0.005]}}]}}  # fmt: skip
+ROTATION = (0.1, -0.2, 0.3)
+
+
+def solved(text: str, command: Command, **overrides: Any) -> Simulation:
+    """Return the simulation of a scene after one converged step."""
+    simulation = Simulation(
+        scene_from_text(text, overrides={key.replace("__", "."): v for key, v in overrides.items()})
+    )
+    result = simulation.step(command)
+    assert result.converged, result.message
+    return simulation
+
+
+def seen(simulation: Simulation) -> np.ndarray:
+    """Return the probes and the reactions at the base, (k,)."""
+    probes = [*simulation.probe_positions().values()]
+    return np.concatenate([*probes, simulation.result.reactions["base"]])
+
+
+def compared(
+    text: str, command: Command, name: str, beside: Any, step: float, near: float = NEAR, **overrides: Any
+) -> None:
+    """Compare a derivative with a central difference: ``beside`` makes command and overrides of a change."""
+    simulation = solved(text, command, **overrides)
+    outputs = [*(f"probes.{probe}" for probe in simulation.scene.probes), "reactions.base"]
+    exact = simulation.sensitivities(outputs, [name]).matrix[:, 0]
+    values = {}
+    for change in (step, -step, 2.0 * step, -2.0 * step):
+        other, more = beside(change)
+        values[change] = seen(solved(text, other, **{**overrides, **more}))
+    near_by, far = ((values[h] - values[-h]) / (2.0 * h) for h in (step, 2.0 * step))
+    difference = (4.0 * near_by - far) / 3.0
+    weight = NOISE * np.abs(values[step][-6:]).max() / step
+    for part, noise in ((slice(0, len(difference) - 6), 0.0), (slice(-6, -3), weight), (slice(-3, None), weight)):
+        size = np.abs(difference[part]).max()
+        np.testing.assert_allclose(exact[part], difference[part], rtol=0, atol=near * size + noise, err_msg=name)
+
+
+def with_actuator(kind: str) -> str:
+    """Return the bar with one actuator, ``a``."""
+    return f"{BAR}actuators: {{a: {kind}}}\n"
+
+
+@pytest.mark.parametrize(
+    ("mode", "value", "step"),
+    [("tension", 0.4, 1e-2), ("shortening", 0.004, 1e-4), ("length", 0.095, 1e-4)],
+)
+def test_cables(mode: str, value: float, step: float) -> None:
+    """Vary what a cable is commanded."""
+    text = with_actuator(f"{{cable: {{points: {CABLE}, command: {mode}}}}}")
+    compared(
+        text,
+        Command(actuators={"a": value}),
+        "actuators.a",
+        lambda change: (Command(actuators={"a": value + change}), {}),
+        step,
+    )
+
+
+def test_an_elastic_cable() -> None:
+    """Vary the shortening of a cable that gives way."""
+    text = with_actuator(f"{{cable: {{points: {CABLE}, command: shortening, stiffness: 200}}}}")
+    compared(
+        text,
+        Command(actuators={"a": 0.004}),
+        "actuators.a",
+        lambda change: (Command(actuators={"a": 0.004 + change}), {}),
+        1e-4,
+    )
+
+
+@pytest.mark.parametrize(("mode", "value", "step"), [("pressure", 4000.0, 40.0), ("volume", 6.6e-6, 1e-8)])
+def test_chambers(mode: str, value: float, step: float) -> None:
+    """Vary what a chamber is commanded."""
+    text = with_actuator(f"{{chamber: {{near: [0.05, 0, 0], command: {mode}}}}}")
+    compared(
+        text,
+        Command(actuators={"a": value}),
+        "actuators.a",
+        lambda change: (Command(actuators={"a": value + change}), {}),
+        step,
+        **{**HOLLOW, "materials__soft__poisson": 0.49},
+    )
+
+
+def test_growth() -> None:
+    """Vary the share of a growth."""
+    text = with_actuator("{growth: {stretch: [1.2, 1, 0.95], where: {box: {z: [0, 0.015]}}}}")
+    compared(
+        text,
+        Command(actuators={"a": 0.5}),
+        "actuators.a",
+        lambda change: (Command(actuators={"a": 0.5 + change}), {}),
+        1e-2,
+    )
+
+
+def test_loads() -> None:
+    """Vary the factor on a load."""
+    compared(BAR, Command(), "loads.push", lambda change: (Command(loads={"push": 1.0 + change}), {}), 1e-2)
+
+
+TIP = {"free": {"handles__tip": {"where": {"face": "x+"}, "free": ["y"]}},
+       "hinge": {"handles__tip": {"where": {"face": "x+"}, "free": ["z", "ry"]}},
+       "ball": {"handles__tip": {"where": {"face": "x+"}, "free": ["z", "rx", "ry", "rz"]}}}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", TIP)
+@pytest.mark.parametrize(("axis", "at"), [("x", 0), ("rx", 3), ("rz", 5)])
+def test_poses(kind: str, axis: str, at: int) -> None:
+    """Vary the pose of a handle that slides, is a hinge or a ball joint along other axes."""
+    if (kind, axis[0]) == ("ball", "r"):
+        pytest.skip("what is commanded about a free axis is not read")
+
+    def posed(change: float) -> tuple[Command, dict[str, Any]]:
+        parts = np.array([-0.006, 0.004, 0.0, *ROTATION]) + change * np.eye(6)[at]
+        return Command(handles={"tip": Pose(tuple(parts[:3]), tuple(parts[3:]))}), {}
+
+    compared(BAR, posed(0.0)[0], f"handles.tip.{axis}", posed, 1e-4 if at < 3 else 5e-3, **TIP[kind])
+
+
+def test_the_base_carries_everything() -> None:
+    """Move and turn the only handle: all turns with it but gravity."""
+    for axis, at in (("y", 1), ("rx", 3)):
+
+        def posed(change: float, at: int = at) -> tuple[Command, dict[str, Any]]:
+            parts = np.array([0.0, 0.0, 0.01, *ROTATION]) + change * np.eye(6)[at]
+            return Command(handles={"base": Pose(tuple(parts[:3]), tuple(parts[3:]))}), {}
+
+        simulation = solved(BAR, posed(0.0)[0])
+        exact = simulation.sensitivities(None, [f"handles.base.{axis}"]).matrix[:, 0]
+        above, below = (seen(solved(BAR, posed(side)[0]))[:6] for side in (1e-3, -1e-3))
+        np.testing.assert_allclose(exact, (above - below) / 2e-3, rtol=0, atol=NEAR * np.abs(exact).max())
+
+
+LAWS: Mapping[str, tuple[dict[str, Any], dict[str, float]]] = {
+    "linear": ({"law": "linear", "young": 1e5, "poisson": 0.3, "density": 1100}, {"young": 1e5, "poisson": 0.3}),
+    "nearly incompressible": (
+        {"law": "neo_hookean", "young": 1e5, "poisson": 0.495, "density": 1100},
+        {"young": 1e5, "poisson": 0.495, "density": 1100.0},
+    ),
+    "incompressible": ({"law": "neo_hookean", "young": 1e5, "poisson": 0.5, "density": 1100}, {"young": 1e5}),
+    "ogden": (
+        {"law": "ogden", "mu": [2e4, 1.5e4], "alpha": [2.0, -3.0], "poisson": 0.49, "density": 1100},
+        {"mu.0": 2e4, "alpha.1": -3.0, "poisson": 0.49},
+    ),
+    "curve": (
+        {"law": "curve", "coefficients": [1e5, -8e4, 4e4], "poisson": 0.48, "density": 1100},
+        {"coefficients.0": 1e5, "coefficients.1": -8e4, "poisson": 0.48},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_materials(law: str) -> None:
+    """Vary the parameters of each law under a stretch, a twist and weight: positions, and d(reaction)/d(modulus)."""
+    material, varied = LAWS[law]
+    tip, command = {"where": {"face": "x+"}, "free": ["z"]}, Command(
+        handles={"tip": Pose((0.02, 0.0, 0.0), (0.6, 0.0, 0.0))}
+    )  # fmt: skip
+    made = {"materials__soft": material, "handles__tip": tip}
+    for key, value in varied.items():
+        step = 1e-2 * (min(0.5 - value, 0.1) if key == "poisson" else abs(value))
+
+        def beside(change: float, key: str = key, value: float = value) -> tuple[Command, dict[str, Any]]:
+            name, _, index = key.partition(".")
+            if index:
+                values = list(material[name])
+                values[int(index)] = value + change
+                return command, {"materials__soft": {**material, name: values}}
+            return command, {"materials__soft": {**material, key: value + change}}
+
+        compared(BAR, command, f"materials.soft.{key}", beside, step, **made)
+
+
+BALL = {"obstacles__ball": {"sphere": {"radius": 0.03}, "at": [0.07, 0.004, -0.040]}}
+
+
+def test_contact_with_a_ball() -> None:
+    """Press on a ball without friction, and vary weight, the place of the ball, and a modulus."""
+    raised = Pose((0.0, 0.0, 0.004))
+    compared(
+        BAR,
+        Command(obstacles := {"ball": raised}),
+        "loads.weight",
+        lambda change: (Command(obstacles, loads={"weight": 1.0 + change}), {}),
+        1e-2,
+        **BALL,
+    )
+    compared(
+        BAR,
+        Command(obstacles),
+        "obstacles.ball.z",
+        lambda change: (Command({"ball": Pose((0.0, 0.0, 0.004 + change))}), {}),
+        2e-5,
+        **BALL,
+    )
+    compared(
+        BAR,
+        Command(obstacles),
+        "materials.soft.young",
+        lambda change: (Command(obstacles), {"materials__soft__young": 1e5 + change}),
+        500.0,
+        **BALL,
+    )
+
+
+def test_slack_cables_pull_when_they_are_told_to() -> None:
+    """Ask at rest, where a cable does not pull yet: its command moves the tip as a pull does."""
+    text, step = with_actuator(f"{{cable: {{points: {CABLE}, command: tension}}}}"), 1e-4
+    here = solved(text, Command())
+    exact = here.sensitivities(["probes.tip"], ["actuators.a"]).matrix[:, 0]
+    tips = [solved(text, Command(actuators={"a": pull})).probe_positions()["tip"] for pull in (step, 2.0 * step)]
+    began = here.probe_positions()["tip"]
+    difference = (4.0 * tips[0] - 3.0 * began - tips[1]) / (2.0 * step)
+    np.testing.assert_allclose(exact, difference, rtol=0, atol=NEAR * np.abs(difference).max())
+
+
+def test_states_without_derivatives() -> None:
+    """Ask where no step has converged, for names that are none, and of the policy without forces: one clear error."""
+    simulation = Simulation(scene_from_text(BAR, overrides={"solver.max_iterations": 3}))
+    simulation.step()
+    with pytest.raises(GdfeError, match="no derivative: the state is no equilibrium"):
+        simulation.sensitivities(None, ["loads.push"])
+    with pytest.raises(CommandError, match=r"no parameter 'loads.pull' in this scene; parameters: loads.weight"):
+        simulation.sensitivities(None, ["loads.pull"])
+    with pytest.raises(CommandError, match=r"no output 'tip' in this scene; outputs: probes.tip, probes.edge"):
+        simulation.sensitivities(["tip"], ["loads.push"])
+
+
+def test_asking_leaves_the_state() -> None:
+    """Ask for everything, and step on bitwise as if nothing had been asked."""
+    asked, plain = solved(BAR, Command()), solved(BAR, Command())
+    asked.sensitivities(["positions", "reactions.base"], asked.parameter_names)
+    for simulation in (asked, plain):
+        simulation.step(Command(loads={"push": 1.5}))
+    np.testing.assert_array_equal(asked.positions, plain.positions)
