@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.fitting.problem import Problem
+from gdfe_ros.fitting.problem import FitProblem
 from gdfe_ros.fitting.solve import Solved
 from gdfe_ros.fitting.statistics import Confidence
 from gdfe_ros.fitting.trajectory import NotSimulatedError
@@ -17,7 +17,7 @@ BETTER = 0.25
 """Sum of squares, over that at the bound, from which on the bound is wrong: the misfit halves."""
 
 
-def require_bounds(problem: Problem, solved: Solved, known: Confidence) -> None:
+def require_bounds(problem: FitProblem, solved: Solved, known: Confidence) -> None:
     """Refuse a fit that ends at a bound where powers of ten beyond it are met far better.
 
     Raises:
@@ -32,13 +32,13 @@ def require_bounds(problem: Problem, solved: Solved, known: Confidence) -> None:
         if cost < BETTER * solved.cost:
             asked = estimate.value * 10.0 ** (sign * decade)
             raise GdfeError(
-                f"{parameter.key} ends at its bound {estimate.value:g}, and the data ask for about {asked:.1g}: there the "
-                f"misfit is {np.sqrt(solved.cost / cost):.2g} times smaller; remedy: check the unit (1 MPa is 1.0e6), or "
-                "wider bounds"
+                f"{parameter.key} ends at its bound {estimate.value:g}, and the data ask for about {asked:.1g}: "
+                f"there the misfit is {np.sqrt(solved.cost / cost):.2g} times smaller; remedy: check the unit (1 MPa "
+                "is 1.0e6), or wider bounds"
             )
 
 
-def _cost(problem: Problem, solved: Solved, place: int, value: float) -> float:
+def _cost(problem: FitProblem, solved: Solved, place: int, value: float) -> float:
     """Return half the sum of squares with one value changed beyond its bound."""
     values = list(solved.point.values)
     values[place] = value

@@ -64,9 +64,7 @@ def residuals(
     return found
 
 
-def split(
-    recording: Recording, own: Own
-) -> tuple[float, tuple[Rotation, NDArray[np.float64]] | None]:
+def split(recording: Recording, own: Own) -> tuple[float, tuple[Rotation, NDArray[np.float64]] | None]:
     """Return the time shift [s] and, where a frame is fitted, rotation and translation."""
     rest = list(own)
     shift = rest.pop(0) if recording.shift_between is not None else recording.shift

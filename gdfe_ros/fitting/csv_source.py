@@ -70,7 +70,9 @@ class CsvSource:
         """Find probes by the names of columns."""
         found = False
         for probe in self._scene.probes:
-            forms = ({axis: f"{stem}{axis}" for axis in AXES} for stem in (f"{probe}.", f"probe/{probe}.pose.position."))
+            forms = (
+                {axis: f"{stem}{axis}" for axis in AXES} for stem in (f"{probe}.", f"probe/{probe}.pose.position.")
+            )
             for form in forms:
                 columns = {axis: name for axis, name in form.items() if name in self._table}
                 if columns:
@@ -80,8 +82,8 @@ class CsvSource:
         if not found:
             probes = ", ".join(f"{name}.x" for name in self._scene.probes) or "a probe, of which the scene has none"
             raise GdfeError(
-                f"{self._source.path} has no column that is named after the scene ({probes}); remedy: --match FILE.yaml "
-                f"that says what its columns are: {', '.join(self._table.names)}"
+                f"{self._source.path} has no column that is named after the scene ({probes}); remedy: --match with a "
+                f"file that says what its columns are: {', '.join(self._table.names)}"
             )
 
     def _series(self, name: str, model: CompareModel) -> Series:

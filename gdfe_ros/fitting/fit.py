@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -15,7 +16,7 @@ from gdfe_ros.fitting.comparison import SurfaceDistances, first_own
 from gdfe_ros.fitting.observable import Kind
 from gdfe_ros.fitting.parameter import Parameter
 from gdfe_ros.fitting.pool import Pool
-from gdfe_ros.fitting.problem import Point, Problem, require_motion
+from gdfe_ros.fitting.problem import FitPoint, FitProblem, require_motion
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.solve import Solved, solve
 from gdfe_ros.fitting.statistics import Confidence, confidence
@@ -43,11 +44,11 @@ class Fit:
 
     scene: Scene
     parameters: tuple[Parameter, ...]
-    problem: Problem
+    problem: FitProblem
     solved: Solved
     known: Confidence
-    held_out: Problem | None
-    prediction: Point | None
+    held_out: FitProblem | None
+    prediction: FitPoint | None
     matches: tuple[Match, ...]
     warnings: tuple[str, ...]
     simulations: int
@@ -88,7 +89,7 @@ def fit_scene(
     for recording in (*recordings, *held_out):
         require_motion(recording, scene.mesh.size)
     surface = _surface(scene, [*recordings, *held_out])
-    problem = Problem(pool, parameters, recordings, surface=surface)
+    problem = FitProblem(pool, parameters, recordings, surface=surface)
     solved = solve(problem, moves=scene.dynamics is not None, loss=loss, told=told)
     known = confidence(problem, solved)
     require_bounds(problem, solved, known)
@@ -96,7 +97,7 @@ def fit_scene(
     fitted = matches(problem, solved.point)
     other = point = None
     if held_out:
-        other = Problem(pool, parameters, held_out, surface=surface)
+        other = FitProblem(pool, parameters, held_out, surface=surface)
         point = predict(other, solved.point.values)
     predicted = matches(other, point, held_out=True) if held_out else []
     return Fit(
@@ -113,7 +114,7 @@ def fit_scene(
     )
 
 
-def predict(problem: Problem, values: tuple[float, ...]) -> Point:
+def predict(problem: FitProblem, values: tuple[float, ...]) -> FitPoint:
     """Simulate recordings with given values; only their own time shifts and frames are fitted.
 
     Raises:
@@ -129,12 +130,12 @@ def predict(problem: Problem, values: tuple[float, ...]) -> Point:
         low, high = (ends[len(problem.parameters) :] for ends in problem.bounds())
 
         def parts(unknowns: np.ndarray) -> list[np.ndarray]:
-            return [unknowns[first:last] for first, last in zip(counts[:-1], counts[1:], strict=True)]
+            return [unknowns[first:last] for first, last in pairwise(counts)]
 
         start = np.clip(np.concatenate(own), low, high)
         found = least_squares(lambda u: problem.stacked(trajectories, parts(u)), start, bounds=(low, high))
         own = parts(found.x)
-    return Point(values, tuple(own), tuple(trajectories))
+    return FitPoint(values, tuple(own), tuple(trajectories))
 
 
 def _surface(scene: Scene, recordings: Sequence[Recording]) -> SurfaceDistances | None:
@@ -142,7 +143,7 @@ def _surface(scene: Scene, recordings: Sequence[Recording]) -> SurfaceDistances 
     return SurfaceDistances(scene.mesh.boundary.quads) if needed else None
 
 
-def _unconverged(point: Point, problem: Problem) -> list[str]:
+def _unconverged(point: FitPoint, problem: FitProblem) -> list[str]:
     pairs = zip(problem.recordings, point.trajectories, strict=True)
     return [
         f"{recording.name}: {item.not_converged} of {len(item.times)} steps did not converge"

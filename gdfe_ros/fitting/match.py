@@ -37,8 +37,8 @@ class Source:
 def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
     """Pair files and bags with what the match file says of them.
 
-    A file that no recording of the match file names is a recording of its own name; several recordings may take
-    different rows of one file.
+    Without `recordings` in the match file each file is a recording of its own name. With it each file is named by at
+    least one of them; several may take different rows of one file, and those of files that are not given are left out.
 
     Raises:
         MatchError: every defect of the match file.
@@ -55,12 +55,14 @@ def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
     files = {path.stem: path for path in data} | {path.name: path for path in data}
     sources = []
     for name, entry in own.items():
-        file = str(entry.get("file", name))
-        if file not in files:
-            raise MatchError(heading, [f"recordings.{name}: there is no {file} among {', '.join(names)}"])
-        sources.append(Source(name, files[file], _validated({**shared, **entry}, heading, f"recordings.{name}")))
+        path = files.get(str(entry.get("file", name)))
+        if path is not None:
+            sources.append(Source(name, path, _validated({**shared, **entry}, heading, f"recordings.{name}")))
     taken = {source.path for source in sources}
     rest = [path for path in data if path not in taken]
+    if own and rest:
+        text = f"no recording takes {', '.join(path.name for path in rest)}; recordings: {', '.join(own)}"
+        raise MatchError(heading, [f"recordings: {text}; remedy: name it, or `file: {rest[0].name}` in one of them"])
     return [*sources, *(Source(path.stem, path, _validated(shared, heading, "")) for path in rest)]
 
 

@@ -52,7 +52,9 @@ def along_of(
         axes = [axis for axis in AXES if not model.columns or axis in model.columns]
         return tuple(axes), np.array([[float(axis == other) for other in AXES] for axis in axes])
     if model.along is None:
-        raise GdfeError(f"{where}: along what is column {model.column!r} measured? give `along: [x, y, z]`, or `columns`")
+        raise GdfeError(
+            f"{where}: along what is column {model.column!r} measured? give `along: [x, y, z]`, or `columns`"
+        )
     length = float(np.linalg.norm(model.along))
     if length == 0.0:
         raise GdfeError(f"{where}: along has no direction: {model.along}")

@@ -21,12 +21,14 @@ SHARE = 0.01
 """Of the largest range of a unit's values: the standard deviation where a recording does not tell one."""
 NUDGE = {"shift": 1e-5, "turn": 1e-5, "translation": 1e-6}
 """Change of a recording's own unknown for a difference [s], [rad], [m]; no simulation is needed for it."""
+FARTHEST = 20.0
+"""Body lengths from the origin beyond which a position has another unit or another origin."""
 FAILED = 1e3
 """Residual of every value where a trial cannot be simulated: the search turns back."""
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class FitPoint:
     """The problem at given unknowns.
 
     Attributes:
@@ -40,7 +42,7 @@ class Point:
     trajectories: tuple[Trajectory, ...]
 
 
-class Problem:
+class FitProblem:
     """Recordings, parameters, and how a simulation misses the one with the other.
 
     The unknowns are the parameters' coordinates u, then each recording's own: time shift and frame.
@@ -107,7 +109,7 @@ class Problem:
         """Return the parameters' values."""
         return self._split(unknowns)[0]
 
-    def point(self, unknowns: NDArray[np.float64]) -> Point:
+    def point(self, unknowns: NDArray[np.float64]) -> FitPoint:
         """Return what unknowns mean, simulated.
 
         Raises:
@@ -118,7 +120,7 @@ class Problem:
         for item in trajectories:
             if isinstance(item, NotSimulatedError):
                 raise item
-        return Point(values, own, tuple(trajectories))
+        return FitPoint(values, own, tuple(trajectories))
 
     def trajectories(self, values: tuple[float, ...]) -> list[Trajectory | NotSimulatedError]:
         """Simulate all recordings; the last ones are kept."""
@@ -158,7 +160,7 @@ class Problem:
                 columns.append((self.stacked(here.trajectories, own) - base) / size)
         return np.stack(columns, axis=1)
 
-    def series_residuals(self, point: Point) -> list[list[NDArray[np.float64]]]:
+    def series_residuals(self, point: FitPoint) -> list[list[NDArray[np.float64]]]:
         """Return (simulated - measured) / sigma by recording and series, shaped as measured; NaN where missing."""
         given = zip(self.recordings, point.trajectories, point.own, self.sigmas, self.horizons, strict=True)
         return [
@@ -168,7 +170,7 @@ class Problem:
 
     def stacked(self, trajectories: Sequence[Trajectory], own: Sequence[Own]) -> NDArray[np.float64]:
         """Return the residuals of given trajectories one after the other; 0 where nothing is compared."""
-        parts = self.series_residuals(Point((), tuple(own), tuple(trajectories)))
+        parts = self.series_residuals(FitPoint((), tuple(own), tuple(trajectories)))
         return np.nan_to_num(np.concatenate([part.ravel() for found in parts for part in found]), nan=0.0)
 
     def _split(self, unknowns: NDArray[np.float64]) -> tuple[tuple[float, ...], tuple[Own, ...]]:
@@ -207,18 +209,16 @@ def require_motion(recording: Recording, size: float) -> None:
             raise GdfeError(f"{where}: no value is a number")
         still = series.span == 0.0 if series.values.shape[0] > 1 else not finite.any()
         if still:
-            raise GdfeError(f"{where}: the data do not move: every value is {finite[0]:g}; nothing can be fitted to them")
+            raise GdfeError(
+                f"{where}: the data do not move: every value is {finite[0]:g}; nothing can be fitted to them"
+            )
         if series.observable.unit != "m" or recording.frame:
             continue
         if np.abs(finite).max() > FARTHEST * size:
             raise GdfeError(
-                f"{where}: values up to {np.abs(finite).max():.4g} m, and the body is {size:.3g} m long; remedy: `unit: "
-                "mm` in the match file, `tip.x [mm]` in the header, or `frame: {}` for another origin"
+                f"{where}: values up to {np.abs(finite).max():.4g} m, and the body is {size:.3g} m long; remedy: "
+                "`unit: mm` in the match file, `tip.x [mm]` in the header, or `frame: {}` for another origin"
             )
-
-
-FARTHEST = 20.0
-"""Body lengths from the origin beyond which a position has another unit or another origin."""
 
 
 def _nudges(recording: Recording) -> list[float]:

@@ -30,9 +30,7 @@ def read_recordings(data: Sequence[Path], match: Path | None, scene: Scene) -> l
     return [_read(source, scene) for source in find_sources(data, match)]
 
 
-def split_held_out(
-    recordings: Sequence[Recording], names: Sequence[str]
-) -> tuple[list[Recording], list[Recording]]:
+def split_held_out(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[list[Recording], list[Recording]]:
     """Return recordings that are fitted and that are held out.
 
     Raises:

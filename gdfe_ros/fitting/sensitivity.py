@@ -14,7 +14,7 @@ from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
 
 STEP = 0.01
-"""Change of a coordinate u: 1 % of a value. Its square is the error of a difference, the tolerance over it the noise."""
+"""Change of a coordinate u, 1 % of a value: a difference errs by about as much, and by the tolerance over it."""
 
 
 def trajectory_columns(
@@ -65,9 +65,7 @@ def _step(parameter: Parameter, value: float) -> float:
     return size if here <= 0.5 * (low + high) else -size
 
 
-def _changed(
-    parameters: Sequence[Parameter], values: Sequence[float], place: int, step: float
-) -> dict[str, float]:
+def _changed(parameters: Sequence[Parameter], values: Sequence[float], place: int, step: float) -> dict[str, float]:
     """Return all values, one of them changed."""
     given = {parameter.key: value for parameter, value in zip(parameters, values, strict=True)}
     changed = parameters[place]

@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from gdfe_ros.fitting.comparison import series_count
 from gdfe_ros.fitting.parameter import Parameter
-from gdfe_ros.fitting.problem import Problem
+from gdfe_ros.fitting.problem import FitProblem
 from gdfe_ros.fitting.solve import Solved
 
 CONFIDENCE = 0.95
@@ -30,7 +30,7 @@ AT_BOUND = 1e-3
 
 
 @dataclass(frozen=True)
-class Estimate:
+class FittedValue:
     """A fitted value.
 
     Attributes:
@@ -58,15 +58,15 @@ class Confidence:
         loose: what the data cannot tell apart, a sentence each.
     """
 
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[FittedValue, ...]
     correlations: NDArray[np.float64]
     loose: tuple[str, ...]
 
 
-def confidence(problem: Problem, solved: Solved) -> Confidence:
+def confidence(problem: FitProblem, solved: Solved) -> Confidence:
     """Return confidence intervals from the Jacobian J at the solution.
 
-    The covariance of the unknowns is s^2 (J^T J)^-1 with s^2 = 2 cost / (values - unknowns); values at a bound are held.
+    The covariance of the unknowns is s^2 (J^T J)^-1 with s^2 = 2 cost / (values - unknowns); at a bound it is held.
     """
     parameters, count = problem.parameters, len(problem.parameters)
     bounds = [_bound(p, float(u)) for p, u in zip(parameters, solved.unknowns[:count], strict=True)]
@@ -89,7 +89,7 @@ def confidence(problem: Problem, solved: Solved) -> Confidence:
     found = []
     for p, u, half, bound in zip(parameters, solved.unknowns[:count], reach, bounds, strict=False):
         ends = (np.nan, np.nan) if bound else _ends(p, float(u), float(half))
-        found.append(Estimate(p.key, p.value(float(u)), *ends, bound))
+        found.append(FittedValue(p.key, p.value(float(u)), *ends, bound))
     with np.errstate(invalid="ignore"):
         correlations = (full / np.outer(deviation, deviation))[:count, :count]
     own = [place for place in free if place < count]

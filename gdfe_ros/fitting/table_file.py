@@ -37,7 +37,9 @@ class TableFile:
         try:
             text = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
-            raise GdfeError(f"{path} cannot be read: {error}; a CSV file or the directory of a bag is needed") from error
+            raise GdfeError(
+                f"{path} cannot be read: {error}; a CSV file or the directory of a bag is needed"
+            ) from error
         lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
         if len(lines) < 2:
             raise GdfeError(f"{path} has no rows of data; a header and rows of numbers are needed")

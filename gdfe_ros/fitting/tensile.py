@@ -117,7 +117,7 @@ def _checked(strain: ArrayLike, stress: ArrayLike) -> tuple[NDArray[np.float64],
         raise GdfeError(f"strain and stress must be finite columns of equal length, got {e.shape} and {s.shape}")
     if e.size and (e.min() <= -1.0 or e.max() > LARGEST_STRAIN):
         raise GdfeError(
-            f"strains from {e.min():g} to {e.max():g}; allowed: above -1, up to {LARGEST_STRAIN:g}; remedy: 100 % is 1.0"
+            f"strains from {e.min():g} to {e.max():g}; allowed: above -1, to {LARGEST_STRAIN:g}; remedy: 100 % is 1.0"
         )
     moved = e != 0.0
     if moved.sum() < 2 or np.ptp(s[moved]) == 0.0:
@@ -148,13 +148,13 @@ def _linear_in_parameters(
     unit = kinds[law](young=1.0, poisson=0.5).stress_at(e) * _weights(s)
     young = float(unit @ (s * _weights(s)) / (unit @ unit))
     if young <= 0.0:
-        raise GdfeError(f"the best modulus is {young:.4g} Pa, which is unstable; remedy: check the signs of the columns")
+        raise GdfeError(
+            f"the best modulus is {young:.4g} Pa, which is unstable; remedy: check the signs of the columns"
+        )
     return kinds[law](young=young, **common), {"young": young}
 
 
-def _ogden(
-    e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, common: Mapping[str, Any]
-) -> TensileFit:
+def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, common: Mapping[str, Any]) -> TensileFit:
     """Fit so many terms, or the fewest stable ones that are good, or else the best stable ones."""
     most = min(MOST_TERMS, e.size // 2)
     if terms is not None:

@@ -60,7 +60,9 @@ def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None
         counts = (3, 6) if track.name in movers else (1,)
         if track.values.shape[1] not in counts:
             text = f"{track.values.shape[1]} numbers command {track.name!r}, which takes {counts[0]}"
-            raise GdfeError(f"{where}: {text}; remedy: `columns: {{x: ..., y: ..., z: ...}}` for a handle, else `column`")
+            raise GdfeError(
+                f"{where}: {text}; remedy: `columns: {{x: ..., y: ..., z: ...}}` for a handle, else `column`"
+            )
         if not np.isfinite(track.values).all():
             raise GdfeError(f"{where}: a command of {track.name!r} is missing")
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.fitting.parameter import Parameter
-from gdfe_ros.fitting.problem import Point, Problem
+from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.statistics import STRUCTURED, Confidence, autocorrelation
 
 WORSE = 1.5
@@ -46,7 +46,7 @@ class Match:
     residual: NDArray[np.float64]
 
 
-def matches(problem: Problem, point: Point, *, held_out: bool = False) -> list[Match]:
+def matches(problem: FitProblem, point: FitPoint, *, held_out: bool = False) -> list[Match]:
     """Return how well each series of each recording is met."""
     found = []
     for recording, sigmas, parts in zip(
@@ -86,8 +86,8 @@ def warnings(
         if match.autocorrelation > STRUCTURED and match.relative > SLIGHT:
             notes.append(
                 f"{match.recording}, {match.series}: residuals are structured (correlation with the next one "
-                f"{match.autocorrelation:.2f}, {100.0 * match.relative:.2g} % of the motion): the parameters absorb what "
-                "the model lacks, and the confidence intervals are too narrow"
+                f"{match.autocorrelation:.2f}, {100.0 * match.relative:.2g} % of the motion): the parameters absorb "
+                "what the model lacks, and the confidence intervals are too narrow"
             )
     own = np.sqrt(np.nanmean([match.relative**2 for match in fitted])) if fitted else np.nan
     for match in held_out:

@@ -65,7 +65,7 @@ def test_the_library_is_what_its_data_say(name: str) -> None:
     found = fit_tensile(recipe.curve.strain, recipe.curve.stress, law=Law.OGDEN, terms=1)
     assert found.entry["mu"] == pytest.approx(list(recipe.mu), rel=1e-4)
     assert found.entry["alpha"] == pytest.approx(list(recipe.alpha), abs=1e-3)
-    assert found.largest == pytest.approx(recipe.misfit, abs=1.1e-3)
+    assert found.largest == pytest.approx(recipe.misfit, abs=2e-4)
     assert found.material.remarks() == []
 
 
@@ -99,7 +99,7 @@ def test_the_command_makes_a_material(tmp_path: Path, capsys: Any) -> None:
     out = tmp_path / "out"
     given = ["fit", "--tensile", str(curve), "--law", "ogden", "--terms", "3", "--density", "1190", "--out", str(out)]
     assert main(given) == 0
-    assert "stable in uniaxial, equibiaxial and planar deformation" in capsys.readouterr().out
+    assert "stable in uniaxial" in capsys.readouterr().out
     entry = yaml.safe_load((out / "material.yaml").read_text())
     scene = scene_from_text(BAR, overrides={"materials": {"rubber": entry["skin"]}})
     assert scene.materials["rubber"].stress_at(np.ones(1)) == pytest.approx([3.0117e6], rel=1e-4)
