@@ -23,6 +23,8 @@ COMMANDS = {
     "report": "write a recorded run as one HTML page that opens offline",
     "inspect": "say what is in a mesh or surface file and what to fix, and draw it",
     "sweep": "run a scene with many overrides in parallel",
+    "fit": "fit parameters of a scene to recordings of a robot, or a material to a tensile test",
+    "workspace": "find the points that a probe reaches over the ranges of the actuators",
     "compile": "compile what the shipped scenes need, once, so that nobody waits for it later",
 }
 BAD_INPUT = 2

@@ -142,11 +142,11 @@ class Replay:
     def _repeat(self, record: StepRecord) -> StepResult:
         # Where a deadline ended the solve, only a replay of the very same run can end it at the same place.
         cut_after = None if self._changed else record.cut_after
-        return self.simulation.step(_command(record), dt=record.dt, cut_after=cut_after)
+        return self.simulation.step(command_of(record), dt=record.dt, cut_after=cut_after)
 
 
-def _command(record: StepRecord) -> Command:
-    """Give what a step consumed; the record names its parts as ``Command`` does."""
+def command_of(record: StepRecord) -> Command:
+    """Give what a step consumed; a record names its parts as ``Command`` does."""
     parts = {
         part.name: getattr(record, part.name) for part in dataclasses.fields(Command) if hasattr(record, part.name)
     }

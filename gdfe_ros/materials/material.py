@@ -31,6 +31,7 @@ class Material:
         poisson: Poisson's ratio at rest, -1 < nu <= 0.5; 0.5 is incompressible.
         density: mass density [kg/m^3], needed by gravity and dynamics only.
         omega: a given shape factor for the ``relative`` policy, 0 < omega <= 1.
+        caveat: what is to be known of where the numbers come from; empty where nothing is.
 
     Raises:
         ValueError: a parameter is out of range.
@@ -39,6 +40,7 @@ class Material:
     poisson: float
     density: float | None = None
     omega: float | None = None
+    caveat: str = ""
 
     def __post_init__(self) -> None:
         if not -1.0 < self.poisson <= 0.5:

@@ -1,44 +1,71 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two printed filaments of the paper, each with its Ogden constants and its polynomial (Sec. 5, Table 1)."""
+"""Materials by name: the paper's two printed filaments, and common silicones."""
 
 from __future__ import annotations
 
 from gdfe_ros.materials.curve_data import CurveData
 from gdfe_ros.materials.material import Curve, Law, Material, Ogden
+from gdfe_ros.materials.recipe import Recipe
+from gdfe_ros.materials.silicones import SILICONES
 
 _MEGA = 1e6
-_MEASURED_TO = 2.0
-_OGDEN = {
-    "ninjaflex": ((0.187297, 0.091893, 3.397167), (1.940480, 4.009788, -1.512803)),
-    "cheetah": ((-5.497378, 2.499418, 12.259373), (3.303409, 3.722506, -4.762911)),
+_PAPER = "the paper's Table 1 (ogden) and Sec. 5 (curve)"
+_FILAMENTS = {
+    "ninjaflex": Recipe(
+        mu=(0.187297 * _MEGA, 0.091893 * _MEGA, 3.397167 * _MEGA),
+        alpha=(1.940480, 4.009788, -1.512803),
+        curve=CurveData.polynomial(
+            [8.67 * _MEGA, -15.7 * _MEGA, 15.02 * _MEGA, -6.91 * _MEGA, 1.53 * _MEGA, -0.13 * _MEGA], strain_max=2.0
+        ),
+        source=_PAPER,
+    ),
+    "cheetah": Recipe(
+        mu=(-5.497378 * _MEGA, 2.499418 * _MEGA, 12.259373 * _MEGA),
+        alpha=(3.303409, 3.722506, -4.762911),
+        curve=CurveData.polynomial(
+            [19.13 * _MEGA, -26.6 * _MEGA, 19.9 * _MEGA, -7.69 * _MEGA, 1.49 * _MEGA, -0.11 * _MEGA], strain_max=2.0
+        ),
+        source=_PAPER,
+    ),
 }
-_POLYNOMIAL = {
-    "ninjaflex": (8.67, -15.7, 15.02, -6.91, 1.53, -0.13),
-    "cheetah": (19.13, -26.6, 19.9, -7.69, 1.49, -0.11),
-}
-PRESETS = tuple(_OGDEN)
+LIBRARY = {**_FILAMENTS, **SILICONES}
+"""What is known of each preset, by its name."""
+PRESETS = tuple(LIBRARY)
 
 
 def preset(
-    name: str, *, law: Law, poisson: float, density: float | None = None, omega: float | None = None
+    name: str,
+    *,
+    law: Law,
+    poisson: float | None = None,
+    density: float | None = None,
+    omega: float | None = None,
+    scale: float = 1.0,
 ) -> Material:
-    """Return a material of the paper.
+    """Return a material of the library.
 
     Args:
-        name: ``ninjaflex`` or ``cheetah``.
-        law: ``Law.OGDEN`` (Table 1) or ``Law.CURVE`` (the polynomials of Sec. 5, measured to a strain of about 2).
-        poisson: Poisson's ratio at rest.
-        density: mass density [kg/m^3].
+        name: one of ``PRESETS``.
+        law: ``Law.OGDEN`` or, through the measured curve, ``Law.CURVE``.
+        poisson: Poisson's ratio at rest; None takes the preset's, which filaments do not have.
+        density: mass density [kg/m^3]; None takes the preset's, if it is known.
         omega: a given shape factor for the ``relative`` policy.
+        scale: factor on every stress, for a batch that is stiffer or softer than the measured one.
 
     Raises:
-        ValueError: the name or the law is not one of these.
+        ValueError: the name or the law is not one of these, or nothing tells Poisson's ratio.
     """
     if name not in PRESETS or law not in (Law.OGDEN, Law.CURVE):
         raise ValueError(f"no preset {name!r} with law {law!r}; presets: {', '.join(PRESETS)}; laws: ogden, curve")
-    common = {"poisson": poisson, "density": density, "omega": omega}
+    recipe = LIBRARY[name]
+    if poisson is None and recipe.poisson is None:
+        raise ValueError(f"preset {name!r} has no Poisson's ratio of its own; give `poisson`, rubber is near 0.495")
+    common = {
+        "poisson": recipe.poisson if poisson is None else poisson,
+        "density": recipe.density if density is None else density,
+        "omega": omega,
+        "caveat": recipe.caveat if scale == 1.0 else "",
+    }
     if law is Law.OGDEN:
-        mu, alpha = _OGDEN[name]
-        return Ogden(mu=tuple(value * _MEGA for value in mu), alpha=alpha, **common)
-    coefficients = tuple(value * _MEGA for value in _POLYNOMIAL[name])
-    return Curve(data=CurveData.polynomial(coefficients, strain_max=_MEASURED_TO), **common)
+        return Ogden(mu=tuple(scale * value for value in recipe.mu), alpha=recipe.alpha, **common)
+    return Curve(data=recipe.curve.scaled(scale), **common)

@@ -148,7 +148,10 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{law: curve, csv: measured.csv, poisson: 0.49}   # columns strain, stress [Pa]",
         "{law: curve, strain: [0.1, 0.5, 1.0], stress: [1.0e4, 4.0e4, 7.0e4], poisson: 0.4}",
     ),
-    material_schema.PresetModel: ("{preset: ninjaflex, law: ogden, poisson: 0.495, density: 1200, omega: 0.5}",),
+    material_schema.PresetModel: (
+        "{preset: ninjaflex, law: ogden, poisson: 0.495, density: 1200, omega: 0.5}",
+        "{preset: dragon_skin_30, scale: 1.5}",
+    ),
     schema.RegionModel: ("{material: stiff, where: {box: {x: [0.15, 0.20]}}}",),
     schema.HandleModel: (
         "{where: {face: x-}, fixed: true}",

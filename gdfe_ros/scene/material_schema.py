@@ -30,6 +30,7 @@ _ALPHA = Quantity("exponents alpha_i", least=-20.0, most=20.0, count=ANY)
 _COEFFICIENTS = Quantity("coefficients of e, e^2, ...", "Pa", count=ANY)
 _STRAIN = Quantity("engineering strains", least=0.0, most=100.0, count=ANY, ascending=True)
 _STRESS = Quantity("nominal stresses", "Pa", count=ANY)
+_SCALE = Quantity("factor on every stress", above=0.0, most=1e3)
 _STRAIN_MAX = Quantity("end of the data, engineering strain", above=0.0, most=10.0)
 
 
@@ -129,14 +130,25 @@ class CurveModel(_Common):
 
 
 class PresetModel(_Common):
-    """A filament of the paper."""
+    """A material of the [library](fitting.md#the-material-library)."""
 
-    preset: Literal[PRESETS] = Field(description="which filament")
-    law: Literal["ogden", "curve"] = Field("ogden", description="ogden (Table 1) or curve (the polynomial)")
+    preset: Literal[PRESETS] = Field(description="which material")
+    law: Literal["ogden", "curve"] = Field("ogden", description="ogden, or curve: through the measured points")
+    poisson: Annotated[float, _POISSON] | None = Field(
+        None, description="Poisson's ratio; left out: 0.499 of silicones; filaments need it"
+    )
+    density: Annotated[float, _DENSITY] | None = Field(
+        None, description="density; left out: 1070 of dragon_skin_10; of the others nobody told it"
+    )
+    scale: Annotated[float, _SCALE] = 1.0
 
     def build(self) -> Material:
-        """Return the material."""
-        return preset(self.preset, law=Law[self.law.upper()], **self.common)
+        """Return the material.
+
+        Raises:
+            ValueError: it is a filament without Poisson's ratio.
+        """
+        return preset(self.preset, law=Law[self.law.upper()], scale=self.scale, **self.common)
 
 
 def _tag(value: Any) -> str | None:

@@ -53,6 +53,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
 def remarks(scene: Scene, policy: Policy) -> list[str]:
     """Say what is doubtful about a scene: materials, contrasts, schemes that rattle or slip, cells too coarse."""
     notes = [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
+    notes += [f"material {key!r}: {item.caveat}" for key, item in scene.materials.items() if item.caveat]
     if policy is Policy.RELATIVE:
         used = [item for item in scene.materials.values() if item.omega is None]
         notes += calibration_remarks(np.array([item.young0 for item in used])) if used else []

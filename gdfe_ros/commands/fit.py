@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe fit``: parameters of a scene from recordings of a robot, or a material from a tensile test."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from gdfe_ros.errors import GdfeError
+
+LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
+LAWS = ("linear", "neo_hookean", "ogden", "curve")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", nargs="?", help="a name in config/scenes or the path of a YAML file")
+    parser.add_argument("data", nargs="*", type=Path, metavar="DATA", help="CSV files and directories of bags")
+    parser.add_argument("--match", type=Path, metavar="FILE.yaml", help="which column or topic is what of the scene")
+    parser.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        metavar="KEY=LOW..HIGH",
+        help="a key of the scene that is fitted, with its bounds; LOW..START..HIGH also names where to begin",
+    )
+    parser.add_argument("--holdout", nargs="+", default=[], metavar="NAME", help="recordings that are only predicted")
+    parser.add_argument("--loss", choices=LOSSES, default="linear", help="of the residuals (default: their squares)")
+    parser.add_argument("--workers", type=int, default=2, help="processes on this machine (default: 2)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="directory of the results (default: <name>_fit)")
+    tensile = parser.add_argument_group("a material from a tensile test")
+    tensile.add_argument("--tensile", type=Path, metavar="CURVE.csv", help="columns strain and stress [Pa]")
+    tensile.add_argument("--law", choices=LAWS, default="ogden", help="(default: ogden)")
+    tensile.add_argument("--terms", type=int, help="of Ogden's law (default: the fewest that are good and stable)")
+    tensile.add_argument("--degree", type=int, default=6, help="of the polynomial of the law curve (default: 6)")
+    tensile.add_argument("--poisson", type=float, default=0.499, help="of the material (default: 0.499)")
+    tensile.add_argument("--density", type=float, help="of the material [kg/m^3]")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Fit; return 0."""
+    if arguments.tensile is not None:
+        if arguments.scene or arguments.vary:
+            raise GdfeError("--tensile takes a curve alone; a scene is fitted to recordings without it")
+        return _fit_tensile(arguments)
+    if not arguments.scene or not arguments.data:
+        raise GdfeError(
+            "give a scene and recordings, as: gdfe fit SCENE DATA... --vary KEY=LOW..HIGH; or --tensile FILE"
+        )
+    return _fit_scene(arguments)
+
+
+def _fit_tensile(arguments: argparse.Namespace) -> int:
+    from gdfe_ros.fitting.tensile import fit_tensile
+    from gdfe_ros.fitting.tensile_report import draw_tensile, material_text, tensile_remarks, tensile_rows
+    from gdfe_ros.materials import Law
+    from gdfe_ros.scene.table import read_stress_table
+
+    curve = read_stress_table(arguments.tensile)
+    fit = fit_tensile(
+        curve.strain,
+        curve.stress,
+        law=Law[arguments.law.upper()],
+        terms=arguments.terms,
+        degree=arguments.degree,
+        poisson=arguments.poisson,
+        density=arguments.density,
+    )
+    name = arguments.tensile.stem
+    out = arguments.out or Path(f"{name}_fit")
+    out.mkdir(parents=True, exist_ok=True)
+    console = Console(soft_wrap=True)
+    table = Table(title=f"{arguments.tensile}: {len(fit.strain)} points", title_justify="left", show_header=False)
+    for row in tensile_rows(fit):
+        table.add_row(*row)
+    console.print(table)
+    for text in tensile_remarks(fit):
+        console.print(f"note: {text}", style="yellow", markup=False, highlight=False)
+    (out / "material.yaml").write_text(material_text(fit, name), encoding="utf-8")
+    draw_tensile(out / "tensile.png", fit, title=name)
+    console.print(f"written  {out / 'material.yaml'}, {out / 'tensile.png'}")
+    return 0
+
+
+def _fit_scene(arguments: argparse.Namespace) -> int:
+    from gdfe_ros.fitting.fit import fit_scene
+    from gdfe_ros.fitting.fit_report import write_fit
+    from gdfe_ros.fitting.parameter import read_parameters
+    from gdfe_ros.fitting.pool import open_pool
+    from gdfe_ros.fitting.reading import read_recordings, split_held_out
+    from gdfe_ros.scene import load_scene
+
+    started = time.perf_counter()
+    scene = load_scene(arguments.scene)
+    parameters = read_parameters(arguments.vary, scene)
+    recordings = read_recordings(arguments.data, arguments.match, scene)
+    fitted, held_out = split_held_out(recordings, arguments.holdout)
+    console = Console(soft_wrap=True)
+    count = sum(recording.count for recording in fitted)
+    console.print(f"{len(fitted)} recordings with {count} values are fitted, {len(held_out)} held out", highlight=False)
+    for recording in recordings:
+        for text in recording.remarks:
+            console.print(f"{recording.name}: {text}", markup=False, highlight=False)
+    with open_pool(scene.source, arguments.workers) as pool:
+        fit = fit_scene(
+            scene,
+            fitted,
+            parameters,
+            pool=pool,
+            held_out=held_out,
+            loss=arguments.loss,
+            told=lambda text: console.print(text, markup=False, highlight=False),
+        )
+    _print(console, fit, time.perf_counter() - started)
+    out = arguments.out or Path(f"{scene.name}_fit")
+    console.print(f"written  {', '.join(str(path) for path in write_fit(out, fit))}", highlight=False)
+    return 0
+
+
+def _print(console: Console, fit: object, elapsed: float) -> None:
+    """Print values, misfits and warnings."""
+    from gdfe_ros.fitting.fit_tables import match_rows, own_rows, parameter_rows
+
+    table = Table(title="parameters", title_justify="left")
+    for head in ("key", "value", "95 % interval", "correlations with those above"):
+        table.add_column(head, overflow="fold")
+    for row in parameter_rows(fit):
+        table.add_row(*row)
+    console.print(table)
+    table = Table(title="measured and simulated", title_justify="left")
+    for head in ("recording", "series", "", "values", "misfit, rms [SI]", "of the motion"):
+        table.add_column(head, overflow="fold")
+    for row in match_rows(fit):
+        table.add_row(*row)
+    console.print(table)
+    for name, text in own_rows(fit):
+        console.print(f"{name}: {text}", markup=False, highlight=False)
+    for text in fit.warnings:
+        console.print(f"warning: {text}", style="yellow", markup=False, highlight=False)
+    console.print(f"{fit.simulations} simulations in {elapsed:.3g} s", highlight=False)

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording in a bag: one of this package's node, or of a robot's own topics."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
+from gdfe_ros.analysis.replay import command_of
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.bag_topics import TopicValues
+from gdfe_ros.fitting.match import Source
+from gdfe_ros.fitting.match_schema import CommandModel, CompareModel
+from gdfe_ros.fitting.matched import along_of, matched_observable, scale_of
+from gdfe_ros.fitting.observable import CLOUDS, Kind, Observable
+from gdfe_ros.fitting.recording import Schedule, Series
+from gdfe_ros.fitting.track import Track, constant
+from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.scene.scene import Scene
+
+Bag = tuple[tuple[Series, ...], tuple[Track, ...], Schedule | None, tuple[str, ...]]
+
+
+def read_bag(source: Source, scene: Scene) -> Bag:
+    """Read a bag.
+
+    In a bag of the node the commands are those of its step records and, where the match file compares nothing, its
+    probes are compared, or without probes its mesh. In any other bag the match file names the topics; times count from
+    the first message that is used, by the stamps of the headers where there are any.
+
+    Returns:
+        Series, tracks of commands, the steps themselves where the bag has them, remarks.
+
+    Raises:
+        GdfeError: a topic, or something in it, is not there.
+    """
+    match = source.match
+    reader = BagReader(source.path)
+    values = TopicValues(reader)
+    if reader.run is not None and not match.commands:
+        series, schedule, remarks = _own(source, scene)
+        if match.compare:
+            series = tuple(_series(source, scene, values, name, model, 0.0) for name, model in match.compare.items())
+        return series, (), schedule, remarks
+    if not match.compare:
+        topics = ", ".join(sorted(reader.topics))
+        raise GdfeError(f"bag {source.path}: nothing is compared; remedy: `compare` in a match file; topics: {topics}")
+    start = values.start([model for model in (*match.compare.values(), *match.commands.values()) if _is_topic(model)])
+    tracks = tuple(_track(source, values, name, model, start) for name, model in match.commands.items())
+    series = tuple(_series(source, scene, values, name, model, start) for name, model in match.compare.items())
+    return series, tracks, None, ()
+
+
+def _is_topic(model: object) -> bool:
+    return isinstance(model, CompareModel | CommandModel)
+
+
+def _series(source: Source, scene: Scene, values: TopicValues, name: str, model: CompareModel, start: float) -> Series:
+    where = f"recording {source.name}, {name}"
+    observable = matched_observable(model, scene, where)
+    if not model.topic:
+        raise GdfeError(f"{where}: no topic is named; topics: {', '.join(values.names)}")
+    labels, along = along_of(model, observable, where)
+    factor, every = scale_of(model.unit), source.match.every
+    if observable.kind in CLOUDS:
+        times, clouds = values.clouds(model.topic, where)
+        found = _cloud_values(observable, clouds[::every], scene, where)
+    else:
+        times, found = values.of(model, where)
+        found = found[::every, : along.shape[0] if along is not None else 1]
+    sigma = model.sigma and model.sigma * factor
+    return Series(name, observable, times[::every] - start, factor * found, labels, along, sigma)
+
+
+def _cloud_values(
+    observable: Observable, clouds: list[NDArray[np.float64]], scene: Scene, where: str
+) -> NDArray[np.float64]:
+    """Return (m, 3 n) of all vertices, or (m, p, 3) of points on the surface, NaN where a cloud has fewer."""
+    if observable.kind is Kind.VERTICES:
+        counts = {len(cloud) for cloud in clouds}
+        if counts != {scene.mesh.n_vertices}:
+            text = f"clouds of {sorted(counts)} points, the scene has {scene.mesh.n_vertices} vertices"
+            raise GdfeError(f"{where}: {text}; remedy: cloud: surface")
+        return np.array([cloud.ravel() for cloud in clouds])
+    most = min(MOST_POINTS, max(len(cloud) for cloud in clouds))
+    found = np.full((len(clouds), most, 3), np.nan)
+    for row, cloud in enumerate(clouds):
+        chosen = cloud[np.linspace(0, len(cloud) - 1, min(most, len(cloud))).round().astype(int)]
+        found[row, : len(chosen)] = chosen
+    return found
+
+
+MOST_POINTS = 400
+"""Of a cloud that lies on the surface, evenly taken: more say nothing new about a handful of parameters."""
+
+
+def _track(source: Source, values: TopicValues, name: str, model: float | CommandModel, start: float) -> Track:
+    if not isinstance(model, CommandModel):
+        return constant(name, model)
+    where = f"recording {source.name}, command of {name}"
+    if not model.topic:
+        raise GdfeError(f"{where}: no topic is named; topics: {', '.join(values.names)}")
+    times, found = values.of(model, where, pose=True)
+    factor = np.ones(found.shape[1])
+    factor[:3] = scale_of(model.unit)
+    return Track(name, times - start, found * factor, held=True)
+
+
+def _own(source: Source, scene: Scene) -> tuple[tuple[Series, ...], Schedule, tuple[str, ...]]:
+    """Read the steps of a node's bag, from rest to the first one that does not follow from the one before."""
+    run = BagRun(source.path)
+    probes = [name for name in scene.probes if f"probe/{name}" in run.roles]
+    topics = [f"probe/{name}" for name in probes] or ["mesh"]
+    steps, remarks = [], []
+    for step in BagSteps(run, topics=topics):
+        follows = step.record.begin is Begin.LAST and step.record.step == steps[-1].record.step + 1 if steps else True
+        if not steps and step.record.begin is not Begin.REST:
+            raise GdfeError(f"bag {source.path} does not begin at rest; remedy: record from the activation on")
+        if not follows:
+            remarks.append(f"read up to t = {steps[-1].record.time:g} s, where the run was begun anew")
+            break
+        steps.append(step)
+    if not steps:
+        raise GdfeError(f"bag {source.path} holds no step: there is nothing to fit")
+    schedule = Schedule(
+        np.array([step.record.time for step in steps]), tuple(command_of(step.record) for step in steps)
+    )
+    compared = [step for step in steps if all(topic in step.samples for topic in topics)][:: source.match.every]
+    times = np.array([step.record.time for step in compared])
+    if probes:
+        series = tuple(
+            Series(name, Observable(Kind.PROBE, name), times, _positions(compared, name), tuple("xyz"), np.eye(3))
+            for name in probes
+        )
+    else:
+        clouds = [np.stack([step.samples["mesh"][axis] for axis in "xyz"], axis=1) for step in compared]
+        observable = Observable(Kind.VERTICES)
+        found = _cloud_values(observable, [cloud.astype(np.float64) for cloud in clouds], scene, f"bag {source.path}")
+        series = (Series("mesh", observable, times, found, ("",)),)
+    return series, schedule, tuple(remarks)
+
+
+def _positions(steps: list[BagStep], probe: str) -> NDArray[np.float64]:
+    fields = [f"pose.position.{axis}" for axis in "xyz"]
+    return np.array([[float(step.samples[f"probe/{probe}"][name][0]) for name in fields] for step in steps])

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers in the messages of a robot's own topics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.analysis.message_values import cloud_values
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.match_schema import CommandModel, CompareModel
+from gdfe_ros.recording.decoding import array_decoder
+from gdfe_ros.recording.reader import BagReader
+
+KNOWN = (
+    "PoseStamped", "PointStamped", "TransformStamped", "TFMessage", "Marker", "MarkerArray", "WrenchStamped",
+    "JointState", "Float64MultiArray", "Float64", "Float32", "FluidPressure", "PointCloud2",
+)  # fmt: skip
+"""Types of messages that hold what can be compared or commanded."""
+
+
+class TopicValues:
+    """Times and numbers of topics.
+
+    Args:
+        reader: of the bag.
+
+    Attributes:
+        names: of the topics that have messages.
+    """
+
+    def __init__(self, reader: BagReader) -> None:
+        self._reader, self._decode = reader, array_decoder(reader.topics.values())
+        self.names = sorted(name for name, count in reader.counts.items() if count)
+
+    def start(self, models: Sequence[CompareModel | CommandModel]) -> float:
+        """Return the time [s] of the first message of all topics that are named."""
+        topics = [model.topic for model in models if model.topic]
+        for topic in topics:
+            self._require(topic, f"bag {self._reader.path}")
+        return min((_stamp(log, message) for topic in topics for log, message in self._first(topic)), default=0.0)
+
+    def of(
+        self, model: CompareModel | CommandModel, where: str, *, pose: bool = False
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return times (m,) [s] and numbers (m, d) of a topic.
+
+        Args:
+            model: topic, and what in its messages.
+            where: for errors.
+            pose: poses come with their rotation vector, (m, 6).
+
+        Raises:
+            GdfeError: no such topic, or nothing of that name in it.
+        """
+        self._require(model.topic, where)
+        times, rows = [], []
+        for log, message in self._messages(model.topic):
+            for part in _parts(message, model):
+                numbers = _numbers(part, model, where, pose=pose)
+                times.append(_stamp(log, part if hasattr(part, "header") else message))
+                rows.append(numbers)
+        if not rows:
+            what = model.frame_id or model.marker or model.joint
+            raise GdfeError(f"{where}: topic {model.topic} never has {what!r}; it has {', '.join(self._known(model))}")
+        order = np.argsort(times, kind="stable")
+        found, first = np.unique(np.array(times)[order], return_index=True)
+        return found, np.array(rows, dtype=np.float64)[order][first]
+
+    def clouds(self, topic: str, where: str) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+        """Return times (m,) [s] and points (p, 3) [m] of each PointCloud2; points that are not finite are left out."""
+        self._require(topic, where)
+        times, clouds = [], []
+        for log, message in self._messages(topic):
+            if not hasattr(message, "point_step"):
+                raise GdfeError(f"{where}: topic {topic} is {self._reader.topics[topic].type}; a PointCloud2 is needed")
+            columns = cloud_values(message)
+            points = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
+            times.append(_stamp(log, message))
+            clouds.append(points[np.isfinite(points).all(axis=1)])
+        return np.array(times), clouds
+
+    def _require(self, topic: str, where: str) -> None:
+        if topic not in self.names:
+            close = get_close_matches(topic, self.names, n=1, cutoff=0.4)
+            hint = f"did you mean {close[0]}? " if close else ""
+            raise GdfeError(f"{where}: no message on topic {topic!r}; {hint}topics: {', '.join(self.names)}")
+        kind = self._reader.topics[topic].type
+        if kind.rpartition("/")[2] not in KNOWN:
+            raise GdfeError(f"{where}: topic {topic} is {kind}; what can be read are {', '.join(KNOWN)}")
+
+    def _messages(self, topic: str) -> Any:
+        for message in self._reader.messages([topic]):
+            yield 1e-9 * message.log_time, self._decode(message.type, message.data)
+
+    def _first(self, topic: str) -> Any:
+        yield next(iter(self._messages(topic)))
+
+    def _known(self, model: CompareModel | CommandModel) -> list[str]:
+        """Return what the messages of a topic have in place of what was asked for."""
+        found: set[str] = set()
+        for _, message in self._messages(model.topic):
+            found |= {_label(part) for part in _every(message)}
+        return sorted(found)
+
+
+def _every(message: Any) -> list[Any]:
+    return list(getattr(message, "transforms", None) or getattr(message, "markers", None) or [message])
+
+
+def _label(part: Any) -> str:
+    if hasattr(part, "child_frame_id"):
+        return part.child_frame_id
+    return f"{part.ns}/{part.id}" if hasattr(part, "ns") else ", ".join(getattr(part, "name", []))
+
+
+def _parts(message: Any, model: CompareModel | CommandModel) -> list[Any]:
+    """Return what of a message is meant: the transform of a frame, the marker of a name, or all of it."""
+    wanted = model.frame_id or model.marker
+    return [part for part in _every(message) if wanted is None or _label(part) == wanted]
+
+
+def _numbers(part: Any, model: CompareModel | CommandModel, where: str, *, pose: bool) -> list[float]:
+    for place, turn in (("position", "orientation"), ("translation", "rotation")):
+        holder = getattr(part, "pose", None) or getattr(part, "transform", None)
+        if holder is not None and hasattr(holder, place):
+            point = getattr(holder, place)
+            turned = _turn(getattr(holder, turn)) if pose else []
+            return [point.x, point.y, point.z, *turned]
+    if hasattr(part, "point"):
+        return [part.point.x, part.point.y, part.point.z]
+    if hasattr(part, "wrench"):
+        return [part.wrench.force.x, part.wrench.force.y, part.wrench.force.z]
+    if hasattr(part, "fluid_pressure"):
+        return [part.fluid_pressure]
+    if hasattr(part, "effort"):
+        return [_joint(part, model, where)]
+    data = np.atleast_1d(part.data)
+    place = int(model.joint or 0)
+    if not 0 <= place < data.size:
+        raise GdfeError(
+            f"{where}: joint {place} of topic {model.topic}; it has {data.size} numbers, 0 to {data.size - 1}"
+        )
+    return [float(data[place])]
+
+
+def _joint(part: Any, model: CompareModel | CommandModel, where: str) -> float:
+    names, values = list(part.name), getattr(part, model.field)
+    if model.joint not in names:
+        raise GdfeError(f"{where}: `joint: {model.joint}` is not in topic {model.topic}; it has {', '.join(names)}")
+    if names.index(model.joint) >= len(values):
+        raise GdfeError(f"{where}: topic {model.topic} has no {model.field} of {model.joint}; another `field`?")
+    return float(values[names.index(model.joint)])
+
+
+def _turn(orientation: Any) -> list[float]:
+    quaternion = [orientation.x, orientation.y, orientation.z, orientation.w]
+    return list(Rotation.from_quat(quaternion).as_rotvec()) if any(quaternion) else [0.0, 0.0, 0.0]
+
+
+def _stamp(log: float, message: Any) -> float:
+    """Return the time of the header [s], or where it has none when the message was recorded."""
+    header = getattr(message, "header", None)
+    if header is None and _every(message) != [message]:
+        header = getattr(_every(message)[0], "header", None)
+    stamp = 0.0 if header is None else header.stamp.sec + 1e-9 * header.stamp.nanosec
+    return stamp or log

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measured minus simulated: time shift, frame, interpolation, weights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.fitting.observable import POSITIONS, Kind
+from gdfe_ros.fitting.recording import Recording, Series
+from gdfe_ros.fitting.trajectory import Trajectory
+
+Own = NDArray[np.float64]
+"""A recording's own unknowns (u,): time shift [s] where it is fitted, then rotation vector, then translation [m]."""
+
+
+def predicted(
+    recording: Recording, trajectory: Trajectory, own: Own, *, horizon: float = np.inf
+) -> list[NDArray[np.float64]]:
+    """Return simulated values at the measured times, (m, c) for each series; NaN beyond the horizon.
+
+    Args:
+        recording: what was measured.
+        trajectory: of the simulation.
+        own: the recording's own unknowns.
+        horizon: time of the simulation [s] from which on nothing is compared.
+    """
+    shift, pose = split(recording, own)
+    found = []
+    for series, outputs in zip(recording.series, trajectory.outputs, strict=True):
+        moments = series.times - shift
+        values = _at(trajectory.times, outputs, moments)
+        values[moments > min(horizon, trajectory.times[-1] + 1e-9)] = np.nan
+        if pose is not None and series.observable.kind in POSITIONS:
+            rotation, translation = pose
+            points = rotation.apply(values.reshape(-1, 3)) + translation
+            values = points.reshape(values.shape)
+        found.append(values if series.along is None else values @ series.along.T)
+    return found
+
+
+def residuals(
+    recording: Recording,
+    trajectory: Trajectory,
+    own: Own,
+    sigmas: Sequence[float],
+    *,
+    horizon: float = np.inf,
+    distances: SurfaceDistances | None = None,
+) -> list[NDArray[np.float64]]:
+    """Return (simulated - measured) / sigma of each series, shaped as measured; NaN where nothing is compared."""
+    found = []
+    for series, values, sigma in zip(
+        recording.series, predicted(recording, trajectory, own, horizon=horizon), sigmas, strict=True
+    ):
+        if series.observable.kind is Kind.SURFACE:
+            found.append(distances(values, series.values) / sigma)
+        else:
+            found.append((values - series.values) / sigma)
+    return found
+
+
+def split(recording: Recording, own: Own) -> tuple[float, tuple[Rotation, NDArray[np.float64]] | None]:
+    """Return the time shift [s] and, where a frame is fitted, rotation and translation."""
+    rest = list(own)
+    shift = rest.pop(0) if recording.shift_between is not None else recording.shift
+    if not recording.frame:
+        return shift, None
+    turn = rest[:3] if recording.frame == 6 else (0.0, 0.0, 0.0)
+    return shift, (Rotation.from_rotvec(turn), np.array(rest[-3:]))
+
+
+def first_own(recording: Recording, trajectory: Trajectory) -> Own:
+    """Return first values of a recording's own unknowns: the shift within its bounds, the frame of the best fit.
+
+    The frame is the rigid motion with the least squares between simulated and measured points (Kabsch 1976).
+    """
+    own = []
+    if recording.shift_between is not None:
+        own.append(float(np.clip(recording.shift, *recording.shift_between)))
+    if not recording.frame:
+        return np.array(own)
+    start = np.zeros(recording.unknowns)
+    start[: len(own)] = own
+    ours, theirs = [], []
+    for series, values in zip(recording.series, predicted(recording, trajectory, start), strict=True):
+        if series.observable.kind in POSITIONS and series.values.ndim == 2:
+            points, given = values.reshape(-1, 3), series.values.reshape(-1, 3)
+            sound = np.isfinite(points).all(axis=1) & np.isfinite(given).all(axis=1)
+            ours.append(points[sound])
+            theirs.append(given[sound])
+    before, after = np.concatenate(ours), np.concatenate(theirs)
+    turn = Rotation.identity()
+    if recording.frame == 6:
+        turn, _ = Rotation.align_vectors(after - after.mean(axis=0), before - before.mean(axis=0))
+        own += list(turn.as_rotvec())
+    return np.array([*own, *(after.mean(axis=0) - turn.apply(before.mean(axis=0)))])
+
+
+class SurfaceDistances:
+    """Distances of measured points from the simulated surface.
+
+    Each point's distance [m] is that from the plane of the face whose middle is nearest, positive inside.
+
+    Args:
+        quads: faces of the body's surface (f, 4), in a sense that their normals point outwards.
+    """
+
+    def __init__(self, quads: NDArray[np.int32]) -> None:
+        self._quads = quads
+
+    def __call__(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return distances (m, p) [m] of points (m, p, 3) from the surfaces at positions (m, 3 n)."""
+        from scipy.spatial import cKDTree
+
+        found = np.full(points.shape[:2], np.nan)
+        for row, (own, cloud) in enumerate(zip(positions, points, strict=True)):
+            sound = np.isfinite(cloud).all(axis=1)
+            if not np.isfinite(own).all() or not sound.any():
+                continue
+            corners = own.reshape(-1, 3)[self._quads]
+            normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+            middles = corners.mean(axis=1)
+            _, nearest = cKDTree(middles).query(cloud[sound])
+            found[row, sound] = np.einsum("pi,pi->p", middles[nearest] - cloud[sound], normals[nearest])
+        return found
+
+
+def _at(times: NDArray[np.float64], outputs: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Interpolate (k, d) at moments (m,): a cubic spline of a motion, before it and beyond it its ends."""
+    if outputs.shape[0] == 1:
+        return np.repeat(outputs, moments.size, axis=0)
+    inside = np.clip(moments, times[0], times[-1])
+    if outputs.shape[0] > 3 and times[0] == 0.0:
+        return CubicSpline(times, outputs)(inside)
+    return np.stack([np.interp(inside, times, column) for column in outputs.T], axis=1).reshape(moments.size, -1)
+
+
+def series_count(series: Series) -> int:
+    """Return the number of measured values, of a surface that of its points."""
+    finite = np.isfinite(series.values)
+    return int(finite.all(axis=2).sum()) if series.values.ndim == 3 else int(finite.sum())

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording in a CSV file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.match import Source
+from gdfe_ros.fitting.match_schema import AXES, CommandModel, CompareModel
+from gdfe_ros.fitting.matched import along_of, matched_observable, scale_of
+from gdfe_ros.fitting.recording import Series
+from gdfe_ros.fitting.table_file import TableFile
+from gdfe_ros.fitting.track import Track, constant
+from gdfe_ros.scene.scene import Scene
+
+TIMES = ("time", "t", "t_s")
+"""Names of the column of time where a match file names none."""
+
+
+class CsvSource:
+    """Series and commands of a CSV file.
+
+    Without a match file the columns are named after the scene, as `gdfe export` names them: ``tip.x [mm]`` or
+    ``probe/tip.pose.position.x`` for a probe, ``command.tendon`` or ``tendon`` for an actuator or load,
+    ``target.tip.x`` for a handle.
+
+    Args:
+        source: file and match.
+        scene: that it is compared with.
+
+    Raises:
+        GdfeError: the file is no table, lacks a column, or has none of the scene.
+    """
+
+    def __init__(self, source: Source, scene: Scene) -> None:
+        self._source, self._scene, self._table = source, scene, TableFile(source.path)
+        self._rows = self._table.rows(source.match.where, source.match.every)
+        self.times = self._times()
+
+    def series(self) -> tuple[Series, ...]:
+        """Return what was measured."""
+        return tuple(self._series(name, model) for name, model in self._compared().items())
+
+    def tracks(self) -> tuple[Track, ...]:
+        """Return what was commanded."""
+        return tuple(self._track(name, model) for name, model in self._commands().items())
+
+    def _times(self) -> NDArray[np.float64]:
+        name = self._source.match.time or next((title for title in TIMES if title in self._table), None)
+        if name is None:
+            if self._scene.dynamics is not None:
+                columns = ", ".join(self._table.names)
+                text = f"{self._source.path} has no column of time and the scene has dynamics"
+                raise GdfeError(f"{text}; remedy: name it `time`, or in the match file; columns: {columns}")
+            return np.arange(1.0, self._rows.size + 1.0)
+        times = self._column(name, self._source.match.time_unit)
+        if not (np.diff(times) > 0.0).all():
+            row = int(np.argmax(~(np.diff(times) > 0.0))) + 2
+            raise GdfeError(f"{self._source.path}: times must ascend; row {row} of column {name!r} does not")
+        return times
+
+    def _compared(self) -> dict[str, CompareModel]:
+        return self._source.match.compare or dict(self._named())
+
+    def _named(self) -> Iterator[tuple[str, CompareModel]]:
+        """Find probes by the names of columns."""
+        found = False
+        for probe in self._scene.probes:
+            forms = (
+                {axis: f"{stem}{axis}" for axis in AXES} for stem in (f"{probe}.", f"probe/{probe}.pose.position.")
+            )
+            for form in forms:
+                columns = {axis: name for axis, name in form.items() if name in self._table}
+                if columns:
+                    found = True
+                    yield probe, CompareModel(probe=probe, columns=columns)
+                    break
+        if not found:
+            probes = ", ".join(f"{name}.x" for name in self._scene.probes) or "a probe, of which the scene has none"
+            raise GdfeError(
+                f"{self._source.path} has no column that is named after the scene ({probes}); remedy: --match with a "
+                f"file that says what its columns are: {', '.join(self._table.names)}"
+            )
+
+    def _series(self, name: str, model: CompareModel) -> Series:
+        where = f"recording {self._source.name}, {name}"
+        if not model.column and not model.columns:
+            raise GdfeError(f"{where}: no column is named; columns: {', '.join(self._table.names)}")
+        observable = matched_observable(model, self._scene, where)
+        labels, along = along_of(model, observable, where)
+        columns = [model.column] if model.column else [model.columns[axis] for axis in AXES if axis in model.columns]
+        values = np.stack([self._mean(column, model.unit) for column in columns], axis=1)
+        factor = scale_of(model.unit or self._unit_of(columns[0]))
+        sigma = model.sigma and model.sigma * factor
+        return Series(name, observable, self.times, values, labels, along, sigma)
+
+    def _commands(self) -> dict[str, float | CommandModel]:
+        given = dict(self._source.match.commands)
+        movers = [handle.name for handle in self._scene.handles]
+        for item in (*self._scene.actuators, *self._scene.loads):
+            names = [name for name in (f"command.{item.name}", item.name) if name in self._table]
+            if names and not self._source.match.commands:
+                given[item.name] = CommandModel(column=names[0])
+        for name in movers:
+            columns = {axis: f"target.{name}.{axis}" for axis in AXES if f"target.{name}.{axis}" in self._table}
+            if columns and not self._source.match.commands:
+                given[name] = CommandModel(columns=columns)
+        return given
+
+    def _track(self, name: str, model: float | CommandModel) -> Track:
+        if not isinstance(model, CommandModel):
+            return constant(name, model)
+        if model.column:
+            return Track(name, self.times, self._column(model.column, model.unit)[:, None])
+        zero = np.zeros(self.times.size)
+        columns = [self._mean(model.columns[axis], model.unit) if axis in model.columns else zero for axis in AXES]
+        return Track(name, self.times, np.stack(columns, axis=1))
+
+    def _unit_of(self, column: str | tuple[str, ...]) -> str:
+        return self._table.units.get(column if isinstance(column, str) else column[0], "1")
+
+    def _column(self, name: str, unit: str | None) -> NDArray[np.float64]:
+        return self._table.column(name, unit)[self._rows]
+
+    def _mean(self, names: str | tuple[str, ...], unit: str | None) -> NDArray[np.float64]:
+        return self._table.mean(names, unit)[self._rows]

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measured beside simulated, column by column: what tables, pictures and pages of a fit show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.fitting.comparison import predicted
+from gdfe_ros.fitting.fit import Fit
+from gdfe_ros.fitting.problem import FitPoint, FitProblem
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedColumn:
+    """One measured column.
+
+    Attributes:
+        recording: name.
+        series: name of the series, with the column's label.
+        unit: SI unit.
+        held_out: it was predicted, not fitted.
+        times: (m,) [s] on the recording's clock.
+        measured: (m,).
+        simulated: (m,).
+    """
+
+    recording: str
+    series: str
+    unit: str
+    held_out: bool
+    times: NDArray[np.float64]
+    measured: NDArray[np.float64]
+    simulated: NDArray[np.float64]
+
+
+def curves(fit: Fit) -> list[ComparedColumn]:
+    """Return every measured column beside the simulated one; clouds come as their root mean square distance."""
+    found = list(_curves(fit.problem, fit.solved.point, held_out=False))
+    if fit.held_out is not None:
+        found += _curves(fit.held_out, fit.prediction, held_out=True)
+    return found
+
+
+def _curves(problem: FitProblem, point: FitPoint, *, held_out: bool) -> Iterator[ComparedColumn]:
+    parts = problem.series_residuals(point)
+    for number, recording in enumerate(problem.recordings):
+        values = predicted(recording, point.trajectories[number], point.own[number])
+        for place, series in enumerate(recording.series):
+            unit = "" if series.observable.unit == "SI" else series.observable.unit
+            common = (recording.name, held_out, series.times)
+            if len(series.labels) != series.values.shape[-1] or series.values.ndim == 3:
+                distance = _distance(parts[number][place] * problem.sigmas[number][place])
+                yield _curve(*common, f"{series.name}, distance", unit, np.zeros(distance.size), distance)
+                continue
+            for column, label in enumerate(series.labels):
+                name = f"{series.name}.{label}" if label else series.name
+                yield _curve(*common, name, unit, series.values[:, column], values[place][:, column])
+
+
+def _distance(residual: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the root mean square (m,) of what is missed at each time."""
+    flat = residual.reshape(residual.shape[0], -1)
+    return np.sqrt(np.nanmean(flat**2, axis=1))
+
+
+def _curve(
+    recording: str,
+    held_out: bool,
+    times: NDArray[np.float64],
+    series: str,
+    unit: str,
+    measured: NDArray[np.float64],
+    simulated: NDArray[np.float64],
+) -> ComparedColumn:
+    return ComparedColumn(recording, series, unit, held_out, times, measured, simulated)

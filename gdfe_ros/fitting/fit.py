@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene fitted to recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.bounds import require_bounds
+from gdfe_ros.fitting.comparison import SurfaceDistances, first_own
+from gdfe_ros.fitting.observable import Kind
+from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.pool import Pool
+from gdfe_ros.fitting.problem import FitPoint, FitProblem, require_motion
+from gdfe_ros.fitting.recording import Recording
+from gdfe_ros.fitting.solve import Solved, solve
+from gdfe_ros.fitting.statistics import Confidence, confidence
+from gdfe_ros.fitting.trajectory import NotSimulatedError
+from gdfe_ros.fitting.verdict import Match, matches, warnings
+from gdfe_ros.scene import Scene, scene_from_text
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What came out.
+
+    Attributes:
+        scene: with the fitted values.
+        parameters: that were sought.
+        problem: of the fitted recordings.
+        solved: where the search ended.
+        known: how well the parameters are known.
+        held_out: the problem of the recordings that were held out; None where none was.
+        prediction: of these.
+        matches: of every series, fitted ones first.
+        warnings: what is doubtful.
+        simulations: number of simulations that it took.
+    """
+
+    scene: Scene
+    parameters: tuple[Parameter, ...]
+    problem: FitProblem
+    solved: Solved
+    known: Confidence
+    held_out: FitProblem | None
+    prediction: FitPoint | None
+    matches: tuple[Match, ...]
+    warnings: tuple[str, ...]
+    simulations: int
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Fitted values by key."""
+        return {estimate.key: estimate.value for estimate in self.known.estimates}
+
+
+def fit_scene(
+    scene: Scene,
+    recordings: Sequence[Recording],
+    parameters: Sequence[Parameter],
+    *,
+    pool: Pool,
+    held_out: Sequence[Recording] = (),
+    loss: str = "linear",
+    told: Callable[[str], None] | None = None,
+) -> Fit:
+    """Fit parameters of a scene to recordings.
+
+    Args:
+        scene: that is fitted; stays as it is.
+        recordings: that are fitted.
+        parameters: that are sought.
+        pool: that simulates ``scene.source``.
+        held_out: recordings that are only predicted.
+        loss: of scipy's `least_squares`: linear, soft_l1, huber, cauchy or arctan.
+        told: takes a line about each search.
+
+    Raises:
+        GdfeError: the data say nothing, a parameter has no influence, a bound has the wrong unit, or the start cannot
+            be simulated.
+    """
+    if not recordings:
+        raise GdfeError("every recording is held out: nothing is left to fit; remedy: hold out fewer")
+    for recording in (*recordings, *held_out):
+        require_motion(recording, scene.mesh.size)
+    surface = _surface(scene, [*recordings, *held_out])
+    problem = FitProblem(pool, parameters, recordings, surface=surface)
+    solved = solve(problem, moves=scene.dynamics is not None, loss=loss, told=told)
+    known = confidence(problem, solved)
+    require_bounds(problem, solved, known)
+    values = {estimate.key: estimate.value for estimate in known.estimates}
+    fitted = matches(problem, solved.point)
+    other = point = None
+    if held_out:
+        other = FitProblem(pool, parameters, held_out, surface=surface)
+        point = predict(other, solved.point.values)
+    predicted = matches(other, point, held_out=True) if held_out else []
+    return Fit(
+        scene=scene_from_text(scene.source, origin="that was fitted", overrides=values),
+        parameters=tuple(parameters),
+        problem=problem,
+        solved=solved,
+        known=known,
+        held_out=other,
+        prediction=point,
+        matches=(*fitted, *predicted),
+        warnings=tuple([*warnings(fitted, predicted, known, parameters), *_unconverged(solved.point, problem)]),
+        simulations=pool.count,
+    )
+
+
+def predict(problem: FitProblem, values: tuple[float, ...]) -> FitPoint:
+    """Simulate recordings with given values; only their own time shifts and frames are fitted.
+
+    Raises:
+        NotSimulatedError: a recording cannot be simulated.
+    """
+    trajectories = problem.trajectories(values)
+    for item in trajectories:
+        if isinstance(item, NotSimulatedError):
+            raise item
+    own = [first_own(recording, item) for recording, item in zip(problem.recordings, trajectories, strict=True)]
+    counts = np.cumsum([0, *(len(each) for each in own)])
+    if counts[-1]:
+        low, high = (ends[len(problem.parameters) :] for ends in problem.bounds())
+
+        def parts(unknowns: np.ndarray) -> list[np.ndarray]:
+            return [unknowns[first:last] for first, last in pairwise(counts)]
+
+        start = np.clip(np.concatenate(own), low, high)
+        found = least_squares(lambda u: problem.stacked(trajectories, parts(u)), start, bounds=(low, high))
+        own = parts(found.x)
+    return FitPoint(values, tuple(own), tuple(trajectories))
+
+
+def _surface(scene: Scene, recordings: Sequence[Recording]) -> SurfaceDistances | None:
+    needed = any(series.observable.kind is Kind.SURFACE for item in recordings for series in item.series)
+    return SurfaceDistances(scene.mesh.boundary.quads) if needed else None
+
+
+def _unconverged(point: FitPoint, problem: FitProblem) -> list[str]:
+    pairs = zip(problem.recordings, point.trajectories, strict=True)
+    return [
+        f"{recording.name}: {item.not_converged} of {len(item.times)} steps did not converge"
+        for recording, item in pairs
+        if item.not_converged
+    ]

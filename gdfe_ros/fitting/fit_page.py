@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A fit as one HTML page that opens offline: values, misfits, measured beside simulated, residuals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from plotly.offline import get_plotlyjs
+
+from gdfe_ros.fitting.curves import ComparedColumn
+from gdfe_ros.fitting.fit import Fit
+from gdfe_ros.fitting.fit_tables import match_rows, parameter_rows
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>@@title@@</title><link rel="icon" href="data:,"><style>@@style@@</style></head>
+<body><header><h1>@@title@@</h1><p>@@description@@</p></header>
+<main><div class="tables">@@tables@@</div><div id="charts"></div></main>
+<script type="application/json" id="chart-data">@@charts@@</script>
+<script>@@plotly@@</script>
+<script>
+"use strict";
+for (const chart of JSON.parse(document.getElementById("chart-data").textContent)) {
+  const section = document.createElement("section");
+  const head = section.appendChild(document.createElement("h2"));
+  head.textContent = chart.title;
+  const place = section.appendChild(document.createElement("div"));
+  place.className = "chart";
+  document.getElementById("charts").appendChild(section);
+  Plotly.newPlot(place, chart.data, chart.layout, {displaylogo: false, responsive: true});
+}
+</script></body></html>
+"""
+
+
+def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
+    """Return the HTML text."""
+    tables = [
+        _table("Parameters", ("key", "value", "95 % interval", "correlations"), parameter_rows(fit)),
+        _table("Recordings", ("recording", "series", "", "values", "misfit", "of the motion"), match_rows(fit)),
+    ]
+    if fit.warnings:
+        notes = "".join(f"<li>{escape(text)}</li>" for text in fit.warnings)
+        tables.append(f"<section><h2>Warnings</h2><ul>{notes}</ul></section>")
+    style = files("gdfe_ros.analysis.report") / "page" / "page.css"
+    parts = {
+        "title": escape(f"{fit.scene.name}, fitted"),
+        "description": escape(fit.scene.description),
+        "style": style.read_text(encoding="utf-8"),
+        "tables": "\n".join(tables),
+        "charts": json.dumps([_chart(curve) for curve in shown], allow_nan=False).replace("<", "\\u003c"),
+        "plotly": get_plotlyjs(),
+    }
+    pieces = _PAGE.split("@@")
+    return "".join(parts[piece] if place % 2 else piece for place, piece in enumerate(pieces))
+
+
+def _table(heading: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    top = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<section><h2>{escape(heading)}</h2><table><tr>{top}</tr>{body}</table></section>"
+
+
+def _chart(curve: ComparedColumn) -> dict[str, Any]:
+    """Return measured and simulated over time, and the residual below."""
+    times = _list(curve.times)
+    word = "predicted" if curve.held_out else "fitted"
+    traces = [
+        {"x": times, "y": _list(curve.measured), "name": "measured", "mode": "markers", "marker": {"size": 4}},
+        {"x": times, "y": _list(curve.simulated), "name": word, "mode": "lines"},
+        {"x": times, "y": _list(curve.simulated - curve.measured), "name": "residual", "yaxis": "y2", "mode": "lines"},
+    ]
+    unit = f" [{curve.unit}]" if curve.unit else ""
+    layout = {
+        "margin": {"l": 60, "r": 10, "t": 6, "b": 40},
+        "xaxis": {"title": {"text": "time [s]"}},
+        "yaxis": {"domain": [0.36, 1.0], "title": {"text": f"value{unit}"}},
+        "yaxis2": {"domain": [0.0, 0.28], "title": {"text": "residual"}},
+        "legend": {"orientation": "h", "y": 1.1},
+    }
+    return {"title": f"{curve.recording}: {curve.series} ({word})", "data": traces, "layout": layout}
+
+
+def _list(values: NDArray[np.float64]) -> list[float | None]:
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A fit in rows for people."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gdfe_ros.fitting.fit import Fit
+
+
+def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
+    """Return key, value, 95 % interval and correlations with the parameters above, a row for each parameter."""
+    rows = []
+    for place, item in enumerate(fit.known.estimates):
+        interval = f"at its bound ({item.bound})" if item.bound else f"{item.low:.5g} to {item.high:.5g}"
+        above = fit.known.correlations[place][:place]
+        correlations = "  ".join("-" if np.isnan(value) else f"{value:+.2f}" for value in above)
+        rows.append((item.key, f"{item.value:.5g}", interval, correlations))
+    return rows
+
+
+def match_rows(fit: Fit) -> list[tuple[str, str, str, str, str, str]]:
+    """Return recording, series, fitted or predicted, values, misfit and its share of the motion, a row a series."""
+    return [
+        (
+            match.recording,
+            match.series,
+            "predicted" if match.held_out else "fitted",
+            str(match.count),
+            f"{match.rms:.3g}",
+            f"{100.0 * match.relative:.2g} %",
+        )
+        for match in fit.matches
+    ]
+
+
+def own_rows(fit: Fit) -> list[tuple[str, str]]:
+    """Return the time shift and the frame that were found, by recording."""
+    pairs = [(fit.problem, fit.solved.point)]
+    if fit.held_out is not None:
+        pairs.append((fit.held_out, fit.prediction))
+    rows = []
+    for problem, point in pairs:
+        for recording, own in zip(problem.recordings, point.own, strict=True):
+            rest = list(own)
+            words = []
+            if recording.shift_between is not None:
+                words.append(f"time shift {1e3 * rest.pop(0):.3g} ms")
+            if recording.frame == 6:
+                words.append(f"rotation vector {_three(rest[:3])} rad")
+            if recording.frame:
+                words.append(f"translation {_three(rest[-3:])} m")
+            if words:
+                rows.append((recording.name, ", ".join(words)))
+    return rows
+
+
+def _three(values: list[float]) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A match file, read: how each recording is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from gdfe_ros.errors import DefectsError, GdfeError
+from gdfe_ros.fitting.match_schema import MatchModel, RecordingModel
+from gdfe_ros.scene.document import parse_document
+from gdfe_ros.scene.entry import TAG
+
+
+class MatchError(DefectsError):
+    """A match file that makes no sense, or does not fit the recordings."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording that is to be read.
+
+    Attributes:
+        name: of the recording.
+        path: of a CSV file or a bag.
+        match: how it is read.
+    """
+
+    name: str
+    path: Path
+    match: RecordingModel
+
+
+def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
+    """Pair files and bags with what the match file says of them.
+
+    Without `recordings` in the match file each file is a recording of its own name. With it each file is named by at
+    least one of them; several may take different rows of one file, and those of files that are not given are left out.
+
+    Raises:
+        MatchError: every defect of the match file.
+        GdfeError: a file is not there, or two have the same name.
+    """
+    for path in data:
+        if not path.exists():
+            raise GdfeError(f"recording {path} does not exist; give CSV files and directories of bags")
+    names = [path.stem for path in data]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise GdfeError(f"two recordings are named {', '.join(sorted(twice))}; rename a file")
+    shared, own = _read(match) if match else ({}, {})
+    heading = f"match file {match}"
+    files = {path.stem: path for path in data} | {path.name: path for path in data}
+    sources = []
+    for name, entry in own.items():
+        path = files.get(str(entry.get("file", name)))
+        if path is not None:
+            sources.append(Source(name, path, _validated({**shared, **entry}, heading, f"recordings.{name}")))
+    taken = {source.path for source in sources}
+    rest = [path for path in data if path not in taken]
+    if own and rest:
+        text = f"no recording takes {', '.join(path.name for path in rest)}; recordings: {', '.join(own)}"
+        raise MatchError(heading, [f"recordings: {text}; remedy: name it, or `file: {rest[0].name}` in one of them"])
+    return [*sources, *(Source(path.stem, path, _validated(shared, heading, "")) for path in rest)]
+
+
+def _read(match: Path) -> tuple[dict[str, object], dict[str, dict[str, object]]]:
+    """Return what is given for all recordings, and for each."""
+    heading = f"match file {match}"
+    try:
+        text = match.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MatchError(heading, [f"cannot be read: {error}"]) from error
+    shared = dict(parse_document(text, heading=heading).data)
+    _validated(shared, heading, "", kind=MatchModel)
+    own = shared.pop("recordings", {})
+    return shared, own
+
+
+def _validated(
+    data: dict[str, object], heading: str, place: str, *, kind: type[RecordingModel] = RecordingModel
+) -> RecordingModel:
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        raise MatchError(heading, [_line(place, item) for item in error.errors(include_url=False)]) from error
+
+
+def _line(place: str, item: dict) -> str:
+    """Say what is wrong at a key."""
+    keys = [str(part) for part in item["loc"] if not str(part).startswith(TAG)]
+    path = ".".join([*([place] if place else []), *keys])
+    if item["type"] == "extra_forbidden":
+        return f"{path}: unknown key; keys: {', '.join(RecordingModel.model_fields)}"
+    return f"{path}: {item['msg'].removeprefix('Value error, ')}"

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The keys of a match file: which column or topic of a recording is what of the scene."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from gdfe_ros.fitting.units import Unit
+from gdfe_ros.scene.entry import Choice, Entry
+from gdfe_ros.scene.quantity import Quantity
+from gdfe_ros.scene.where_schema import WhereModel
+
+AXES = ("x", "y", "z")
+_SIGMA = Quantity("standard deviation of a value, in the unit given", above=0.0)
+_SHIFT = Quantity("time that the recording's clock is ahead of the simulation's", "s", least=-1e6, most=1e6)
+_BETWEEN = Quantity("bounds of that time", "s", least=-1e6, most=1e6, count=2, ascending=True)
+_ALONG = Quantity("direction [x, y, z] that a single column is measured along", count=3)
+_EVERY = Quantity("of so many samples one is taken", least=1, most=1_000_000, whole=True)
+_RANGE = Quantity("least and largest value of a column", count=2, ascending=True, infinite=True)
+_NUMBER = Quantity("command in SI units", least=-1e15, most=1e15)
+
+
+class _Found(Entry):
+    """Where numbers stand in a recording."""
+
+    column: str | None = Field(None, description="CSV: a single column")
+    columns: dict[Literal[AXES], str | tuple[str, ...]] = Field(
+        {}, description="CSV: column of each axis; of several columns the mean is taken"
+    )
+    topic: str | None = Field(None, description="bag: name of the topic")
+    frame_id: str | None = Field(None, description="bag: child frame in a TFMessage")
+    marker: str | None = Field(None, description="bag: `namespace/id` in a Marker or MarkerArray")
+    joint: str | None = Field(None, description="bag: name in a JointState, or place in a Float64MultiArray")
+    field: Literal["position", "velocity", "effort"] = Field("effort", description="bag: field of a JointState")
+    unit: Unit | None = Field(None, description="of the numbers; left out: SI")
+
+
+class CompareModel(_Found, Choice):
+    """A measured quantity and what of the simulation it is compared with."""
+
+    options: ClassVar[tuple[str, ...]] = (
+        "column", "columns", "topic", "frame_id", "marker", "joint", "field", "unit", "along", "displacement", "sigma",
+    )  # fmt: skip
+
+    probe: str | None = Field(None, description="position of a probe [m]")
+    mean: WhereModel | None = Field(None, description="mean position of these vertices [m], e.g. {face: x+}")
+    handle: str | None = Field(None, description="position of a handle, obstacle or rigid body from rest [m]")
+    force: str | None = Field(None, description="force [N] that a handle or obstacle exerts on the body")
+    effort: str | None = Field(None, description="tension [N] or pressure [Pa] of an actuator")
+    extent: str | None = Field(None, description="length [m] or volume [m^3] of an actuator")
+    cloud: Literal["vertices", "surface"] | None = Field(
+        None, description="bag: a PointCloud2 of all vertices in order, or of points anywhere on the surface"
+    )
+    along: Annotated[tuple[float, float, float], _ALONG] | None = None
+    displacement: bool = Field(False, description="the numbers count from rest, not from the world's origin")
+    sigma: Annotated[float, _SIGMA] | None = None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> CompareModel:
+        given = [name for name in ("column", "columns", "topic") if getattr(self, name)]
+        if len(given) > 1:
+            raise ValueError(f"give one of column, columns, topic; given: {', '.join(given)}")
+        return self
+
+
+class CommandModel(_Found):
+    """A column or topic that commanded an actuator, a load or a handle."""
+
+
+class FrameModel(Entry):
+    """How a recording's frame lies in the scene's: x_recorded = R x + t."""
+
+    fit: Literal["translation", "pose"] = Field("pose", description="what is fitted: t alone, or R and t")
+
+
+class RecordingModel(Entry):
+    """How a recording is read; what is given for a recording replaces what is given for all."""
+
+    file: str | None = Field(None, description="name of the file; left out: that of the recording")
+    time: str | None = Field(None, description="CSV: column of the time; without it rows are equilibria")
+    time_unit: Unit = "s"
+    where: dict[str, Annotated[tuple[float, float], _RANGE]] = Field(
+        {}, description="CSV: rows that are taken, e.g. pressure_mbar: [50, 200]"
+    )
+    every: Annotated[int, _EVERY] = 1
+    compare: dict[str, CompareModel] = Field({}, description="what was measured, by any name")
+    commands: dict[str, Annotated[float, _NUMBER] | CommandModel] = Field(
+        {}, description="actuators, loads (factors) and handles: a number, or where they were recorded"
+    )
+    set: dict[str, Any] = Field({}, description="keys of the scene that differ in this recording")
+    shift: Annotated[float, _SHIFT] = 0.0
+    shift_between: Annotated[tuple[float, float], _BETWEEN] | None = Field(
+        None, description="the time shift is fitted within these bounds [s]"
+    )
+    frame: FrameModel | None = None
+    start: Literal["rest", "equilibrium"] = Field(
+        "rest", description="where a motion begins: straight as it was made, or hanging still under the first commands"
+    )
+
+
+class MatchModel(RecordingModel):
+    """A match file."""
+
+    recordings: dict[str, RecordingModel] = Field({}, description="by name; `--holdout` takes these names")

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From an entry of a match file to what of the simulation it means."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import GdfeError, MeshError
+from gdfe_ros.fitting.match_schema import AXES, CompareModel
+from gdfe_ros.fitting.observable import CLOUDS, POSITIONS, Kind, Observable, require_known
+from gdfe_ros.fitting.units import FACTORS
+from gdfe_ros.mesh import select_vertices
+from gdfe_ros.scene.scene import Scene
+
+
+def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observable:
+    """Return what of the simulation an entry means.
+
+    Raises:
+        GdfeError: a name, or a vertex, that the scene does not have.
+    """
+    key, value = model.chosen
+    if key == "mean":
+        try:
+            vertices = select_vertices(scene.mesh, value.build())
+        except MeshError as error:
+            raise GdfeError(f"{where}: {error}") from error
+        if not vertices.size:
+            raise GdfeError(f"{where}: `mean` selects no vertex of scene {scene.name!r}")
+        return Observable(Kind.MEAN, vertices=vertices, displacement=model.displacement)
+    kind = Kind(value) if key == "cloud" else Kind(key)
+    name = "" if key == "cloud" else value
+    require_known(kind, name, scene, where)
+    return Observable(kind, name, displacement=model.displacement)
+
+
+def along_of(
+    model: CompareModel, observable: Observable, where: str
+) -> tuple[tuple[str, ...], NDArray[np.float64] | None]:
+    """Return labels of the measured columns, and the directions (c, 3) that they are measured along.
+
+    Raises:
+        GdfeError: the entry does not say along what a single column of a vector is measured.
+    """
+    vector = observable.kind in POSITIONS or observable.kind is Kind.FORCE
+    if observable.kind in CLOUDS or (not vector and not model.columns):
+        return ("",), None
+    if not vector:
+        raise GdfeError(f"{where}: an actuator has one number; give `column`, not `columns`")
+    if model.columns or model.topic:
+        axes = [axis for axis in AXES if not model.columns or axis in model.columns]
+        return tuple(axes), np.array([[float(axis == other) for other in AXES] for axis in axes])
+    if model.along is None:
+        raise GdfeError(
+            f"{where}: along what is column {model.column!r} measured? give `along: [x, y, z]`, or `columns`"
+        )
+    length = float(np.linalg.norm(model.along))
+    if length == 0.0:
+        raise GdfeError(f"{where}: along has no direction: {model.along}")
+    return ("",), np.array([model.along]) / length
+
+
+def scale_of(unit: str | None) -> float:
+    """Return the factor of a unit to SI."""
+    return FACTORS[unit or "1"]

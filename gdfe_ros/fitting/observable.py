@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a simulation is compared with a measurement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from gdfe_ros.simulation import Simulation
+
+
+class Kind(Enum):
+    """Kinds of quantities; positions are vectors [m] and can be in a frame of the recording's own."""
+
+    PROBE = "probe"
+    MEAN = "mean"
+    HANDLE = "handle"
+    VERTICES = "vertices"
+    SURFACE = "surface"
+    FORCE = "force"
+    EFFORT = "effort"
+    EXTENT = "extent"
+
+
+POSITIONS = (Kind.PROBE, Kind.MEAN, Kind.HANDLE, Kind.VERTICES, Kind.SURFACE)
+CLOUDS = (Kind.VERTICES, Kind.SURFACE)
+
+
+@dataclass(frozen=True, eq=False)
+class Observable:
+    """A quantity of a simulation.
+
+    Attributes:
+        kind: which.
+        name: of the probe, handle or actuator.
+        vertices: (k,) of a mean.
+        displacement: positions count from rest.
+    """
+
+    kind: Kind
+    name: str = ""
+    vertices: NDArray[np.int32] | None = None
+    displacement: bool = False
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the values, of an actuator that of its own."""
+        return "m" if self.kind in POSITIONS else "N" if self.kind is Kind.FORCE else "SI"
+
+    def of(self, simulation: Simulation) -> NDArray[np.float64]:
+        """Return the values (c,): x, y, z of a point, one of an actuator, 3 n of the vertices one after the other."""
+        values = self._values(simulation)
+        return (values - self._at_rest(simulation.scene)) if self.displacement else values
+
+    def _values(self, simulation: Simulation) -> NDArray[np.float64]:
+        if self.kind is Kind.PROBE:
+            return simulation.scene.probes[self.name].at(simulation.positions)[0]
+        if self.kind is Kind.MEAN:
+            return simulation.positions[self.vertices].mean(axis=0)
+        if self.kind is Kind.HANDLE:
+            return np.array(simulation.handle_pose(self.name).translation)
+        if self.kind in CLOUDS:
+            return simulation.positions.ravel()
+        if self.kind is Kind.FORCE:
+            result = simulation.result
+            return np.zeros(3) if result is None else np.array(result.reactions[self.name][:3])
+        state = simulation.actuator_states()[self.name]
+        return np.array([state.effort if self.kind is Kind.EFFORT else state.extent])
+
+    def _at_rest(self, scene: Scene) -> NDArray[np.float64]:
+        if self.kind is Kind.PROBE:
+            return scene.probes[self.name].at(scene.mesh.vertices)[0]
+        if self.kind is Kind.MEAN:
+            return scene.mesh.vertices[self.vertices].mean(axis=0)
+        return scene.mesh.vertices.ravel() if self.kind in CLOUDS else np.zeros(1)
+
+
+def require_known(kind: Kind, name: str, scene: Scene, where: str) -> None:
+    """Refuse a name that the scene does not have.
+
+    Raises:
+        GdfeError: there is no such probe, handle or actuator.
+    """
+    known = {
+        Kind.PROBE: list(scene.probes),
+        Kind.HANDLE: [handle.name for handle in scene.handles],
+        Kind.FORCE: [handle.name for handle in scene.handles],
+        Kind.EFFORT: [actuator.name for actuator in scene.actuators],
+        Kind.EXTENT: [actuator.name for actuator in scene.actuators],
+    }.get(kind)
+    if known is not None and name not in known:
+        noun = {Kind.PROBE: "probe", Kind.EFFORT: "actuator", Kind.EXTENT: "actuator"}.get(kind, "handle")
+        raise GdfeError(f"{where}: no {noun} {name!r} in scene {scene.name!r}; it has {', '.join(known) or 'none'}")

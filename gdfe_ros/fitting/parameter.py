@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A number of a scene that is fitted, with its bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene.document import parse_document
+from gdfe_ros.scene.scene import Scene
+
+_FORM = "--vary takes KEY=LOW..HIGH or KEY=LOW..START..HIGH, e.g. materials.silicone.young=1e5..1e6"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A key of the scene and the interval that its value is sought in.
+
+    The coordinate u that a solver moves is ln(value) where the lower bound is positive, else value / (high - low): a
+    step in u means as much for every parameter.
+
+    Attributes:
+        key: dotted, as of an override.
+        low: least value.
+        high: largest value.
+        start: first value.
+    """
+
+    key: str
+    low: float
+    high: float
+    start: float
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether the coordinate is the logarithm."""
+        return self.low > 0.0
+
+    def coordinate(self, value: float) -> float:
+        """Return u of a value."""
+        return math.log(value) if self.logarithmic else value / (self.high - self.low)
+
+    def value(self, coordinate: float) -> float:
+        """Return the value of u, within the bounds also where rounding would leave them."""
+        value = math.exp(coordinate) if self.logarithmic else coordinate * (self.high - self.low)
+        return min(max(value, self.low), self.high)
+
+    def slope(self, value: float) -> float:
+        """Return d(value)/du."""
+        return value if self.logarithmic else self.high - self.low
+
+
+def read_parameters(entries: Iterable[str], scene: Scene) -> list[Parameter]:
+    """Read ``KEY=LOW..HIGH`` entries; a search starts from the scene's own value where it lies between the bounds.
+
+    Raises:
+        GdfeError: an entry is none, two have the same key, or the key of the scene is no number.
+    """
+    data = parse_document(scene.source, heading=f"scene {scene.name}").data
+    found = [_parameter(entry, data) for entry in entries]
+    if not found:
+        raise GdfeError(f"nothing to fit; {_FORM}")
+    keys = [parameter.key for parameter in found]
+    if twice := {key for key in keys if keys.count(key) > 1}:
+        raise GdfeError(f"--vary names {', '.join(sorted(twice))} twice; give each key once")
+    return found
+
+
+def _parameter(entry: str, data: object) -> Parameter:
+    key, separator, interval = entry.partition("=")
+    try:
+        numbers = [float(part) for part in interval.split("..")]
+    except ValueError:
+        numbers = []
+    key = key.strip()
+    if not separator or len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        raise GdfeError(f"{entry!r} is no parameter; {_FORM}")
+    low, high = numbers[0], numbers[-1]
+    if not low < high or not low <= numbers[1] <= high:
+        raise GdfeError(f"--vary {key}: {interval}; allowed: LOW < HIGH, and START between them")
+    own = _look_up(key, data)
+    middle = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
+    start = numbers[1] if len(numbers) == 3 else own if own is not None and low <= own <= high else middle
+    return Parameter(key, low, high, start)
+
+
+def _look_up(key: str, data: object) -> float | None:
+    """Return the number at a key of the scene; None where the scene leaves it to a default."""
+    for part in key.split("."):
+        if isinstance(data, list) and part.isdecimal() and int(part) < len(data):
+            data = data[int(part)]
+        elif isinstance(data, dict) and part in data:
+            data = data[part]
+        else:
+            return None
+    if isinstance(data, bool) or not isinstance(data, int | float | str):
+        raise GdfeError(f"--vary {key}: the scene has {data!r} there; a number is needed: name one of its parts")
+    try:
+        return float(data)
+    except ValueError:
+        raise GdfeError(f"--vary {key}: the scene has {data!r} there; a number is needed") from None

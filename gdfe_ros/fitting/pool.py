@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulations side by side, in processes of one thread each or in this one."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.recording import Recording
+from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory, simulate
+
+Task = tuple[Mapping[str, float], Recording, float]
+"""Values of the parameters, a recording, a horizon [s]."""
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+class Pool:
+    """Simulates recordings.
+
+    Args:
+        text: of the scene.
+        executor: of the processes; None: everything in this one.
+    """
+
+    def __init__(self, text: str, executor: ProcessPoolExecutor | None = None) -> None:
+        self._text, self._executor = text, executor
+        self.count = 0
+
+    def run(self, tasks: Sequence[Task]) -> list[Trajectory | NotSimulatedError]:
+        """Return the trajectory of each task, or why it has none.
+
+        Raises:
+            GdfeError: a process died.
+        """
+        self.count += len(tasks)
+        if self._executor is None or len(tasks) < 2:
+            return [_simulate(self._text, task) for task in tasks]
+        try:
+            return list(self._executor.map(_simulate, [self._text] * len(tasks), tasks))
+        except BrokenProcessPool as error:
+            raise GdfeError(f"a worker died: {error}; remedy: fewer --workers, they share the memory") from error
+
+
+@contextmanager
+def open_pool(text: str, workers: int) -> Iterator[Pool]:
+    """Give a pool of so many processes; of one, everything runs in this process."""
+    if workers < 2:
+        yield Pool(text)
+        return
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(workers, mp_context=context) as executor:
+            yield Pool(text, executor)
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+
+
+def _simulate(text: str, task: Task) -> Trajectory | NotSimulatedError:
+    values, recording, horizon = task
+    try:
+        return simulate(text, values, recording, horizon=horizon)
+    except NotSimulatedError as error:
+        return NotSimulatedError(str(error))

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The least-squares problem: unknowns, residuals and their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residuals
+from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.pool import Pool
+from gdfe_ros.fitting.recording import Recording
+from gdfe_ros.fitting.sensitivity import trajectory_columns
+from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
+
+SHARE = 0.01
+"""Of the largest range of a unit's values: the standard deviation where a recording does not tell one."""
+NUDGE = {"shift": 1e-5, "turn": 1e-5, "translation": 1e-6}
+"""Change of a recording's own unknown for a difference [s], [rad], [m]; no simulation is needed for it."""
+FARTHEST = 20.0
+"""Body lengths from the origin beyond which a position has another unit or another origin."""
+FAILED = 1e3
+"""Residual of every value where a trial cannot be simulated: the search turns back."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitPoint:
+    """The problem at given unknowns.
+
+    Attributes:
+        values: of the parameters.
+        own: of each recording.
+        trajectories: of each recording.
+    """
+
+    values: tuple[float, ...]
+    own: tuple[Own, ...]
+    trajectories: tuple[Trajectory, ...]
+
+
+class FitProblem:
+    """Recordings, parameters, and how a simulation misses the one with the other.
+
+    The unknowns are the parameters' coordinates u, then each recording's own: time shift and frame.
+
+    Args:
+        pool: that simulates.
+        parameters: that are sought.
+        recordings: that are fitted.
+        surface: distances from the surface; None where no cloud is compared with it.
+        sigmas: standard deviation of each series of each recording; None chooses them.
+
+    Attributes:
+        horizons: time [s] of each recording up to which it is compared.
+    """
+
+    def __init__(
+        self,
+        pool: Pool,
+        parameters: Sequence[Parameter],
+        recordings: Sequence[Recording],
+        *,
+        surface: SurfaceDistances | None = None,
+        sigmas: Sequence[Sequence[float]] | None = None,
+    ) -> None:
+        self.parameters, self.recordings = tuple(parameters), tuple(recordings)
+        self._pool, self._surface = pool, surface
+        self.sigmas = sigmas or standard_deviations(recordings)
+        self.horizons = [np.inf] * len(self.recordings)
+        self._known: tuple[tuple[object, ...], list[Trajectory | NotSimulatedError]] | None = None
+
+    def look_to(self, share: float) -> None:
+        """Compare the first share of each recording's time only; 1 compares all of it."""
+        ends = [max(series.times[-1] for series in recording.series) for recording in self.recordings]
+        self.horizons = [np.inf if share >= 1.0 else share * end for end in ends]
+        self._known = None
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return least and largest unknowns."""
+        low = [parameter.coordinate(parameter.low) for parameter in self.parameters]
+        high = [parameter.coordinate(parameter.high) for parameter in self.parameters]
+        for recording in self.recordings:
+            shift = [recording.shift_between] if recording.shift_between is not None else []
+            ends = [*shift, *([(-np.inf, np.inf)] * recording.frame)]
+            low += [end[0] for end in ends]
+            high += [end[1] for end in ends]
+        return np.array(low), np.array(high)
+
+    def first(self) -> NDArray[np.float64]:
+        """Return first unknowns: the parameters' starts, and the frames that fit best there.
+
+        Raises:
+            NotSimulatedError: the start cannot be simulated.
+        """
+        values = tuple(parameter.start for parameter in self.parameters)
+        trajectories = self.trajectories(values)
+        for item in trajectories:
+            if isinstance(item, NotSimulatedError):
+                raise item
+        own = [first_own(recording, item) for recording, item in zip(self.recordings, trajectories, strict=True)]
+        coordinates = [p.coordinate(value) for p, value in zip(self.parameters, values, strict=True)]
+        return np.concatenate([coordinates, *own])
+
+    def values(self, unknowns: NDArray[np.float64]) -> tuple[float, ...]:
+        """Return the parameters' values."""
+        return self._split(unknowns)[0]
+
+    def point(self, unknowns: NDArray[np.float64]) -> FitPoint:
+        """Return what unknowns mean, simulated.
+
+        Raises:
+            NotSimulatedError: it cannot be.
+        """
+        values, own = self._split(unknowns)
+        trajectories = self.trajectories(values)
+        for item in trajectories:
+            if isinstance(item, NotSimulatedError):
+                raise item
+        return FitPoint(values, own, tuple(trajectories))
+
+    def trajectories(self, values: tuple[float, ...]) -> list[Trajectory | NotSimulatedError]:
+        """Simulate all recordings; the last ones are kept."""
+        key = (values, tuple(self.horizons))
+        if self._known is None or self._known[0] != key:
+            given = {p.key: value for p, value in zip(self.parameters, values, strict=True)}
+            tasks = [(given, *pair) for pair in zip(self.recordings, self.horizons, strict=True)]
+            self._known = (key, self._pool.run(tasks))
+        return self._known[1]
+
+    def residuals(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (simulated - measured) / sigma of all compared values, one after the other; 0 where one is missing."""
+        values, own = self._split(unknowns)
+        found = self.trajectories(values)
+        if any(isinstance(item, NotSimulatedError) for item in found):
+            count = sum(series.values[..., 0].size if series.values.ndim == 3 else series.values.size
+                        for recording in self.recordings for series in recording.series)  # fmt: skip
+            return np.full(count, FAILED)
+        return self.stacked(found, own)
+
+    def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return d(residual)/d(unknown), (values, unknowns)."""
+        here = self.point(unknowns)
+        base = self.stacked(here.trajectories, here.own)
+        given = {"horizons": self.horizons}
+        changes = trajectory_columns(
+            self._pool, self.recordings, self.parameters, here.values, here.trajectories, **given
+        )
+        columns = []
+        for change in changes:
+            moved = [item.moved(by, 1e-3) for item, by in zip(here.trajectories, change, strict=True)]
+            columns.append((self.stacked(moved, here.own) - base) / 1e-3)
+        for place, recording in enumerate(self.recordings):
+            for entry, size in enumerate(_nudges(recording)):
+                own = [item.copy() for item in here.own]
+                own[place][entry] += size
+                columns.append((self.stacked(here.trajectories, own) - base) / size)
+        return np.stack(columns, axis=1)
+
+    def series_residuals(self, point: FitPoint) -> list[list[NDArray[np.float64]]]:
+        """Return (simulated - measured) / sigma by recording and series, shaped as measured; NaN where missing."""
+        given = zip(self.recordings, point.trajectories, point.own, self.sigmas, self.horizons, strict=True)
+        return [
+            residuals(recording, trajectory, own, sigmas, horizon=horizon, distances=self._surface)
+            for recording, trajectory, own, sigmas, horizon in given
+        ]
+
+    def stacked(self, trajectories: Sequence[Trajectory], own: Sequence[Own]) -> NDArray[np.float64]:
+        """Return the residuals of given trajectories one after the other; 0 where nothing is compared."""
+        parts = self.series_residuals(FitPoint((), tuple(own), tuple(trajectories)))
+        return np.nan_to_num(np.concatenate([part.ravel() for found in parts for part in found]), nan=0.0)
+
+    def _split(self, unknowns: NDArray[np.float64]) -> tuple[tuple[float, ...], tuple[Own, ...]]:
+        count = len(self.parameters)
+        values = tuple(p.value(float(u)) for p, u in zip(self.parameters, unknowns[:count], strict=True))
+        ends = count + np.cumsum([recording.unknowns for recording in self.recordings])
+        return values, tuple(
+            unknowns[end - recording.unknowns : end] for recording, end in zip(self.recordings, ends, strict=True)
+        )
+
+
+def standard_deviations(recordings: Sequence[Recording]) -> list[list[float]]:
+    """Return the standard deviation of each series: what is told, or `SHARE` of the largest range of its unit."""
+    spans: dict[str, float] = {}
+    for recording in recordings:
+        for series in recording.series:
+            unit = series.observable.unit
+            spans[unit] = max(spans.get(unit, 0.0), series.span)
+    return [[series.sigma or SHARE * spans[series.observable.unit] for series in item.series] for item in recordings]
+
+
+def require_motion(recording: Recording, size: float) -> None:
+    """Refuse data that say nothing.
+
+    Args:
+        recording: that is to be fitted.
+        size: of the body [m].
+
+    Raises:
+        GdfeError: values do not move, or are so large that their unit cannot be right.
+    """
+    for series in recording.series:
+        where = f"recording {recording.name}, {series.name}"
+        finite = series.values[np.isfinite(series.values)]
+        if not finite.size:
+            raise GdfeError(f"{where}: no value is a number")
+        still = series.span == 0.0 if series.values.shape[0] > 1 else not finite.any()
+        if still:
+            raise GdfeError(
+                f"{where}: the data do not move: every value is {finite[0]:g}; nothing can be fitted to them"
+            )
+        if series.observable.unit != "m" or recording.frame:
+            continue
+        if np.abs(finite).max() > FARTHEST * size:
+            raise GdfeError(
+                f"{where}: values up to {np.abs(finite).max():.4g} m, and the body is {size:.3g} m long; remedy: "
+                "`unit: mm` in the match file, `tip.x [mm]` in the header, or `frame: {}` for another origin"
+            )
+
+
+def _nudges(recording: Recording) -> list[float]:
+    shift = [NUDGE["shift"]] if recording.shift_between is not None else []
+    turn = [NUDGE["turn"]] * 3 if recording.frame == 6 else []
+    return [*shift, *turn, *([NUDGE["translation"]] * 3 if recording.frame else [])]

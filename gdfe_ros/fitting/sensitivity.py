@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How simulated recordings change with the parameters: differences of simulations.
+
+`trajectory_columns` is all that the fit asks for; exact columns by implicit differentiation can stand in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.pool import Pool
+from gdfe_ros.fitting.recording import Recording
+from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
+
+STEP = 0.01
+"""Change of a coordinate u, 1 % of a value: a difference errs by about as much, and by the tolerance over it."""
+
+
+def trajectory_columns(
+    pool: Pool,
+    recordings: Sequence[Recording],
+    parameters: Sequence[Parameter],
+    values: Sequence[float],
+    base: Sequence[Trajectory],
+    *,
+    horizons: Sequence[float],
+) -> list[list[Trajectory]]:
+    """Return d(trajectory)/du of each parameter (outer list) and recording, at given values.
+
+    One-sided differences, towards the middle of the bounds.
+
+    Args:
+        pool: that simulates.
+        recordings: of which.
+        parameters: with respect to which.
+        values: of the parameters.
+        base: trajectories at these values.
+        horizons: time [s] of each recording up to which they are simulated.
+
+    Raises:
+        NotSimulatedError: a changed value cannot be simulated on either side.
+    """
+    steps = [_step(parameter, value) for parameter, value in zip(parameters, values, strict=True)]
+    pairs = list(zip(recordings, horizons, strict=True))
+    tasks = [(_changed(parameters, values, place, step), *pair) for place, step in enumerate(steps) for pair in pairs]
+    results = pool.run(tasks)
+    columns = []
+    for place, step in enumerate(steps):
+        changed, length = results[place * len(pairs) : (place + 1) * len(pairs)], step
+        if any(isinstance(item, NotSimulatedError) for item in changed):
+            length = -step
+            changed = pool.run([(_changed(parameters, values, place, length), *pair) for pair in pairs])
+        for item in changed:
+            if isinstance(item, NotSimulatedError):
+                raise item
+        columns.append([_quotient(item, own, length) for item, own in zip(changed, base, strict=True)])
+    return columns
+
+
+def _step(parameter: Parameter, value: float) -> float:
+    """Return the change of u, towards the middle of the bounds."""
+    low, here, high = (parameter.coordinate(each) for each in (parameter.low, value, parameter.high))
+    size = min(STEP, 0.25 * (high - low))
+    return size if here <= 0.5 * (low + high) else -size
+
+
+def _changed(parameters: Sequence[Parameter], values: Sequence[float], place: int, step: float) -> dict[str, float]:
+    """Return all values, one of them changed."""
+    given = {parameter.key: value for parameter, value in zip(parameters, values, strict=True)}
+    changed = parameters[place]
+    given[changed.key] = changed.value(changed.coordinate(values[place]) + step)
+    return given
+
+
+def _quotient(changed: Trajectory, own: Trajectory, step: float) -> Trajectory:
+    pairs = zip(changed.outputs, own.outputs, strict=True)
+    return Trajectory(own.times, tuple((other - mine) / step for other, mine in pairs))

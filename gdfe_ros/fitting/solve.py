@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search: scipy's least squares over growing horizons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.problem import FitPoint, FitProblem
+
+HORIZONS = (1 / 16, 1 / 4, 1.0)
+"""Shares of a motion that are fitted one after the other: a swing that is off by a period has another best fit, and a
+first swing cannot be."""
+STEP = 1e-5
+"""Relative change of the unknowns, and of the sum of squares, that ends a search."""
+COARSE = 0.01
+"""The same of the sum of squares where a longer horizon follows."""
+MOST_TRIALS = 60
+SILENT = 1e-3
+"""Root mean square of d(residual)/du below which a parameter has no influence: a factor e then changes the values by a
+thousandth of their standard deviation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Where a search ended.
+
+    Attributes:
+        unknowns: found (u,).
+        jacobian: there (values, unknowns), weighted by the loss.
+        cost: half the sum of squares, or of the loss.
+        point: the problem there.
+        message: why it ended.
+    """
+
+    unknowns: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
+    cost: float
+    point: FitPoint
+    message: str
+
+
+def solve(
+    problem: FitProblem, *, moves: bool, loss: str = "linear", told: Callable[[str], None] | None = None
+) -> Solved:
+    """Minimise the sum of squares, or of a robust loss, of the residuals.
+
+    Args:
+        problem: of which.
+        moves: the scene has dynamics; then the horizon grows from search to search.
+        loss: of scipy's `least_squares`.
+        told: takes a line about each search.
+
+    Raises:
+        GdfeError: the start cannot be simulated, or a parameter has no influence.
+    """
+    low, high = problem.bounds()
+    shares = HORIZONS if moves else (1.0,)
+    framed = any(recording.frame for recording in problem.recordings)
+    problem.look_to(1.0 if framed else shares[0])
+    unknowns = problem.first()
+    _require_influence(problem, unknowns)
+    for share in shares:
+        problem.look_to(share)
+        last = share == 1.0
+        accuracy = {
+            "xtol": STEP,
+            "ftol": STEP if last else COARSE,
+            "gtol": None,
+            "max_nfev": MOST_TRIALS if last else 15,
+        }
+        result = least_squares(
+            problem.residuals,
+            np.clip(unknowns, low, high),
+            problem.jacobian,
+            bounds=(low, high),
+            x_scale="jac",
+            loss=loss,
+            **accuracy,
+        )
+        unknowns = result.x
+        if told is not None:
+            told(_line(problem, unknowns, share, result.nfev))
+    point = problem.point(unknowns)
+    return Solved(unknowns, result.jac, float(result.cost), point, result.message)
+
+
+def _line(problem: FitProblem, unknowns: NDArray[np.float64], share: float, trials: int) -> str:
+    pairs = zip(problem.parameters, problem.values(unknowns), strict=True)
+    values = ", ".join(f"{parameter.key} = {value:.5g}" for parameter, value in pairs)
+    return f"{100.0 * share:.3g} % of the time, {trials} trials: {values}"
+
+
+def _require_influence(problem: FitProblem, unknowns: NDArray[np.float64]) -> None:
+    """Refuse parameters that change nothing: soon after the start, and then over all of the time."""
+    silent = _silent(problem, unknowns)
+    if silent:
+        problem.look_to(1.0)
+        silent = _silent(problem, unknowns)
+    if silent:
+        raise GdfeError(
+            f"{', '.join(silent)}: no influence on anything that was measured; remedy: leave it out of --vary, or "
+            "record what it changes (damping shows in motion, density under gravity, a modulus where forces act)"
+        )
+
+
+def _silent(problem: FitProblem, unknowns: NDArray[np.float64]) -> list[str]:
+    jacobian = problem.jacobian(unknowns)[:, : len(problem.parameters)]
+    influence = np.sqrt((jacobian**2).mean(axis=0))
+    return [p.key for p, size in zip(problem.parameters, influence, strict=True) if size < SILENT]

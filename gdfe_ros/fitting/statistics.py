@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well the parameters are known: confidence, correlations, what cannot be told apart, structure in residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from gdfe_ros.fitting.comparison import series_count
+from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.problem import FitProblem
+from gdfe_ros.fitting.solve import Solved
+
+CONFIDENCE = 0.95
+LOOSE = 1.0
+"""Standard deviation of a direction of unit length in the parameters' coordinates u from which on the data do not tell
+it: a factor e, or the whole interval."""
+ALIKE = 0.995
+"""Correlation of two parameters from which on the data tell one combination of them only."""
+STRUCTURED = 0.5
+"""Correlation of a residual with the next one from which on residuals are structured; that of noise is about 0."""
+FEWEST = 8
+"""Values of a series below which its residuals' structure is not judged."""
+AT_BOUND = 1e-3
+"""Distance of u from its bound, over the interval, below which a value lies at the bound."""
+
+
+@dataclass(frozen=True)
+class FittedValue:
+    """A fitted value.
+
+    Attributes:
+        key: of the parameter.
+        value: fitted.
+        low: end of the 95 % confidence interval; NaN where the value lies at a bound.
+        high: the other end.
+        bound: `low` or `high` where the value lies at that bound; empty where it does not.
+    """
+
+    key: str
+    value: float
+    low: float
+    high: float
+    bound: str
+
+
+@dataclass(frozen=True, eq=False)
+class Confidence:
+    """What the data say of the parameters.
+
+    Attributes:
+        estimates: of each.
+        correlations: between the coordinates u of each two; NaN beside a value at its bound.
+        loose: what the data cannot tell apart, a sentence each.
+    """
+
+    estimates: tuple[FittedValue, ...]
+    correlations: NDArray[np.float64]
+    loose: tuple[str, ...]
+
+
+def confidence(problem: FitProblem, solved: Solved) -> Confidence:
+    """Return confidence intervals from the Jacobian J at the solution.
+
+    The covariance of the unknowns is s^2 (J^T J)^-1 with s^2 = 2 cost / (values - unknowns); at a bound it is held.
+    """
+    parameters, count = problem.parameters, len(problem.parameters)
+    bounds = [_bound(p, float(u)) for p, u in zip(parameters, solved.unknowns[:count], strict=True)]
+    held = np.array([bool(text) for text in bounds] + [False] * (len(solved.unknowns) - count))
+    free = np.flatnonzero(~held)
+    jacobian = solved.jacobian[:, free]
+    values = sum(series_count(series) for recording in problem.recordings for series in recording.series)
+    degrees = max(1, values - free.size)
+    variance = 2.0 * solved.cost / degrees
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale == 0.0] = 1.0
+    _, singular, rows = np.linalg.svd(jacobian / scale, full_matrices=False)
+    kept = np.maximum(singular, 1e-10 * singular.max(initial=1e-300))
+    spread = (rows.T / kept) / scale[:, None]
+    covariance = variance * spread @ spread.T
+    full = np.full((len(held), len(held)), np.nan)
+    full[np.ix_(free, free)] = covariance
+    deviation = np.sqrt(np.diag(full))
+    reach = student.ppf(0.5 + 0.5 * CONFIDENCE, degrees) * deviation
+    found = []
+    for p, u, half, bound in zip(parameters, solved.unknowns[:count], reach, bounds, strict=False):
+        ends = (np.nan, np.nan) if bound else _ends(p, float(u), float(half))
+        found.append(FittedValue(p.key, p.value(float(u)), *ends, bound))
+    with np.errstate(invalid="ignore"):
+        correlations = (full / np.outer(deviation, deviation))[:count, :count]
+    own = [place for place in free if place < count]
+    loose = _loose([parameters[place].key for place in own], full[np.ix_(own, own)])
+    return Confidence(tuple(found), correlations, tuple(loose))
+
+
+def _bound(parameter: Parameter, coordinate: float) -> str:
+    low, high = parameter.coordinate(parameter.low), parameter.coordinate(parameter.high)
+    near = AT_BOUND * (high - low)
+    return "low" if coordinate - low < near else "high" if high - coordinate < near else ""
+
+
+def _ends(parameter: Parameter, coordinate: float, half: float) -> tuple[float, float]:
+    """Return a confidence interval in values, which may reach beyond the bounds."""
+    if parameter.logarithmic:
+        half = min(half, 300.0)
+        return float(np.exp(coordinate - half)), float(np.exp(coordinate + half))
+    width = parameter.high - parameter.low
+    return (coordinate - half) * width, (coordinate + half) * width
+
+
+def _loose(keys: Sequence[str], covariance: NDArray[np.float64]) -> list[str]:
+    """Say which combinations of parameters the data do not tell."""
+    if not keys:
+        return []
+    variances, directions = np.linalg.eigh(covariance)
+    notes = []
+    for variance, direction in zip(variances, directions.T, strict=True):
+        if np.sqrt(max(variance, 0.0)) > LOOSE:
+            parts = [place for place in np.argsort(-np.abs(direction)) if abs(direction[place]) > 0.2]
+            named = " and ".join(keys[place] for place in parts)
+            text = "apart" if len(parts) > 1 else "at all"
+            notes.append(f"the data do not tell {named} {text}: they hardly change with it; remedy: fit fewer")
+    deviation = np.sqrt(np.diag(covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        alike = covariance / np.outer(deviation, deviation)
+    for i in range(len(keys)):
+        for j in range(i):
+            if abs(alike[i, j]) > ALIKE and not notes:
+                what = "ratio" if alike[i, j] > 0.0 else "product"
+                pair = f"{keys[j]} and {keys[i]}"
+                notes.append(
+                    f"the data hardly tell {pair} apart (correlation {alike[i, j]:.4f}): about their {what} is known; "
+                    "remedy: hold one of them, or record something that only one changes"
+                )
+    return notes
+
+
+def autocorrelation(residual: NDArray[np.float64]) -> float:
+    """Return the correlation of residuals (m, c) with the next ones, the largest of the columns; NaN of too few."""
+    found = []
+    for column in residual.reshape(residual.shape[0], -1).T:
+        sound = column[np.isfinite(column)]
+        energy = float(sound @ sound)
+        if sound.size >= FEWEST and energy > 0.0:
+            found.append(float(sound[1:] @ sound[:-1]) / energy)
+    return max(found, default=np.nan)

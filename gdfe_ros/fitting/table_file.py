@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Columns of a CSV file by name, with the units that its header tells."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.units import FACTORS
+
+_HEAD = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?$")
+
+
+class TableFile:
+    """A CSV file: comma, semicolon or tab, a header, lines that start with # left out.
+
+    Args:
+        path: of the file.
+
+    Raises:
+        GdfeError: it cannot be read, or is no table.
+
+    Attributes:
+        names: of the columns, without units.
+        units: that the header tells in brackets, by name.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            raise GdfeError(
+                f"{path} cannot be read: {error}; a CSV file or the directory of a bag is needed"
+            ) from error
+        lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+        if len(lines) < 2:
+            raise GdfeError(f"{path} has no rows of data; a header and rows of numbers are needed")
+        delimiter = max(",;\t", key=lines[0].count)
+        head, *rows = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+        parts = [_HEAD.match(title.strip()) for title in head]
+        self.names = [part["name"] for part in parts]
+        self.units = {part["name"]: part["unit"] for part in parts if part["unit"] in FACTORS}
+        if bad := [number for number, row in enumerate(rows, 1) if len(row) != len(head)]:
+            raise GdfeError(f"{path}: row {bad[0]} has {len(rows[bad[0] - 1])} cells, the header {len(head)}")
+        self._cells = dict(zip(self.names, zip(*rows, strict=True), strict=True))
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._cells
+
+    def column(self, name: str, unit: str | None = None) -> NDArray[np.float64]:
+        """Return a column (m,) in SI units; an empty cell is NaN.
+
+        Args:
+            name: as in the header, without the unit.
+            unit: of its numbers; None takes what the header tells, or SI.
+
+        Raises:
+            GdfeError: no such column, or a cell is no number.
+        """
+        if name not in self._cells:
+            close = get_close_matches(name, self.names, n=1, cutoff=0.5)
+            hint = f"did you mean {close[0]!r}? " if close else ""
+            raise GdfeError(f"{self.path} has no column {name!r}; {hint}it has {', '.join(self.names)}")
+        numbers = np.empty(len(self._cells[name]))
+        for place, cell in enumerate(self._cells[name]):
+            try:
+                numbers[place] = float(cell) if cell.strip() else np.nan
+            except ValueError:
+                raise GdfeError(f"{self.path}: column {name!r}, row {place + 1}: {cell!r} is no number") from None
+        return numbers * FACTORS[unit or self.units.get(name, "1")]
+
+    def mean(self, names: str | Sequence[str], unit: str | None) -> NDArray[np.float64]:
+        """Return the mean (m,) of columns in SI units."""
+        columns = [names] if isinstance(names, str) else list(names)
+        return np.mean([self.column(name, unit) for name in columns], axis=0)
+
+    def rows(self, ranges: Mapping[str, tuple[float, float]], every: int) -> NDArray[np.intp]:
+        """Return the rows whose columns, as they are written, lie in these ranges, and of these every n-th.
+
+        Raises:
+            GdfeError: there is none.
+        """
+        taken = np.ones(len(self._cells[self.names[0]]), dtype=bool)
+        for name, (low, high) in ranges.items():
+            factor = FACTORS[self.units.get(name, "1")]
+            values = self.column(name) / factor
+            taken &= (values >= low) & (values <= high)
+        found = np.flatnonzero(taken)[::every]
+        if not found.size:
+            raise GdfeError(f"{self.path}: no row lies in {dict(ranges)}")
+        return found

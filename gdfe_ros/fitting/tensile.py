@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A stress-strain law from a uniaxial tensile test."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden
+
+FLOOR = 0.01
+"""Stress, over the largest, below which points weigh as if they had this much: around zero noise is all there is."""
+GOOD = 0.01
+"""Largest misfit, over the stress, with which no further term is tried."""
+MOST_TERMS = 3
+MOST_ALPHA = 20.0
+"""Of Ogden's exponents; beyond it powers of the stretch overflow."""
+STARTS = (-6.0, -3.0, -1.5, 1.0, 2.0, 3.0, 5.0)
+"""Exponents that the search starts from, in all combinations."""
+CANCELLED = 100.0
+"""Sum of |mu_i| over the sum of mu_i beyond which terms are large only to cancel: the paper's have at most 2.2."""
+DEGREE = 6
+"""Of a polynomial, as in the paper."""
+SOFTEST, HARDEST = 1e3, 1e12
+"""Moduli at rest [Pa] beyond which a unit is wrong: gels begin at a few kilopascals, diamond ends at 1e12."""
+LARGEST_STRAIN = 15.0
+"""Engineering strain beyond which it was meant in percent: no rubber is stretched sixteenfold."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TensileFit:
+    """A law and how well it agrees with the test.
+
+    Attributes:
+        material: the law; its Poisson's ratio was given, a tensile test does not tell it.
+        entry: what a scene says of it, for the key `materials`.
+        strain: of the test (k,), zero left out.
+        stress: nominal, of the test (k,) [Pa].
+        misfit: of each point (k,), over its stress (or ``FLOOR`` of the largest).
+        remarks: what is unstable about it; empty for a law that was accepted.
+        refused: unstable laws of the same kind that were tried.
+    """
+
+    material: Material
+    entry: Mapping[str, Any]
+    strain: NDArray[np.float64]
+    stress: NDArray[np.float64]
+    misfit: NDArray[np.float64]
+    remarks: tuple[str, ...]
+    refused: tuple[str, ...] = ()
+
+    @property
+    def largest(self) -> float:
+        """Largest misfit of a point."""
+        return float(np.abs(self.misfit).max())
+
+
+def fit_tensile(
+    strain: ArrayLike,
+    stress: ArrayLike,
+    *,
+    law: Law,
+    terms: int | None = None,
+    degree: int = DEGREE,
+    poisson: float = 0.499,
+    density: float | None = None,
+) -> TensileFit:
+    """Fit a law to a tensile test by least squares of the relative misfit.
+
+    Minimises sum_k ((sigma(e_k) - sigma_k) / max(|sigma_k|, FLOOR max|sigma|))^2 of incompressible uniaxial tension.
+
+    Args:
+        strain: engineering strains (k,); compression is negative.
+        stress: nominal stresses (k,) [Pa].
+        law: ``LINEAR``, ``NEO_HOOKEAN``, ``OGDEN`` or ``CURVE`` (a polynomial).
+        terms: of Ogden's law; None takes the fewest stable ones that miss no point by more than ``GOOD``, or else the
+            best stable ones.
+        degree: of the polynomial.
+        poisson: Poisson's ratio at rest, for the scene.
+        density: mass density [kg/m^3], for the scene.
+
+    Raises:
+        GdfeError: the columns make no test, a unit cannot be right, or the law that fits best is unstable.
+
+    Example:
+        >>> fit_tensile([0.1, 0.5, 1.0], [11.1e3, 53.0e3, 113.0e3], law=Law.NEO_HOOKEAN).material.young > 1e5
+        True
+    """
+    e, s = _checked(strain, stress)
+    common = {"poisson": poisson, "density": density}
+    if law is Law.OGDEN:
+        fit = _ogden(e, s, terms, common)
+    else:
+        fit = _assess(e, s, _linear_in_parameters(e, s, law, degree, common))
+    if fit.remarks:
+        other = "--terms 1" if law is Law.OGDEN else "a smaller --degree, or --law ogden"
+        raise GdfeError(f"{_refusal(fit)}; remedy: {other}")
+    if not SOFTEST < fit.material.young0 < HARDEST:
+        raise GdfeError(
+            f"the modulus at rest is {fit.material.young0:.4g} Pa; expected is {SOFTEST:g} to {HARDEST:g} Pa; remedy: "
+            "give stress in Pa (1 kPa is 1000) and strain without percent"
+        )
+    return fit
+
+
+def _checked(strain: ArrayLike, stress: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the points that say something, or refuse the columns."""
+    e, s = np.asarray(strain, dtype=np.float64), np.asarray(stress, dtype=np.float64)
+    if e.ndim != 1 or e.shape != s.shape or not (np.isfinite(e).all() and np.isfinite(s).all()):
+        raise GdfeError(f"strain and stress must be finite columns of equal length, got {e.shape} and {s.shape}")
+    if e.size and (e.min() <= -1.0 or e.max() > LARGEST_STRAIN):
+        raise GdfeError(
+            f"strains from {e.min():g} to {e.max():g}; allowed: above -1, to {LARGEST_STRAIN:g}; remedy: 100 % is 1.0"
+        )
+    moved = e != 0.0
+    if moved.sum() < 2 or np.ptp(s[moved]) == 0.0:
+        raise GdfeError("the data do not move: at least two strains other than 0, with different stresses, are needed")
+    return e[moved], s[moved]
+
+
+def _weights(stress: NDArray[np.float64]) -> NDArray[np.float64]:
+    return 1.0 / np.maximum(np.abs(stress), FLOOR * np.abs(stress).max())
+
+
+def _linear_in_parameters(
+    e: NDArray[np.float64], s: NDArray[np.float64], law: Law, degree: int, common: Mapping[str, Any]
+) -> tuple[Material, dict[str, Any]]:
+    """Fit a law whose stress is linear in its parameters."""
+    kinds = {Law.LINEAR: Linear, Law.NEO_HOOKEAN: NeoHookean}
+    if law is Law.CURVE:
+        if not 1 <= degree <= e.size:
+            raise GdfeError(f"a polynomial of degree {degree} through {e.size} points; allowed: 1 to {e.size}")
+        columns = e[:, None] ** np.arange(1, degree + 1)
+        coefficients = np.linalg.lstsq(columns * _weights(s)[:, None], s * _weights(s), rcond=None)[0]
+        end = float(e.max())
+        if coefficients[0] <= 0.0:
+            text = f"the polynomial of degree {degree} starts with the slope {coefficients[0]:.4g} Pa"
+            raise GdfeError(f"{text}, which is unstable; remedy: a smaller --degree, or law: ogden")
+        curve = CurveData.polynomial(coefficients, strain_max=end)
+        return Curve(data=curve, **common), {"coefficients": coefficients.tolist(), "strain_max": end}
+    unit = kinds[law](young=1.0, poisson=0.5).stress_at(e) * _weights(s)
+    young = float(unit @ (s * _weights(s)) / (unit @ unit))
+    if young <= 0.0:
+        raise GdfeError(
+            f"the best modulus is {young:.4g} Pa, which is unstable; remedy: check the signs of the columns"
+        )
+    return kinds[law](young=young, **common), {"young": young}
+
+
+def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, common: Mapping[str, Any]) -> TensileFit:
+    """Fit so many terms, or the fewest stable ones that are good, or else the best stable ones."""
+    most = min(MOST_TERMS, e.size // 2)
+    if terms is not None:
+        if not 1 <= terms <= most:
+            raise GdfeError(f"{terms} terms of Ogden's law for {e.size} points; allowed: 1 to {most}")
+        return _assess(e, s, _ogden_terms(e, s, terms, common))
+    stable, refused = [], []
+    for count in range(1, most + 1):
+        fit = _assess(e, s, _ogden_terms(e, s, count, common))
+        if fit.remarks:
+            refused.append(_refusal(fit))
+            continue
+        stable.append(fit)
+        if fit.largest < GOOD:
+            break
+    if not stable:
+        return fit
+    return replace(min(stable, key=lambda item: item.largest), refused=tuple(refused))
+
+
+def _ogden_terms(
+    e: NDArray[np.float64], s: NDArray[np.float64], count: int, common: Mapping[str, Any]
+) -> tuple[Material, dict[str, Any]]:
+    """Fit exponents by a trust region, and for each trial the moduli, in which the stress is linear."""
+    weights = _weights(s)
+
+    def moduli(alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        stretch, half = 1.0 + e[:, None], -0.5 * alpha
+        columns = 2.0 / alpha * (stretch ** (alpha - 1.0) - stretch ** (half - 1.0)) * weights[:, None]
+        mu = np.linalg.lstsq(columns, s * weights, rcond=None)[0]
+        return mu, columns @ mu - s * weights
+
+    found = []
+    for start in combinations(STARTS, count):
+        given = {"bounds": (-MOST_ALPHA, MOST_ALPHA), "xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 400}
+        found.append(least_squares(lambda alpha: moduli(alpha)[1], start, x_scale="jac", **given))
+    alpha = np.sort(min(found, key=lambda result: result.cost).x)
+    entry = {"mu": moduli(alpha)[0].tolist(), "alpha": alpha.tolist()}
+    if not 0.0 < sum(entry["mu"]) < HARDEST:
+        total = f"moduli that sum to {sum(entry['mu']):.4g} Pa"
+        raise GdfeError(f"ogden with {count} terms: {total} are unstable at rest; remedy: fewer --terms, or law: curve")
+    return Ogden(mu=tuple(entry["mu"]), alpha=tuple(entry["alpha"]), **common), entry
+
+
+def _assess(e: NDArray[np.float64], s: NDArray[np.float64], found: tuple[Material, dict[str, Any]]) -> TensileFit:
+    """Say how well a law agrees with the points, and whether it is stable."""
+    material, parameters = found
+    entry = {"law": material.law.name.lower(), **parameters, "poisson": material.poisson}
+    entry |= {"density": material.density} if material.density is not None else {}
+    misfit = (material.stress_at(e) - s) * _weights(s)
+    remarks = material.remarks()
+    if isinstance(material, Ogden) and sum(map(abs, material.mu)) > CANCELLED * sum(material.mu):
+        remarks = ["its terms cancel each other: the data tell fewer of them", *remarks]
+    return TensileFit(material=material, entry=entry, strain=e, stress=s, misfit=misfit, remarks=tuple(remarks))
+
+
+def _refusal(fit: TensileFit) -> str:
+    """Say of an unstable law what it is and where it is unstable."""
+    name = fit.entry["law"]
+    if isinstance(fit.material, Ogden):
+        count = len(fit.material.mu)
+        name = f"{name} with {count} term{'s' if count > 1 else ''}"
+    causes = "; ".join(note.partition("; remedy")[0] for note in fit.remarks)
+    return f"{name}, which misses the points by up to {100.0 * fit.largest:.2g} %, is refused: {causes}"

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded commands, and what a simulation is told when."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.command import Command
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.recording import Schedule
+from gdfe_ros.scene.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Commands of one actuator, load or handle over time.
+
+    Attributes:
+        name: of it.
+        times: (m,) [s], ascending.
+        values: (m, 1) of an actuator or load, (m, 3) translation or (m, 6) with rotation vector of a handle, SI.
+        held: a command stays until the next one, as messages do; else it changes linearly, as samples do.
+    """
+
+    name: str
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+    held: bool = False
+
+    def at(self, time: float) -> NDArray[np.float64]:
+        """Return the command in force (d,)."""
+        if self.held:
+            return self.values[max(int(np.searchsorted(self.times, time + 1e-12, side="right")) - 1, 0)]
+        return np.array([np.interp(time, self.times, column) for column in self.values.T])
+
+
+def constant(name: str, value: float) -> Track:
+    """Return the track of a command that does not change."""
+    return Track(name, np.zeros(1), np.full((1, 1), value))
+
+
+def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None:
+    """Refuse commands that the scene does not take.
+
+    Raises:
+        GdfeError: a name is unknown, or the numbers are not as many as it takes.
+    """
+    drives = [*(item.name for item in scene.actuators), *(item.name for item in scene.loads)]
+    movers = [handle.name for handle in scene.handles if not handle.fixed]
+    for track in tracks:
+        if track.name not in drives + movers:
+            known = ", ".join(drives + movers) or "none"
+            raise GdfeError(f"{where}: scene {scene.name!r} takes no command {track.name!r}; it takes {known}")
+        counts = (3, 6) if track.name in movers else (1,)
+        if track.values.shape[1] not in counts:
+            text = f"{track.values.shape[1]} numbers command {track.name!r}, which takes {counts[0]}"
+            raise GdfeError(
+                f"{where}: {text}; remedy: `columns: {{x: ..., y: ..., z: ...}}` for a handle, else `column`"
+            )
+        if not np.isfinite(track.values).all():
+            raise GdfeError(f"{where}: a command of {track.name!r} is missing")
+
+
+def make_schedule(tracks: Sequence[Track], scene: Scene, moments: NDArray[np.float64]) -> Schedule:
+    """Return the steps of a simulation that follows tracks.
+
+    Args:
+        tracks: what is commanded.
+        scene: that follows them.
+        moments: times [s] up to which it is compared; without dynamics each is an equilibrium, with dynamics the steps
+            are as long as the scene's internal ones.
+    """
+    if scene.dynamics is None:
+        times = np.unique(moments)
+    else:
+        step = scene.dynamics.step
+        times = step * np.arange(1, max(1, math.ceil(float(moments.max()) / step - 1e-9)) + 1)
+    starts = np.concatenate([[0.0], times[:-1]]) if scene.dynamics is not None else times
+    loads = {load.name for load in scene.loads}
+    drives = {actuator.name for actuator in scene.actuators}
+    commands = []
+    for start, end in zip(starts, times, strict=True):
+        given = {track.name: track.at(float(start if track.held else end)) for track in tracks}
+        commands.append(
+            Command(
+                handles={n: _pose(v) for n, v in given.items() if n not in loads | drives},
+                actuators={n: float(v[0]) for n, v in given.items() if n in drives},
+                loads={n: float(v[0]) for n, v in given.items() if n in loads},
+            )
+        )
+    return Schedule(times, tuple(commands))
+
+
+def _pose(values: NDArray[np.float64]) -> Pose:
+    six = [*map(float, values), *([0.0] * (6 - len(values)))]
+    return Pose(tuple(six[:3]), tuple(six[3:]))

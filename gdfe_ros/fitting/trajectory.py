@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulation that follows a recording's commands, and what it gives of what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.fitting.recording import Recording
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.simulation import Simulation
+
+EQUILIBRIA, MOTION = 1e-6, 1e-5
+"""Largest solver tolerances of a fit, whose differences of simulations they disturb: at 1e-5 by 1.5 % in a swing."""
+
+
+class NotSimulatedError(GdfeError):
+    """A simulation of a recording that came to no end: the values of the parameters make no sense."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """What a simulation gives of each measured quantity.
+
+    Attributes:
+        times: (k,) on the simulation's clock [s]; with dynamics the first is 0.
+        outputs: (k, d) of each series, in the recording's order.
+        not_converged: number of steps that did not converge.
+    """
+
+    times: NDArray[np.float64]
+    outputs: tuple[NDArray[np.float64], ...]
+    not_converged: int = 0
+
+    def moved(self, change: Trajectory, length: float) -> Trajectory:
+        """Return this trajectory plus so much of a change."""
+        pairs = zip(self.outputs, change.outputs, strict=True)
+        return Trajectory(self.times, tuple(own + length * other for own, other in pairs), self.not_converged)
+
+
+def simulate(text: str, values: Mapping[str, float], recording: Recording, *, horizon: float = np.inf) -> Trajectory:
+    """Simulate a recording.
+
+    Args:
+        text: of the scene, which needs no other file.
+        values: of the parameters, by key.
+        recording: what is commanded and compared.
+        horizon: time [s] from which on nothing is simulated.
+
+    Raises:
+        NotSimulatedError: the scene makes no sense with these values, or its elements are turned inside out.
+    """
+    try:
+        simulation = _start(text, {**recording.overrides, **values}, recording)
+        return _run(simulation, recording, horizon)
+    except (GdfeError, ValueError, ArithmeticError) as error:
+        given = ", ".join(f"{key} = {value:.6g}" for key, value in values.items())
+        raise NotSimulatedError(f"recording {recording.name} with {given}: {error}") from error
+
+
+def _start(text: str, overrides: Mapping[str, Any], recording: Recording) -> Simulation:
+    """Return the simulation before its first step."""
+    origin = f"of recording {recording.name}"
+    scene = scene_from_text(text, origin=origin, overrides=overrides)
+    least = min(scene.solver.tolerance, EQUILIBRIA if scene.dynamics is None else MOTION)
+    simulation = Simulation(scene_from_text(text, origin=origin, overrides={**overrides, "solver.tolerance": least}))
+    if recording.from_equilibrium and scene.dynamics is not None:
+        still = {**overrides, "solver.tolerance": least, "dynamics": None}
+        rest = Simulation(scene_from_text(text, origin=origin, overrides=still))
+        rest.step(recording.schedule.commands[0])
+        simulation.set_positions(rest.positions)
+    return simulation
+
+
+def _run(simulation: Simulation, recording: Recording, horizon: float) -> Trajectory:
+    schedule, moves = recording.schedule, simulation.scene.dynamics is not None
+    observed = [series.observable for series in recording.series]
+    times = [0.0] if moves else []
+    rows = [[observable.of(simulation)] if moves else [] for observable in observed]
+    failed = 0
+    for end, command in zip(schedule.times, schedule.commands, strict=True):
+        if times and end > horizon:
+            break
+        result = simulation.step(command, dt=max(float(end) - simulation.time, 0.0))
+        if not np.isfinite(result.positions).all() or result.min_det <= 0.0:
+            raise NotSimulatedError(f"elements are turned inside out at t = {end:g} s")
+        failed += not result.converged
+        if times and end <= times[-1]:  # a command that took no time: its state replaces the one before
+            for row in (times, *rows):
+                row.pop()
+        times.append(float(end))
+        for row, observable in zip(rows, observed, strict=True):
+            row.append(observable.of(simulation))
+    return Trajectory(np.array(times), tuple(np.array(row) for row in rows), failed)

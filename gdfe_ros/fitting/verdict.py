@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well each recording is met, and what is doubtful about a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.problem import FitPoint, FitProblem
+from gdfe_ros.fitting.statistics import STRUCTURED, Confidence, autocorrelation
+
+WORSE = 1.5
+"""Misfit of a held-out recording over that of the fitted ones from which on the model does not predict it."""
+SLIGHT = 0.02
+"""Misfit, over the range of the data, below which neither structure nor prediction is worth a warning."""
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """How well one series of a recording is met.
+
+    Attributes:
+        recording: name.
+        series: name.
+        held_out: it was not fitted, but predicted.
+        count: of values.
+        rms: root mean square of simulated minus measured, SI.
+        relative: that over the root mean square of the measured values about their start, a range if displacements.
+        largest: absolute difference, SI.
+        autocorrelation: of the residuals with the next ones; NaN of too few.
+        residual: simulated minus measured, SI, shaped as measured (of a surface, distances).
+    """
+
+    recording: str
+    series: str
+    held_out: bool
+    count: int
+    rms: float
+    relative: float
+    largest: float
+    autocorrelation: float
+    residual: NDArray[np.float64]
+
+
+def matches(problem: FitProblem, point: FitPoint, *, held_out: bool = False) -> list[Match]:
+    """Return how well each series of each recording is met."""
+    found = []
+    for recording, sigmas, parts in zip(
+        problem.recordings, problem.sigmas, problem.series_residuals(point), strict=True
+    ):
+        for series, sigma, part in zip(recording.series, sigmas, parts, strict=True):
+            residual = part * sigma
+            sound = residual[np.isfinite(residual)]
+            rms = float(np.sqrt(np.mean(sound**2))) if sound.size else np.nan
+            size = _size(series.values, displacement=series.observable.displacement)
+            given = (rms, rms / size if size else np.nan, float(np.abs(sound).max(initial=0.0)))
+            found.append(
+                Match(recording.name, series.name, held_out, sound.size, *given, autocorrelation(residual), residual)
+            )
+    return found
+
+
+def _size(values: NDArray[np.float64], *, displacement: bool) -> float:
+    """Return how large measured values are: root mean square of displacements, else of changes from their mean."""
+    if values.ndim == 3:
+        return float(np.nanmax(np.ptp(values.reshape(-1, 3), axis=0)))
+    away = values if displacement else values - np.nanmean(values, axis=0)
+    return float(np.sqrt(np.nanmean(np.nansum(away**2, axis=1) / values.shape[1])))
+
+
+def warnings(
+    fitted: Sequence[Match], held_out: Sequence[Match], known: Confidence, parameters: Sequence[Parameter]
+) -> list[str]:
+    """Say what is doubtful about a fit."""
+    notes = list(known.loose)
+    for estimate, parameter in zip(known.estimates, parameters, strict=True):
+        if estimate.bound:
+            end = getattr(parameter, estimate.bound)
+            text = f"{estimate.key} ends at its bound {end:g}: the data ask for a value beyond"
+            notes.append(f"{text}; remedy: wider bounds, or ask what else the model lacks")
+    for match in fitted:
+        if match.autocorrelation > STRUCTURED and match.relative > SLIGHT:
+            notes.append(
+                f"{match.recording}, {match.series}: residuals are structured (correlation with the next one "
+                f"{match.autocorrelation:.2f}, {100.0 * match.relative:.2g} % of the motion): the parameters absorb "
+                "what the model lacks, and the confidence intervals are too narrow"
+            )
+    own = np.sqrt(np.nanmean([match.relative**2 for match in fitted])) if fitted else np.nan
+    for match in held_out:
+        if match.relative > max(WORSE * own, SLIGHT):
+            notes.append(
+                f"{match.recording}, {match.series}: held out and predicted to {100.0 * match.relative:.2g} % of the "
+                f"motion, the fitted ones are met to {100.0 * own:.2g} %: the model lacks something that they differ in"
+            )
+    return notes

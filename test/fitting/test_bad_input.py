@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fits that cannot be: one clear message each, exit status 2, and nothing is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gdfe_ros.cli import main
+
+YOUNG = "materials.rubber.young"
+VARY = ("--vary", f"{YOUNG}=5e4..8e5")
+
+
+@pytest.fixture
+def refused(tmp_path: Path, capsys: Any) -> Callable[..., str]:
+    """Give a function that runs a fit that must be refused, and returns what it says."""
+
+    def run(*given: object) -> str:
+        out = tmp_path / "out"
+        assert main(["fit", *(str(item) for item in given), "--workers", "1", "--out", str(out)]) == 2
+        assert not out.exists()
+        return capsys.readouterr().err
+
+    return run
+
+
+def _match(tmp_path: Path, text: str) -> tuple[str, Path]:
+    path = tmp_path / "match.yaml"
+    path.write_text(text)
+    return "--match", path
+
+
+def test_columns_that_do_not_exist(
+    write_scene: Callable, write_table: Callable, refused: Callable, tmp_path: Path
+) -> None:
+    """Name a column that is misspelt: the one that was meant is proposed, and all are listed."""
+    match = _match(tmp_path, "compare: {tip: {probe: tip, columns: {z: tip.zz}}}\n")
+    assert "no column 'tip.zz'; did you mean 'tip.z'?" in refused(write_scene(), write_table(), *VARY, *match)
+
+
+def test_topics_that_do_not_exist(
+    write_scene: Callable, record_bag: Callable, refused: Callable, tmp_path: Path
+) -> None:
+    """Name a topic that is misspelt: the one that was meant is proposed."""
+    match = _match(tmp_path, "compare: {tip: {probe: tip, topic: /gdfe_sim/probe/top}}\n")
+    said = refused(write_scene(), record_bag(count=3), *VARY, *match)
+    assert "no message on topic '/gdfe_sim/probe/top'; did you mean /gdfe_sim/probe/tip?" in said
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("compare: {tip: {probe: top, columns: {z: tip.z}}}", "no probe 'top' in scene 'pulled'; it has tip"),
+        ("compare: {tip: {probe: tip, column: tip.z}}", "along what is column 'tip.z' measured?"),
+        ("compare: {tip: {probe: tip, columns: {z: tip.z}}}\ncommands: {pul: 1.0}", "takes no command 'pul'"),
+        ("compare: {tip: {prob: tip}}", "compare.tip.prob: unknown key"),
+        ("recordings: {walk: {}}", "no recording takes run.csv; recordings: walk"),
+        ("time: clock", "no column 'clock'"),
+        ("where: {pull: [50, 60]}", "no row lies in"),
+    ],
+)
+def test_match_files_that_do_not_fit(
+    text: str, message: str, write_scene: Callable, write_table: Callable, refused: Callable, tmp_path: Path
+) -> None:
+    """Write match files with one defect each: it is told by its key."""
+    assert message in refused(write_scene(), write_table(), *VARY, *_match(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("vary", "message"),
+    [
+        ("materials.rubber.young", "is no parameter; --vary takes KEY=LOW..HIGH"),
+        ("materials.rubber.young=8e5..5e4", "allowed: LOW < HIGH"),
+        ("materials.rubber.law=1..2", "'neo_hookean' there; a number is needed"),
+        ("materials.rubber.jung=1..2", "jung (override): unknown key"),
+        ("materials.rubber.density=900..1200", "no influence on anything that was measured"),
+    ],
+)
+def test_parameters_that_cannot_be(
+    vary: str, message: str, write_scene: Callable, write_table: Callable, refused: Callable
+) -> None:
+    """Vary what is no interval, no number, no key, and what changes nothing."""
+    assert message in refused(write_scene(), write_table(), "--vary", vary)
+
+
+def test_a_modulus_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
+    """Seek a modulus of rubber between 3 and 20 kPa: what the data ask for is told."""
+    said = refused(write_scene(), write_table(), "--vary", f"{YOUNG}=3e3..2e4")
+    assert "ends at its bound 20000, and the data ask for about 2e+05" in said
+
+
+def test_positions_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
+    """Give millimetres as metres: the body is a thousand times smaller, and the remedy is told."""
+    assert "remedy: `unit: mm`" in refused(write_scene(), write_table(unit="m"), *VARY)
+
+
+def test_data_that_do_not_move(write_scene: Callable, write_table: Callable, refused: Callable, tmp_path: Path) -> None:
+    """Compare with a column that never changes."""
+    data = write_table(count=5)
+    data.write_text("\n".join(["tip.z [mm]", *["-3.0"] * 5]) + "\n")
+    assert "the data do not move: every value is -0.003" in refused(write_scene(), data, *VARY)
+
+
+def test_recordings_that_are_not_there(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
+    """Give no recording, one that does not exist, and hold out one of another name, or all of them."""
+    assert "give a scene and recordings" in refused(write_scene(), *VARY)
+    assert "does not exist" in refused(write_scene(), "none.csv", *VARY)
+    assert "no such recording; recordings: run" in refused(write_scene(), write_table(), *VARY, "--holdout", "walk")
+    assert "nothing is left to fit" in refused(write_scene(), write_table(), *VARY, "--holdout", "run")

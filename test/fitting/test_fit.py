@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes fitted to recordings of themselves: what was put in comes out, what the data do not say is told."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gdfe_ros.cli import main
+from gdfe_ros.scene import load_scene
+
+YOUNG, VISCOSITY = "materials.rubber.young", "dynamics.damping.viscosity"
+
+
+def _fit(*given: object) -> int:
+    return main(["fit", *(str(item) for item in given), "--workers", "1"])
+
+
+def _values(out: Path) -> dict[str, Any]:
+    return json.loads((out / "fit.json").read_text())["parameters"]
+
+
+def test_a_modulus_comes_back_from_a_table(
+    write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
+) -> None:
+    """Fit equilibria with 1 % noise from a wrong start: within 1 %, inside of the interval, with all files."""
+    out = tmp_path / "out"
+    assert _fit(write_scene(), write_table(), "--vary", f"{YOUNG}=3e4..4e4..2e6", "--out", out) == 0
+    found = _values(out)[YOUNG]
+    assert found["value"] == pytest.approx(2e5, rel=0.01)
+    assert found["low"] < 2e5 < found["high"]
+    assert load_scene(out / "scene.yaml").materials["rubber"].young == pytest.approx(found["value"])
+    assert (out / "fit.png").stat().st_size > 20_000
+    assert "Plotly.newPlot" in (out / "fit.html").read_text(encoding="utf-8")
+    assert len((out / "residuals.csv").read_text().splitlines()) == 1 + 3 * 30
+    assert "warning" not in capsys.readouterr().out
+
+
+def test_a_modulus_comes_back_from_our_own_bag(write_scene: Callable, record_bag: Callable, tmp_path: Path) -> None:
+    """Fit a bag of the node with 1 % noise in its positions, whose commands are replayed: within 1 %."""
+    out = tmp_path / "out"
+    assert _fit(write_scene(), record_bag(), "--vary", f"{YOUNG}=5e4..8e5", "--out", out) == 0
+    assert _values(out)[YOUNG]["value"] == pytest.approx(2e5, rel=0.01)
+
+
+def test_modulus_and_damping_come_back_from_a_swing(
+    swinging_text: str, write_scene: Callable, write_table: Callable, tmp_path: Path
+) -> None:
+    """Fit a swing with 1 % noise from a modulus that swings 1.6 times too fast: both within 1 % and 5 %."""
+    out, data = tmp_path / "out", write_table(swinging_text, count=100)
+    given = ("--vary", f"{YOUNG}=5e4..5e5..1e6", "--vary", f"{VISCOSITY}=20..100..5e3", "--out", out)
+    assert _fit(write_scene(swinging_text), data, *given) == 0
+    assert _values(out)[YOUNG]["value"] == pytest.approx(2e5, rel=0.01)
+    assert _values(out)[VISCOSITY]["value"] == pytest.approx(300.0, rel=0.05)
+
+
+def test_time_shift_and_frame_come_back(
+    swinging_text: str, write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
+) -> None:
+    """Record by a clock 23 ms ahead in a frame turned by 90 degrees and moved: it is found, and the modulus."""
+    table = np.genfromtxt(write_table(swinging_text, count=100, noise=0.001), delimiter=",", skip_header=1)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    rows = np.column_stack([table[:, 0] + 0.023, 1e-3 * table[:, 2:] @ turn.T + [0.3, -0.2, 0.1]])
+    data, match = tmp_path / "lab.csv", tmp_path / "match.yaml"
+    np.savetxt(data, rows, delimiter=",", header="clock,a,b,c", comments="")
+    match.write_text(
+        "time: clock\nshift_between: [-0.1, 0.1]\nframe: {fit: pose}\n"
+        "compare: {tip: {probe: tip, columns: {x: a, y: b, z: c}}}\n"
+    )
+    given = ("--match", match, "--vary", f"{YOUNG}=1e5..4e5", "--out", tmp_path / "out")
+    assert _fit(write_scene(swinging_text), data, *given) == 0
+    assert _values(tmp_path / "out")[YOUNG]["value"] == pytest.approx(2e5, rel=0.01)
+    found = re.search(r"lab: time shift ([\d.]+) ms", capsys.readouterr().out)
+    assert float(found[1]) == pytest.approx(23.0, abs=0.5)
+
+
+def test_a_held_out_recording_is_predicted(
+    write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
+) -> None:
+    """Hold out a softer body: it is predicted badly, and a warning says so; the fit does not see it."""
+    good = write_table(name="good")
+    soft = write_table(Path(write_scene()).read_text().replace("2.0e5", "1.2e5"), name="soft", seed=3)
+    out = tmp_path / "out"
+    given = ("--vary", f"{YOUNG}=5e4..8e5", "--holdout", "soft", "--out", out)
+    assert _fit(write_scene(), good, soft, *given) == 0
+    assert _values(out)[YOUNG]["value"] == pytest.approx(2e5, rel=0.01)
+    printed = capsys.readouterr().out
+    assert "soft, tip: held out and predicted to" in printed
+    assert "predicted" in (out / "fit.html").read_text(encoding="utf-8")
+
+
+def test_structure_is_told(write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any) -> None:
+    """Fit a linear law to a body that is neo-Hookean under large loads: residuals are structured, and it is said."""
+    other = Path(write_scene()).read_text().replace("neo_hookean", "linear").replace("[0, 0, -0.05]", "[0.3, 0, -0.05]")
+    data = write_table(other.replace("linear", "neo_hookean"), noise=1e-4, most=20.0)
+    assert _fit(write_scene(other), data, "--vary", f"{YOUNG}=5e4..8e5", "--out", tmp_path / "out") == 0
+    assert "residuals are structured" in capsys.readouterr().out
+
+
+def test_what_the_data_do_not_tell_apart_is_told(
+    write_scene: Callable, write_table: Callable, tmp_path: Path, capsys: Any
+) -> None:
+    """Fit modulus and load to displacements, which tell their ratio alone: it is said by name."""
+    text = Path(write_scene()).read_text()
+    given = ("--vary", f"{YOUNG}=5e4..8e5", "--vary", "loads.pull.point.force.2=-0.2..-0.01")
+    _fit(write_scene(text), write_table(), *given, "--out", tmp_path / "out")
+    printed = capsys.readouterr().out
+    assert "tell" in printed
+    assert YOUNG in printed.partition("the data")[2]
+
+
+def test_a_robust_loss_forgives_outliers(write_scene: Callable, write_table: Callable, tmp_path: Path) -> None:
+    """Spoil every seventh row: squares are led astray, a robust loss is not."""
+    data = write_table(noise=0.002)
+    lines = data.read_text().splitlines()
+    for row in range(3, len(lines), 7):
+        cells = lines[row].split(",")
+        lines[row] = ",".join([*cells[:4], str(float(cells[4]) - 15.0)])
+    data.write_text("\n".join(lines) + "\n")
+    found = {}
+    for loss in ("linear", "cauchy"):
+        given = ("--vary", f"{YOUNG}=5e4..8e5", "--loss", loss, "--out", tmp_path / loss)
+        assert _fit(write_scene(), data, *given) == 0
+        found[loss] = abs(_values(tmp_path / loss)[YOUNG]["value"] / 2e5 - 1.0)
+    assert found["cauchy"] < 0.01 < found["linear"]
