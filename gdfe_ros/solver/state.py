@@ -222,8 +222,8 @@ class State:
         sound: no element is folded or inverted.
         suspect: the positions were given and have folded or inverted elements.
         tried: it was tried in vain to come here from rest.
-        anchor: the last state that was an equilibrium, where this one is on the way to one, or where a step failed and left
-            elements crumpled.
+        anchor: the last state that was an equilibrium, where this one is on the way to one, or where a step failed and
+            left elements crumpled.
         ledger: of a body in motion; None without dynamics.
     """
 
