@@ -17,6 +17,8 @@ _SLOWER, _FASTER = 0.5, 1.2
 """By what the share changes after a change that needed more than its step, and after one that did not."""
 _HELD, _BACK = 200, 2000
 """Iterations after which a change is given up that is held, and one back; a change that converges needs 5 to 150."""
+_LEAST = 4
+"""Iterations that a step counts for at least: near edges of stability the time goes into other work."""
 
 
 class _Phase(Enum):
@@ -118,7 +120,7 @@ class Slew:
         """Learn from a step: whether it converged, whether a deadline ended it before it could, its iterations."""
         if not self._given:
             return
-        self._effort = self._effort + iterations if cut and not converged else 0
+        self._effort = self._effort + max(_LEAST, iterations) if cut and not converged else 0
         if converged and self._phase is _Phase.BACK:
             self._try_again()
         elif converged or not cut:

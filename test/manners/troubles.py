@@ -180,7 +180,7 @@ def hurry() -> Iterator[Row]:
         right = told and asked == "1000" and 0.0 < float(reached) < 1000.0 and float(late_by) > 0.0
         found = _told(right, "asked, reached, late", f"{asked}, {reached}, {late_by}")
         yield "1000 steps a second of a large bar", "asked, reached, late", found
-    with Stage([*_FINGER, "-p", "deadline:=0.05", "-p", "slew_time:=2.0"]) as stage:
+    with Stage([*_FINGER, "-p", "deadline:=1.0", "-p", "slew_time:=2.0"]) as stage:
         records = stage.listen("/gdfe_sim/step_record", String)
         stage.wait(lambda: records)
         stage.publish("actuation", JointState(name=["flexor"], effort=[3.0]))

@@ -69,6 +69,14 @@ def test_a_change_that_does_not_converge_is_taken_back() -> None:
     np.testing.assert_allclose(seen, [2.0, 4.0, 6.0, 6.0, 4.0, 5.0, 6.2, 6.2])
 
 
+def test_steps_without_iterations_count_too() -> None:
+    """Let steps beyond 5 N be cut before their first iteration: after 50 of them the command goes back."""
+    finger = _Finger(lambda value: ((good := value <= 5.0), not good, 0))
+    seen = finger.go(20.0, 53)
+    assert seen[2:52] == pytest.approx([6.0] * 50)
+    assert seen[52] == 4.0
+
+
 def test_an_edge_of_stability_is_passed() -> None:
     """Let every step from 6 to 8 N be cut: small changes fail there, large ones pass it."""
     finger = _Finger(lambda value: ((bad := 6.0 < value < 8.0) is False, bad, 200))
