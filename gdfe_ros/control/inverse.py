@@ -27,6 +27,8 @@ LEAST = 1e-4
 TRUST, SHORTER, LONGER = 0.1, 0.25, 2.0
 """Longest way of the probes in a change, over the body's size; by how much it shrinks where a change did not lead
 nearer, and grows where it did."""
+ROUNDING = 1e-9
+"""Share of a change that is none."""
 MOST_TRIES = 60
 """Changes of the commands after which a goal counts as out of reach."""
 STANDSTILL, FAINT = 0.1, 1e-3
@@ -183,7 +185,7 @@ class InverseControl:
             gain = length - float(np.linalg.norm(error - rows @ change))
             if np.linalg.norm(rows @ change) < STANDSTILL * self.tolerance or gain < FAINT * self.tolerance:
                 break
-            values = np.clip(now + change, self._low, self._high).tolist()  # rounding leaves no range
+            values = self._ranged(now + change, ROUNDING * np.abs(change)).tolist()
             result = self.simulation.step(Command(actuators=dict(zip(self.names, values, strict=True))), dt=dt)
             after = self._errors(wanted)
             if result.converged and length - float(np.linalg.norm(after)) > 0.25 * gain:
@@ -195,6 +197,12 @@ class InverseControl:
                 break
         self._trust = TRUST * self.simulation.mesh.size
         return False, error, tries
+
+    def _ranged(self, commands: Array, rounding: Array) -> Array:
+        """Return commands (n,) within their ranges, and at an end of one where only rounding (n,) keeps them off it."""
+        commands = np.where(np.abs(commands - self._low) <= rounding, self._low, commands)
+        commands = np.where(np.abs(commands - self._high) <= rounding, self._high, commands)
+        return np.clip(commands, self._low, self._high)
 
     def _checked(self, goals: ArrayLike) -> Array:
         wanted = np.asarray(goals, dtype=np.float64)
