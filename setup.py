@@ -39,6 +39,7 @@ EXTRAS = {
     "sweep": ["distributed>=2024.8", "pyarrow>=15.0"],
     "video": ["av>=14.0"],
     "live": ["viser>=1.1,<2"],
+    "control": ["quadprog>=0.1.12"],
     "gym": ["gymnasium>=1.0"],
     "bench": ["felupe>=11.3", "tensortrax>=0.29", "pypardiso>=0.4.7", "mujoco>=4.0", "cholespy>=2.0"],
     "docs": ["mkdocs>=1.6", "latex2mathml>=3.77"],
@@ -54,6 +55,7 @@ EXTRAS = {
         "av>=14.0",
         "viser>=1.1,<2",
         "gymnasium>=1.0",
+        "quadprog>=0.1.12",
     ],
 }
 

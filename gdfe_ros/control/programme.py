@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The quadratic programme of one change of commands, and the one place where a solver of such programmes is called."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import DependencyError
+
+Array = NDArray[np.float64]
+
+
+def least_squares(rows: Array, goal: Array, low: Array, high: Array, *, least: float) -> Array:
+    """Return x (n,) of the least |A x - b|^2 + least^2 |D x|^2 with low <= x <= high, exact to rounding.
+
+    D has the lengths of A's columns: a change costs what it moves, whatever its unit. Bounds hold to the last bit.
+
+    Args:
+        rows: A (m, n).
+        goal: b (m,).
+        low: least x (n,); minus infinity for none.
+        high: largest x (n,), not below ``low``; infinity for none.
+        least: weight of the change itself; above zero, since other changes may lead to the same goal.
+
+    Raises:
+        DependencyError: quadprog is not installed.
+    """
+    try:
+        import quadprog
+    except ImportError as error:
+        raise DependencyError("inverse control needs quadprog; remedy: pip install gdfe_ros[control]") from error
+    lengths = np.linalg.norm(rows, axis=0)
+    lengths = np.maximum(lengths, max(float(lengths.max(initial=0.0)) * 1e-9, 1e-300))
+    scaled = rows / lengths  # all entries are of the order of one, whatever the units
+    size = max(float(np.linalg.norm(goal)), 1e-300)
+    hessian = scaled.T @ scaled + least**2 * np.eye(len(lengths))
+    bounds = np.concatenate([low * lengths / size, -high * lengths / size])
+    sides = np.concatenate([np.eye(len(lengths)), -np.eye(len(lengths))], axis=1)
+    real = np.isfinite(bounds)
+    given = (sides[:, real], bounds[real]) if real.any() else ()
+    found = quadprog.solve_qp(hessian, scaled.T @ (goal / size), *given)[0]
+    return np.clip(found * size / lengths, low, high)

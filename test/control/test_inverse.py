@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands from wanted positions: circles, bounds, rates, priorities, goals out of reach."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from gdfe_ros import Command, Simulation, load_scene
+from gdfe_ros.control import InverseControl, Target
+from gdfe_ros.control.programme import least_squares
+from gdfe_ros.errors import CommandError, DependencyError
+
+TIP = Target(probe="tip", axes=(0, 2))
+MIDDLE = {"flexor": 5.0, "extensor": 15.0}
+RADIUS = 5e-4
+"""Of a circle [m] that both tendons reach: pulling both, the tip moves across its path by 0.1 mm a newton."""
+
+
+def finger() -> Simulation:
+    """Return the tendon finger with both tendons pulled."""
+    simulation = Simulation(load_scene("tendon_finger", overrides={"solver.tolerance": 1e-6}))
+    assert simulation.step(Command(actuators=MIDDLE)).converged
+    return simulation
+
+
+def test_a_fingertip_follows_a_circle() -> None:
+    """Find tensions for a circle; a model of its own, told these alone, is off by less than 1 % of the radius."""
+    control, model = InverseControl(finger(), [TIP]), finger()
+    middle, errors = model.probe_positions()["tip"], []
+    for angle in np.linspace(0.0, 2.0 * np.pi, 13):
+        goal = middle + RADIUS * np.array([np.cos(angle), 0.0, np.sin(angle)])
+        found = control.reach([goal])
+        assert found.reached, found.message
+        assert model.step(Command(actuators=found.commands)).converged
+        errors.append(np.linalg.norm((model.probe_positions()["tip"] - goal)[[0, 2]]))
+    assert np.mean(errors) < 0.01 * RADIUS
+
+
+def test_goals_out_of_reach_end_at_the_nearest_point() -> None:
+    """Ask for a point far ahead of the finger: no command within the ranges comes nearer, and the message says so."""
+    simulation, goal = finger(), np.array([0.2, 0.0, 0.0])
+    found = InverseControl(simulation, [TIP]).reach([goal])
+    assert not found.reached
+    assert "nearest point so far, from the goal: tip 0.0998 m; at the end of their range: flexor" in found.message
+    assert found.commands["flexor"] == 0.0
+    here = simulation.snapshot()
+    for change in ({"flexor": 0.05}, {"extensor": 0.1}, {"extensor": -0.1}):
+        simulation.restore(here)
+        simulation.step(Command(actuators={name: found.commands[name] + by for name, by in change.items()}))
+        away = np.linalg.norm((simulation.probe_positions()["tip"] - goal)[[0, 2]])
+        assert away > found.distances[0] - 1e-6
+
+
+def test_a_move_keeps_to_rates() -> None:
+    """Limit a tendon's rate: one move of 10 ms changes its tension by no more, towards the goal."""
+    scene = load_scene("tendon_finger", overrides={"actuators.flexor.cable.rate": 10.0})
+    simulation = Simulation(scene)
+    simulation.step(Command(actuators={"flexor": 1.0}), dt=1.0)
+    before = simulation.probe_positions()["tip"]
+    goal = before - np.array([0.02, 0.0, 0.01])
+    found = InverseControl(simulation, [TIP], actuators=["flexor"]).move([goal], 0.01)
+    assert found.commands["flexor"] == pytest.approx(1.1, rel=1e-12)
+    assert not found.reached
+    assert found.distances[0] < np.linalg.norm((goal - before)[[0, 2]])
+
+
+def test_priorities_decide_between_targets() -> None:
+    """Ask for two places of one tip: it goes to their mean by the weights."""
+    middle, away = finger().probe_positions()["tip"], np.array([3e-4, 0.0, 0.0])
+    for weight, share in ((1.0, 0.5), (3.0, 0.25)):
+        simulation = finger()
+        targets = [Target(probe="tip", axes=(0, 2), weight=weight), TIP]
+        InverseControl(simulation, targets).reach([middle, middle + away])
+        moved = simulation.probe_positions()["tip"] - middle
+        np.testing.assert_allclose(moved[[0, 2]], share * away[[0, 2]], atol=2e-6)
+
+
+def test_the_programme_is_solved_exactly() -> None:
+    """Compare bounded least squares of all sizes and units with scipy's."""
+    random = np.random.default_rng(0)
+    for size in (1, 2, 5, 12):
+        rows = random.standard_normal((6, size)) * 10.0 ** random.uniform(-8, 0, size)
+        goal, least = random.standard_normal(6), 1e-4
+        lengths = np.linalg.norm(rows, axis=0)
+        low, high = -random.uniform(0.0, 1.0, size) / lengths, random.uniform(0.0, 1.0, size) / lengths
+        low[0], high[-1] = -np.inf, np.inf
+        found = least_squares(rows, goal, low, high, least=least)
+        whole = np.vstack([rows / lengths, least * np.eye(size)]), np.concatenate([goal, np.zeros(size)])
+        best = lsq_linear(*whole, bounds=(low * lengths, high * lengths), tol=1e-14)
+        np.testing.assert_allclose(found * lengths, best.x, atol=1e-6)
+        assert (found >= low).all()
+        assert (found <= high).all()
+
+
+def test_wrong_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Name what is not there, goals that are none, a scene in motion, and a solver that is not installed."""
+    simulation = Simulation(load_scene("tendon_finger"))
+    with pytest.raises(CommandError, match="no probe 'nail'; probes: tip"):
+        InverseControl(simulation, ["nail"])
+    with pytest.raises(CommandError, match="no actuator 'muscle' in scene 'tendon_finger'; actuators: flexor"):
+        InverseControl(simulation, ["tip"], actuators=["muscle"])
+    with pytest.raises(ValueError, match=r"axes of target 'tip' must be some of 0, 1, 2, got \(3,\)"):
+        Target(probe="tip", axes=(3,))
+    with pytest.raises(CommandError, match="remedy: a scene without dynamics"):
+        InverseControl(Simulation(load_scene("silicone_beam")), ["tip"])
+    with pytest.raises(CommandError, match=r"goals must be finite and of shape \(1, 3\)"):
+        InverseControl(simulation, ["tip"]).reach([[0.0, np.nan, 0.0]])
+    monkeypatch.setitem(sys.modules, "quadprog", None)
+    with pytest.raises(DependencyError, match=r"remedy: pip install gdfe_ros\[control\]"):
+        least_squares(np.eye(2), np.ones(2), -np.ones(2), np.ones(2), least=1e-4)
