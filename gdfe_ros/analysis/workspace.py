@@ -33,7 +33,7 @@ MOST_GRID = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Workspace:
+class ReachableSet:
     """Reached points.
 
     Attributes:
@@ -129,7 +129,7 @@ def _tour(unit: NDArray[np.float64]) -> list[int]:
 
 def find_workspace(
     scene: Scene, probe: str, actuators: Sequence[str], commands: NDArray[np.float64], *, workers: int = 1
-) -> Workspace:
+) -> ReachableSet:
     """Find the equilibrium at each command, in parallel.
 
     Args:
@@ -154,7 +154,7 @@ def find_workspace(
     points = np.concatenate([places for places, _ in results])
     messages = tuple(text for _, texts in results for text in texts)
     rest = scene.probes[probe].at(scene.mesh.vertices)[0]
-    return Workspace(probe, tuple(actuators), commands, points, rest, messages)
+    return ReachableSet(probe, tuple(actuators), commands, points, rest, messages)
 
 
 def _reach(given: tuple[str, str, tuple[str, ...], NDArray[np.float64]]) -> tuple[NDArray[np.float64], list[str]]:

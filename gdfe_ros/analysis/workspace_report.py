@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from gdfe_ros.analysis.workspace import Workspace
+from gdfe_ros.analysis.workspace import ReachableSet
 
 _PAIRS = (("x", "z", 0, 2), ("y", "z", 1, 2), ("x", "y", 0, 1))
 
 
-def workspace_rows(found: Workspace) -> list[tuple[str, str]]:
+def workspace_rows(found: ReachableSet) -> list[tuple[str, str]]:
     """Return what was found, name and value."""
     points = found.points[found.reached]
     rows = [("commands", f"{len(found.points)} of {', '.join(found.actuators)}"), ("reached", f"{len(points)}")]
@@ -29,7 +29,7 @@ def workspace_rows(found: Workspace) -> list[tuple[str, str]]:
     return rows
 
 
-def write_workspace(path: Path, found: Workspace) -> None:
+def write_workspace(path: Path, found: ReachableSet) -> None:
     """Write a row for each command: commands, place [m], and why there is none.
 
     Raises:
@@ -43,7 +43,7 @@ def write_workspace(path: Path, found: Workspace) -> None:
             writer.writerow([*(f"{value:.9g}" for value in command), *places, message])
 
 
-def draw_workspace(path: Path, found: Workspace, *, title: str) -> None:
+def draw_workspace(path: Path, found: ReachableSet, *, title: str) -> None:
     """Draw the points in space and from three sides, coloured by the first command.
 
     Raises:
