@@ -30,6 +30,7 @@ from benchmarks.node import tables as node_tables
 from benchmarks.report import KEPT, read_report
 from benchmarks.tables import all_tables
 from docs.scripts.constants import constant_table
+from docs.scripts.library import library_table
 from gdfe_ros.node import reference as node_reference
 from gdfe_ros.scene import reference as scene_reference
 
@@ -47,6 +48,7 @@ def texts() -> dict[str, str]:
         "scene": scene_reference.markdown(),
         "node": node_reference.markdown(),
         "constants": constant_table(),
+        "library": library_table(),
     }
     for name, tables in TABLES.items():
         report = read_report(KEPT / f"{name}.json")

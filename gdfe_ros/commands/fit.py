@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from gdfe_ros.errors import GdfeError
@@ -76,7 +77,7 @@ def _fit_tensile(arguments: argparse.Namespace) -> int:
     console = Console(soft_wrap=True)
     table = Table(title=f"{arguments.tensile}: {len(fit.strain)} points", title_justify="left", show_header=False)
     for row in tensile_rows(fit):
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     console.print(table)
     for text in tensile_remarks(fit):
         console.print(f"note: {text}", style="yellow", markup=False, highlight=False)
@@ -87,6 +88,7 @@ def _fit_tensile(arguments: argparse.Namespace) -> int:
 
 
 def _fit_scene(arguments: argparse.Namespace) -> int:
+    from gdfe_ros.analysis.difference_table import wide_console
     from gdfe_ros.fitting.fit import fit_scene
     from gdfe_ros.fitting.fit_report import write_fit
     from gdfe_ros.fitting.parameter import read_parameters
@@ -99,7 +101,7 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
     parameters = read_parameters(arguments.vary, scene)
     recordings = read_recordings(arguments.data, arguments.match, scene)
     fitted, held_out = split_held_out(recordings, arguments.holdout)
-    console = Console(soft_wrap=True)
+    console = wide_console()
     count = sum(recording.count for recording in fitted)
     console.print(f"{len(fitted)} recordings with {count} values are fitted, {len(held_out)} held out", highlight=False)
     for recording in recordings:
@@ -129,13 +131,13 @@ def _print(console: Console, fit: object, elapsed: float) -> None:
     for head in ("key", "value", "95 % interval", "correlations with those above"):
         table.add_column(head, overflow="fold")
     for row in parameter_rows(fit):
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     console.print(table)
     table = Table(title="measured and simulated", title_justify="left")
-    for head in ("recording", "series", "", "values", "misfit, rms [SI]", "of the motion"):
+    for head in ("recording", "series", "", "values", escape("misfit, rms [SI]"), "of the motion"):
         table.add_column(head, overflow="fold")
     for row in match_rows(fit):
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     console.print(table)
     for name, text in own_rows(fit):
         console.print(f"{name}: {text}", markup=False, highlight=False)

@@ -114,33 +114,37 @@ def _own(source: Source, scene: Scene) -> tuple[tuple[Series, ...], Schedule, tu
     run = BagRun(source.path)
     probes = [name for name in scene.probes if f"probe/{name}" in run.roles]
     topics = [f"probe/{name}" for name in probes] or ["mesh"]
-    steps, remarks = [], []
-    for step in BagSteps(run, topics=topics):
-        follows = step.record.begin is Begin.LAST and step.record.step == steps[-1].record.step + 1 if steps else True
-        if not steps and step.record.begin is not Begin.REST:
-            raise GdfeError(f"bag {source.path} does not begin at rest; remedy: record from the activation on")
-        if not follows:
-            remarks.append(f"read up to t = {steps[-1].record.time:g} s, where the run was begun anew")
-            break
-        steps.append(step)
-    if not steps:
-        raise GdfeError(f"bag {source.path} holds no step: there is nothing to fit")
+    steps, remarks = _from_rest(run, topics)
     schedule = Schedule(
         np.array([step.record.time for step in steps]), tuple(command_of(step.record) for step in steps)
     )
     compared = [step for step in steps if all(topic in step.samples for topic in topics)][:: source.match.every]
     times = np.array([step.record.time for step in compared])
     if probes:
-        series = tuple(
-            Series(name, Observable(Kind.PROBE, name), times, _positions(compared, name), tuple("xyz"), np.eye(3))
-            for name in probes
-        )
+        given = {"labels": tuple("xyz"), "along": np.eye(3)}
+        series = [Series(n, Observable(Kind.PROBE, n), times, _positions(compared, n), **given) for n in probes]
     else:
         clouds = [np.stack([step.samples["mesh"][axis] for axis in "xyz"], axis=1) for step in compared]
         observable = Observable(Kind.VERTICES)
         found = _cloud_values(observable, [cloud.astype(np.float64) for cloud in clouds], scene, f"bag {source.path}")
-        series = (Series("mesh", observable, times, found, ("",)),)
-    return series, schedule, tuple(remarks)
+        series = [Series("mesh", observable, times, found, ("",))]
+    return tuple(series), schedule, remarks
+
+
+def _from_rest(run: BagRun, topics: list[str]) -> tuple[list[BagStep], tuple[str, ...]]:
+    """Return the steps of a run from rest on, as far as each follows from the one before, and what is left out."""
+    steps: list[BagStep] = []
+    for step in BagSteps(run, topics=topics):
+        if not steps and step.record.begin is not Begin.REST:
+            raise GdfeError(f"bag {run.reader.path} does not begin at rest; remedy: record from the activation on")
+        if steps and (step.record.begin is not Begin.LAST or step.record.step != steps[-1].record.step + 1):
+            return steps, (
+                f"read up to t = {steps[-1].record.time:g} s, where the run was begun anew or steps are lost",
+            )
+        steps.append(step)
+    if not steps:
+        raise GdfeError(f"bag {run.reader.path} holds no step: there is nothing to fit")
+    return steps, ()
 
 
 def _positions(steps: list[BagStep], probe: str) -> NDArray[np.float64]:

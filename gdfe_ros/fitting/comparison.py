@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.fitting.observable import POSITIONS, Kind
-from gdfe_ros.fitting.recording import Recording, Series
+from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import Trajectory
 
 Own = NDArray[np.float64]
@@ -139,9 +139,3 @@ def _at(times: NDArray[np.float64], outputs: NDArray[np.float64], moments: NDArr
     if outputs.shape[0] > 3 and times[0] == 0.0:
         return CubicSpline(times, outputs)(inside)
     return np.stack([np.interp(inside, times, column) for column in outputs.T], axis=1).reshape(moments.size, -1)
-
-
-def series_count(series: Series) -> int:
-    """Return the number of measured values, of a surface that of its points."""
-    finite = np.isfinite(series.values)
-    return int(finite.all(axis=2).sum()) if series.values.ndim == 3 else int(finite.sum())

@@ -100,7 +100,8 @@ class FitProblem:
         trajectories = self.trajectories(values)
         for item in trajectories:
             if isinstance(item, NotSimulatedError):
-                raise item
+                remedy = "another START in --vary KEY=LOW..START..HIGH; check its unit (1 MPa is 1.0e6)"
+                raise NotSimulatedError(f"the search cannot begin: {item}; remedy: {remedy}")
         own = [first_own(recording, item) for recording, item in zip(self.recordings, trajectories, strict=True)]
         coordinates = [p.coordinate(value) for p, value in zip(self.parameters, values, strict=True)]
         return np.concatenate([coordinates, *own])

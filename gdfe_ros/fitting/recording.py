@@ -37,6 +37,12 @@ class Series:
     sigma: float | None = None
 
     @property
+    def count(self) -> int:
+        """Number of measured values, of a surface that of its points."""
+        finite = np.isfinite(self.values)
+        return int(finite.all(axis=2).sum()) if self.values.ndim == 3 else int(finite.sum())
+
+    @property
     def span(self) -> float:
         """Largest range of a column."""
         return float(np.nanmax(np.ptp(self.values, axis=0)))
@@ -88,6 +94,5 @@ class Recording:
 
     @property
     def count(self) -> int:
-        """Measured values, of a surface points."""
-        return sum(int(np.isfinite(series.values).all(axis=-1).sum()) if series.values.ndim == 3
-                   else int(np.isfinite(series.values).sum()) for series in self.series)  # fmt: skip
+        """Number of measured values."""
+        return sum(series.count for series in self.series)

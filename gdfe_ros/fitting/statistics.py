@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from gdfe_ros.fitting.comparison import series_count
 from gdfe_ros.fitting.parameter import Parameter
 from gdfe_ros.fitting.problem import FitProblem
 from gdfe_ros.fitting.solve import Solved
@@ -73,7 +72,7 @@ def confidence(problem: FitProblem, solved: Solved) -> Confidence:
     held = np.array([bool(text) for text in bounds] + [False] * (len(solved.unknowns) - count))
     free = np.flatnonzero(~held)
     jacobian = solved.jacobian[:, free]
-    values = sum(series_count(series) for recording in problem.recordings for series in recording.series)
+    values = sum(recording.count for recording in problem.recordings)
     degrees = max(1, values - free.size)
     variance = 2.0 * solved.cost / degrees
     scale = np.linalg.norm(jacobian, axis=0)

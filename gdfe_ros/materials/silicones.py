@@ -42,15 +42,15 @@ def _silicone(
 
 
 SILICONES = {
-    "ecoflex_00_30": _silicone((3.6, 8.6, 16.9, 29.7, 52.4, 80.2, 157.0), mu=13708.0, alpha=2.457, misfit=0.0755),
-    "ecoflex_00_50": _silicone((4.9, 12.3, 22.8, 41.0, 79.0, 126.0, 251.0), mu=18659.0, alpha=2.582, misfit=0.0587),
+    "ecoflex_00_30": _silicone((3.6, 8.6, 16.9, 29.7, 52.4, 80.2, 157.0), mu=13708.0, alpha=2.4575, misfit=0.0755),
+    "ecoflex_00_50": _silicone((4.9, 12.3, 22.8, 41.0, 79.0, 126.0, 251.0), mu=18659.0, alpha=2.5820, misfit=0.0587),
     "dragon_skin_10": _silicone(  # density: Dubied et al. 2022
-        (11.1, 26.4, 53.0, 113.0, 273.0, 445.0, 825.0), mu=42327.0, alpha=2.926, misfit=0.1276, density=1070.0
+        (11.1, 26.4, 53.0, 113.0, 273.0, 445.0, 825.0), mu=42327.0, alpha=2.9264, misfit=0.1276, density=1070.0
     ),
-    "dragon_skin_20": _silicone((26.1, 72.1, 151.0, 318.0, 722.0, 1195.0), mu=105796.0, alpha=3.122, misfit=0.1446),
+    "dragon_skin_20": _silicone((26.1, 72.1, 151.0, 318.0, 722.0, 1195.0), mu=105796.0, alpha=3.1221, misfit=0.1447),
     "dragon_skin_30": _silicone(
-        (45.7, 111.0, 214.0, 437.0, 960.0, 1530.0, 2790.0), mu=175729.0, alpha=2.767, misfit=0.0876
+        (45.7, 111.0, 214.0, 437.0, 960.0, 1530.0, 2790.0), mu=175729.0, alpha=2.7673, misfit=0.0876
     ),
-    "mold_star_16": _silicone((20.1, 51.4, 94.7, 186.0, 433.0, 763.0), mu=74708.0, alpha=2.963, misfit=0.0446),
+    "mold_star_16": _silicone((20.1, 51.4, 94.7, 186.0, 433.0, 763.0), mu=74708.0, alpha=2.9628, misfit=0.0446),
 }
 """By name. Only the density of Dragon Skin 10 is in the sources; of the others a scene gives it where it is needed."""

@@ -12,7 +12,7 @@ import pytest
 from gdfe_ros.live.bag import LiveBag
 from gdfe_ros.node.step import Step
 from gdfe_ros.recording.step_record import Begin, StepRecord
-from gdfe_ros.scene import Scene, scene_from_text
+from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 
 PULLED = """\
@@ -25,18 +25,6 @@ loads: {pull: {point: {at: [0.1, 0, 0], force: [0, 0, -0.05]}}}
 probes: {tip: [0.1, 0, 0]}
 """
 SWINGING = PULLED.replace("name: pulled", "name: swinging") + "dynamics: {step: 0.01, damping: {viscosity: 300.0}}\n"
-
-
-@pytest.fixture
-def pulled() -> Scene:
-    """Give a bar that a dead load bends."""
-    return scene_from_text(PULLED)
-
-
-@pytest.fixture
-def swinging() -> Scene:
-    """Give the same bar in motion."""
-    return scene_from_text(SWINGING)
 
 
 @pytest.fixture
@@ -124,3 +112,9 @@ def record_bag(tmp_path: Path) -> Callable[..., Path]:
 def swinging_text() -> str:
     """Give the text of the bar in motion."""
     return SWINGING
+
+
+@pytest.fixture
+def pulled_text() -> str:
+    """Give the text of the bar that a dead load bends."""
+    return PULLED

@@ -64,8 +64,8 @@ def test_the_library_is_what_its_data_say(name: str) -> None:
     recipe = LIBRARY[name]
     found = fit_tensile(recipe.curve.strain, recipe.curve.stress, law=Law.OGDEN, terms=1)
     assert found.entry["mu"] == pytest.approx(list(recipe.mu), rel=1e-4)
-    assert found.entry["alpha"] == pytest.approx(list(recipe.alpha), abs=1e-3)
-    assert found.largest == pytest.approx(recipe.misfit, abs=2e-4)
+    assert found.entry["alpha"] == pytest.approx(list(recipe.alpha), abs=1e-4)
+    assert found.largest == pytest.approx(recipe.misfit, abs=3e-4)
     assert found.material.remarks() == []
 
 
@@ -99,10 +99,11 @@ def test_the_command_makes_a_material(tmp_path: Path, capsys: Any) -> None:
     out = tmp_path / "out"
     given = ["fit", "--tensile", str(curve), "--law", "ogden", "--terms", "3", "--density", "1190", "--out", str(out)]
     assert main(given) == 0
-    assert "stable in uniaxial" in capsys.readouterr().out
+    assert "stability" in capsys.readouterr().out
     entry = yaml.safe_load((out / "material.yaml").read_text())
     scene = scene_from_text(BAR, overrides={"materials": {"rubber": entry["skin"]}})
-    assert scene.materials["rubber"].stress_at(np.ones(1)) == pytest.approx([3.0117e6], rel=1e-4)
+    given = preset("ninjaflex", law=Law.OGDEN, poisson=0.4)
+    np.testing.assert_allclose(scene.materials["rubber"].stress_at(STRAIN), given.stress_at(STRAIN), rtol=1e-9)
     assert scene.materials["rubber"].density == 1190.0
     assert (out / "tensile.png").stat().st_size > 10_000
 

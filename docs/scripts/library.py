@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of the material library in docs/fitting.md, from the library itself."""
+
+from __future__ import annotations
+
+from benchmarks.markdown import markdown_table
+from gdfe_ros.materials import LIBRARY
+
+_HEAD = (
+    "preset",
+    "Ogden: mu [kPa]; alpha",
+    "misses the points by up to",
+    "measured to strain",
+    "Poisson's ratio",
+    "density [kg/m^3]",
+    "source",
+)
+
+
+def library_table() -> str:
+    """Return a row for each material."""
+    rows = []
+    for name, recipe in LIBRARY.items():
+        constants = [", ".join(f"{value:.4g}" for value in numbers) for numbers in
+                     ([1e-3 * mu for mu in recipe.mu], recipe.alpha)]  # fmt: skip
+        misfit = "" if recipe.misfit is None else f"{100.0 * recipe.misfit:.2g} %"
+        told = [f"{value:g}" if value is not None else "not told" for value in (recipe.poisson, recipe.density)]
+        rows.append([f"`{name}`", "; ".join(constants), misfit, f"{recipe.curve.strain_max:g}", *told, recipe.source])
+    return markdown_table(_HEAD, rows)

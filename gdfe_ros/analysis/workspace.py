@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The points that a probe reaches over the ranges of the actuators."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+from scipy.stats import qmc
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene import Scene, scene_from_text
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.result import StepResult
+
+FLAT = 1e-3
+"""Thickness of a cloud, over its length, below which it is a line or a sheet and has no volume."""
+CLOSE = 1e-3
+"""Estimated distance to the equilibrium, over the body's size, up to which a place is taken as reached."""
+RETRIES = 8
+"""Equal steps from rest to a command that was not reached from the one before it."""
+LONG = 1e6
+"""Time of a step [s] in which every rate limit lets a command through."""
+MOST_GRID = 2
+"""Actuators up to which the commands are a grid; beyond, corners of the ranges and points of low discrepancy."""
+
+
+@dataclass(frozen=True, eq=False)
+class ReachableSet:
+    """Reached points.
+
+    Attributes:
+        probe: name.
+        actuators: names (a,).
+        commands: (k, a) in the unit of each.
+        points: (k, 3) [m]; NaN where the body found no equilibrium.
+        rest: of the probe without a command (3,) [m].
+        messages: (k,) why a command has no equilibrium; empty where it has.
+    """
+
+    probe: str
+    actuators: tuple[str, ...]
+    commands: NDArray[np.float64]
+    points: NDArray[np.float64]
+    rest: NDArray[np.float64]
+    messages: tuple[str, ...]
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Which commands have an equilibrium (k,)."""
+        return np.isfinite(self.points).all(axis=1)
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3] of the convex hull of the points; 0 where they lie on a line or a sheet."""
+        points = self.points[self.reached]
+        if len(points) < 4:
+            return 0.0
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+        if spread[-1] < FLAT * spread[0]:
+            return 0.0
+        try:
+            return float(ConvexHull(points).volume)
+        except QhullError:
+            return 0.0
+
+
+def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, float]]) -> NDArray[np.float64]:
+    """Return least and largest command (a, 2) of actuators.
+
+    Raises:
+        GdfeError: no such actuator, or its range has no end and none is given.
+    """
+    known = {actuator.name: actuator for actuator in scene.actuators}
+    for name in (*names, *given):
+        if name not in known:
+            raise GdfeError(f"no actuator {name!r} in scene {scene.name!r}; actuators: {', '.join(known) or 'none'}")
+    found = [given.get(name, (known[name].low, known[name].high)) for name in names]
+    for name, (low, high) in zip(names, found, strict=True):
+        if not (math.isfinite(low) and math.isfinite(high)):
+            text = f"actuator {name!r} takes {low:g} to {high:g}, which has no end"
+            raise GdfeError(f"{text}; remedy: `range` in the scene, or --range {name}=LOW..HIGH")
+        if not known[name].low <= low < high <= known[name].high:
+            text = f"--range {name}={low:g}..{high:g}; allowed: from {known[name].low:g} to {known[name].high:g}"
+            raise GdfeError(f"{text}, the first below the second")
+    return np.array(found)
+
+
+def command_samples(limits: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return about ``count`` commands (k, a) that fill the ranges (a, 2).
+
+    A grid of up to `MOST_GRID` actuators; of more, the corners of the ranges and points of Sobol's sequence. Beginning
+    from one end, each is near the one before, as a solver likes it.
+    """
+    dimensions = len(limits)
+    if dimensions <= MOST_GRID:
+        side = max(2, round(count ** (1.0 / dimensions)))
+        axes = [np.linspace(low, high, side) for low, high in limits]
+        rows = np.array(list(product(*axes)))
+        return rows if dimensions == 1 else np.concatenate(_to_and_fro(rows.reshape(side, side, dimensions)))
+    corners = np.array(list(product((0.0, 1.0), repeat=dimensions)))[:count]
+    rest = max(0, count - len(corners))
+    inside = qmc.Sobol(dimensions, scramble=False).random(1 << math.ceil(math.log2(rest + 1)))[1 : rest + 1]
+    unit = np.concatenate([corners, inside])
+    return limits[:, 0] + unit[_tour(unit)] * (limits[:, 1] - limits[:, 0])
+
+
+def _to_and_fro(grid: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    return [line if number % 2 == 0 else line[::-1] for number, line in enumerate(grid)]
+
+
+def _tour(unit: NDArray[np.float64]) -> list[int]:
+    """Order points (k, a) so that each is the nearest one to the one before."""
+    left, order = set(range(1, len(unit))), [0]
+    while left:
+        places = np.array(sorted(left))
+        nearest = int(places[np.argmin(np.linalg.norm(unit[places] - unit[order[-1]], axis=1))])
+        order.append(nearest)
+        left.remove(nearest)
+    return order
+
+
+def find_workspace(
+    scene: Scene, probe: str, actuators: Sequence[str], commands: NDArray[np.float64], *, workers: int = 1
+) -> ReachableSet:
+    """Find the equilibrium at each command, in parallel.
+
+    Args:
+        scene: what is moved; of one with dynamics the equilibria are taken.
+        probe: whose points are asked for.
+        actuators: names (a,); others stay as they are at rest.
+        commands: (k, a).
+        workers: processes; 1 stays in this one.
+
+    Raises:
+        GdfeError: there is no such probe.
+    """
+    if probe not in scene.probes:
+        raise GdfeError(f"no probe {probe!r} in scene {scene.name!r}; probes: {', '.join(scene.probes) or 'none'}")
+    shares = [part for part in np.array_split(commands, max(1, workers)) if len(part)]
+    given = [(scene.source, probe, tuple(actuators), part) for part in shares]
+    if workers < 2:
+        results = [_reach(item) for item in given]
+    else:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as executor:
+            results = list(executor.map(_reach, given))
+    points = np.concatenate([places for places, _ in results])
+    messages = tuple(text for _, texts in results for text in texts)
+    rest = scene.probes[probe].at(scene.mesh.vertices)[0]
+    return ReachableSet(probe, tuple(actuators), commands, points, rest, messages)
+
+
+def _reach(given: tuple[str, str, tuple[str, ...], NDArray[np.float64]]) -> tuple[NDArray[np.float64], list[str]]:
+    """Return the probe's places at commands, one after the other, and why one has none."""
+    text, probe, names, commands = given
+    simulation = Simulation(scene_from_text(text, origin="of the workspace", overrides={"dynamics": None}))
+    neutral = dict(simulation.rest_command().actuators)
+    points, messages = np.full((len(commands), 3), np.nan), []
+    for row, command in enumerate(commands):
+        values = dict(zip(names, map(float, command), strict=True))
+        result = simulation.step(Command(actuators=values), dt=LONG)
+        if not _near(result):
+            simulation.reset()
+            for share in np.linspace(0.0, 1.0, RETRIES + 1)[1:]:
+                part = {name: share * value + (1.0 - share) * neutral[name] for name, value in values.items()}
+                result = simulation.step(Command(actuators=part), dt=LONG)
+        if _near(result):
+            points[row] = simulation.probe_positions()[probe]
+        else:
+            simulation.reset()
+        messages.append("" if _near(result) else result.message or "no equilibrium was found")
+    return points, messages
+
+
+def _near(result: StepResult) -> bool:
+    """Tell whether the probe's place is known well enough."""
+    return result.converged or (result.residual <= CLOSE and result.min_det > 0.0)

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe workspace``: the points that a probe reaches over the ranges of the actuators."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.scene import load_scene
+
+UNREACHED = 3
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", help="a name in config/scenes or the path of a YAML file")
+    parser.add_argument("--probe", help="name (default: the scene's first)")
+    parser.add_argument("--actuators", nargs="+", metavar="NAME", help="that are moved (default: all)")
+    parser.add_argument(
+        "--range",
+        action="append",
+        default=[],
+        metavar="NAME=LOW..HIGH",
+        help="of an actuator's command, instead of the scene's",
+    )
+    parser.add_argument("--count", type=int, default=200, help="of commands, about (default: 200)")
+    parser.add_argument("--workers", type=int, default=2, help="processes on this machine (default: 2)")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key, e.g. mesh.bar.cells=[25,2,2]"
+    )
+    parser.add_argument("--out", type=Path, metavar="DIR", help="directory of the results (default: <scene>_workspace)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Find the workspace; return 0, or 3 where some commands have no equilibrium."""
+    from gdfe_ros.analysis.workspace import command_samples, find_workspace, ranges
+    from gdfe_ros.analysis.workspace_report import draw_workspace, workspace_rows, write_workspace
+
+    started = time.perf_counter()
+    scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
+    names = arguments.actuators or [actuator.name for actuator in scene.actuators]
+    if not names or not scene.probes:
+        raise GdfeError(f"scene {scene.name!r} needs `actuators` that move it and `probes` that are reached for")
+    if arguments.count < 2:
+        raise GdfeError(f"--count {arguments.count}; allowed: 2 or more")
+    probe = arguments.probe or next(iter(scene.probes))
+    limits = ranges(scene, names, dict(_read_range(entry) for entry in arguments.range))
+    commands = command_samples(limits, arguments.count)
+    found = find_workspace(scene, probe, names, commands, workers=arguments.workers)
+    out = arguments.out or Path(f"{scene.name}_workspace")
+    out.mkdir(parents=True, exist_ok=True)
+    write_workspace(out / "workspace.csv", found)
+    console = Console(soft_wrap=True)
+    table = Table(title=f"{scene.name}: where {probe} can be", title_justify="left", show_header=False)
+    for row in workspace_rows(found):
+        table.add_row(*map(escape, row))
+    console.print(table)
+    if found.reached.any():
+        draw_workspace(out / "workspace.png", found, title=f"{scene.name}: where {probe} can be")
+    missing = [message for message in found.messages if message]
+    if missing:
+        console.print(f"{len(missing)} commands have no equilibrium, first: {missing[0]}", style="yellow", markup=False)
+    console.print(f"written  {out}, {time.perf_counter() - started:.3g} s", highlight=False)
+    return UNREACHED if missing else 0
+
+
+def _read_range(entry: str) -> tuple[str, tuple[float, float]]:
+    name, separator, interval = entry.partition("=")
+    try:
+        low, high = (float(part) for part in interval.split(".."))
+    except ValueError:
+        separator = ""
+    if not separator:
+        raise GdfeError(f"--range takes NAME=LOW..HIGH, got {entry!r}")
+    return name.strip(), (low, high)

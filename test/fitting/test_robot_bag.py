@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of a robot's own topics: poses, transforms, markers, clouds, commands."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from gdfe_ros.cli import main
+from gdfe_ros.fitting.pool import open_pool
+from gdfe_ros.fitting.reading import read_recordings
+from gdfe_ros.recording.topic import TopicInfo
+from gdfe_ros.recording.writer import BagWriter
+from gdfe_ros.scene import scene_from_text
+from gdfe_ros.simulation import Command, Simulation
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+YOUNG = "materials.rubber.young"
+TIMES = np.arange(1, 21)
+"""Of the messages [s]."""
+START = 1_700_000_000
+"""Of the robot's clock [s]."""
+TOPICS = {
+    "/cmd": "sensor_msgs/msg/JointState",
+    "/pose": "geometry_msgs/msg/PoseStamped",
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/markers": "visualization_msgs/msg/MarkerArray",
+    "/points": "sensor_msgs/msg/PointCloud2",
+}
+
+
+def _type(name: str) -> Any:
+    return STORE.types[name]
+
+
+def _header(seconds: float) -> Any:
+    whole = int(START + seconds)
+    stamp = _type("builtin_interfaces/msg/Time")(whole, round(1e9 * (START + seconds - whole)))
+    return _type("std_msgs/msg/Header")(stamp, "lab")
+
+
+def _point(kind: str, place: np.ndarray) -> Any:
+    return _type(f"geometry_msgs/msg/{kind}")(*map(float, place))
+
+
+def _straight() -> Any:
+    return _type("geometry_msgs/msg/Quaternion")(0.0, 0.0, 0.0, 1.0)
+
+
+def _messages(second: float, force: float, tip: np.ndarray, cloud: np.ndarray) -> dict[str, Any]:
+    """Return a message of each topic; beside what is meant stand a frame and a marker that are not."""
+    head, pose = _header(second), _type("geometry_msgs/msg/Pose")
+    transform, placed = _type("geometry_msgs/msg/Transform"), _type("geometry_msgs/msg/TransformStamped")
+    frames = [
+        placed(head, name, transform(_point("Vector3", place), _straight()))
+        for name, place in (("base", np.zeros(3)), ("tip", tip))
+    ]
+    marker = _type("visualization_msgs/msg/Marker")
+    markers = []
+    for number, place in ((3, tip), (4, np.ones(3))):
+        one = marker(
+            header=head, ns="body", id=number, type=2, action=0, pose=pose(_point("Point", place), _straight()),
+            scale=_point("Vector3", np.ones(3)), color=_type("std_msgs/msg/ColorRGBA")(1.0, 1.0, 1.0, 1.0),
+            lifetime=_type("builtin_interfaces/msg/Duration")(0, 0), frame_locked=False, points=[], colors=[],
+            texture_resource="", texture=_type("sensor_msgs/msg/CompressedImage")(head, "", np.zeros(0, np.uint8)),
+            uv_coordinates=[], text="", mesh_resource="", mesh_file=_type("visualization_msgs/msg/MeshFile")(
+                "", np.zeros(0, np.uint8)), mesh_use_embedded_materials=False,
+        )  # fmt: skip
+        markers.append(one)
+    field = _type("sensor_msgs/msg/PointField")
+    data = np.frombuffer(cloud.astype("<f4").tobytes(), np.uint8)
+    fields = [field(name, 4 * place, 7, 1) for place, name in enumerate("xyz")]
+    empty = np.zeros(0)
+    return {
+        "/cmd": _type(TOPICS["/cmd"])(head, ["motor"], empty, empty, np.array([force])),
+        "/pose": _type(TOPICS["/pose"])(head, pose(_point("Point", tip), _straight())),
+        "/tf": _type(TOPICS["/tf"])(frames),
+        "/markers": _type(TOPICS["/markers"])(markers),
+        "/points": _type(TOPICS["/points"])(head, 1, len(cloud), fields, False, 12, 12 * len(cloud), data, True),
+    }
+
+
+@pytest.fixture
+def robot_bag(pulled_text: str, tmp_path: Path) -> Path:
+    """Record a robot: the bar under loads that rise, seen by four systems on one clock."""
+    simulation, rng = Simulation(scene_from_text(pulled_text)), np.random.default_rng(4)
+    infos = []
+    for name, kind in TOPICS.items():
+        definition, _ = STORE.generate_msgdef(kind, ros_version=2)
+        infos.append(TopicInfo(name=name, type=kind, definition=definition, type_hash=STORE.hash_rihs01(kind)))
+    writer = BagWriter(tmp_path / "robot", infos)
+    for second in TIMES:
+        force = 1e3 * 0.05 * 2.0 * second / TIMES[-1]  # millinewtons
+        simulation.step(Command(loads={"pull": 20e-3 * force}))
+        tip = simulation.probe_positions()["tip"] + 2e-5 * rng.standard_normal(3)
+        surface = simulation.positions[simulation.mesh.boundary.quads].mean(axis=1)
+        for topic, message in _messages(float(second), force, tip, surface).items():
+            writer.write(topic, STORE.serialize_cdr(message, TOPICS[topic]), (START + int(second)) * 10**9)
+    writer.close({})
+    return tmp_path / "robot"
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        "{probe: tip, topic: /pose}",
+        "{probe: tip, topic: /tf, frame_id: tip}",
+        "{probe: tip, topic: /markers, marker: body/3}",
+        "{cloud: surface, topic: /points}",
+    ],
+)
+def test_a_robot_is_fitted(entry: str, robot_bag: Path, write_scene: Callable, tmp_path: Path) -> None:
+    """Fit a modulus to each kind of topic, commands from a JointState in millinewtons: within 1 %."""
+    match, out = tmp_path / "match.yaml", tmp_path / "out"
+    command = "{topic: /cmd, joint: motor, unit: mN}"
+    text = Path(write_scene()).read_text().replace("force: [0, 0, -0.05]", "force: [0, 0, -1.0]")
+    match.write_text(f"compare: {{seen: {entry}}}\ncommands: {{pull: {command}}}\n")
+    given = ["--match", str(match), "--vary", f"{YOUNG}=5e4..8e5", "--workers", "1", "--out", str(out)]
+    assert main(["fit", write_scene(text), str(robot_bag), *given]) == 0
+    found = json.loads((out / "fit.json").read_text())["parameters"][YOUNG]["value"]
+    assert found == pytest.approx(2e5, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("compare", "command", "message"),
+    [
+        ("{probe: tip, topic: /tf, frame_id: top}", "{topic: /cmd, joint: motor}", "never has 'top'; it has base, tip"),
+        (
+            "{probe: tip, topic: /pose}",
+            "{topic: /cmd, joint: moter}",
+            "`joint: moter` is not in topic /cmd; it has motor",
+        ),
+        ("{probe: tip, topic: /pose}", "{topic: /cmd, joint: motor, field: position}", "has no position of motor"),
+        ("{cloud: vertices, topic: /points}", "{topic: /cmd, joint: motor}", "remedy: cloud: surface"),
+        ("{cloud: surface, topic: /pose}", "{topic: /cmd, joint: motor}", "a PointCloud2 is needed"),
+    ],
+)
+def test_what_a_topic_does_not_have(
+    compare: str, command: str, message: str, robot_bag: Path, write_scene: Callable, tmp_path: Path, capsys: Any
+) -> None:
+    """Name a frame, a joint, a field and kinds that a topic does not have: told with what it has."""
+    match = tmp_path / "match.yaml"
+    match.write_text(f"compare: {{seen: {compare}}}\ncommands: {{pull: {command}}}\n")
+    given = ["--match", str(match), "--vary", f"{YOUNG}=5e4..8e5", "--workers", "1"]
+    assert main(["fit", write_scene(), str(robot_bag), *given]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_workers_find_what_one_process_finds(robot_bag: Path, pulled_text: str, tmp_path: Path) -> None:
+    """Simulate in two processes and in this one: the same trajectories to the last bit."""
+    match = tmp_path / "match.yaml"
+    match.write_text("compare: {seen: {probe: tip, topic: /pose}}\ncommands: {pull: {topic: /cmd, joint: motor}}\n")
+    recordings = read_recordings([robot_bag], match, scene_from_text(pulled_text))
+    tasks = [({YOUNG: value}, recordings[0], np.inf) for value in (2e6, 4e6)]
+    found = []
+    for workers in (1, 2):
+        with open_pool(pulled_text, workers) as pool:
+            found.append([trajectory.outputs[0] for trajectory in pool.run(tasks)])
+    for alone, shared in zip(*found, strict=True):
+        np.testing.assert_array_equal(alone, shared)
