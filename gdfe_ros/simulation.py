@@ -21,7 +21,6 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.solvable import refuse_unsolvable, remarks
 from gdfe_ros.solver.body import Body, working_origin
-from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.deadline import Deadline
 from gdfe_ros.solver.elements.fields import ElementFields, element_fields
 from gdfe_ros.solver.motion.imu import ImuReading, later_readings
@@ -421,10 +420,9 @@ class Simulation:
     ) -> NDArray[np.float64]:
         """Return d(probe position)/d(command) at the present state, (probes, 3, actuators).
 
-        Exact, as `sensitivities`; of a motion, over the last step: by how much farther it would have led, had its
-        command ended elsewhere. Where a cable is slack, or a command at the end of its range, it is that of the side on
-        which the actuator acts. The policy ``relative``, and a body that touches itself, have central differences of
-        equilibria.
+        Of an equilibrium it is found by central differences, which also hold where there is no tangent: where a cable
+        is just slack, or a command at the end of its range, it is that of the side on which the actuator acts. Of a
+        motion it is exact, over the last step: by how much farther that would have led, had its command ended beyond.
 
         Args:
             probes: names; None takes all, in the scene's order.
@@ -438,7 +436,7 @@ class Simulation:
         chosen = [self._orders.actuator(name) for name in names]
         if not chosen:
             return np.zeros((len(points), 3, 0))
-        if self._differs:
+        if not isinstance(self._stepper, MotionStepper):
             from gdfe_ros.solver.stepping.sensitivity import jacobian  # needed here only
 
             return np.stack(jacobian(self._stepper, self._state, points, chosen, interrupted=interrupted), axis=2)
@@ -453,12 +451,3 @@ class Simulation:
             if followed:
                 self._trail = trail
         return found.matrix.reshape(len(points), 3, len(chosen))
-
-    @property
-    def _differs(self) -> bool:
-        """Whether derivatives of equilibria are differences."""
-        if self.policy is not Policy.ENERGY:
-            return True
-        own = [contact for contact in self._stepper.actuation.contacts if isinstance(contact, OwnContact)]
-        touches = any(self._state.terms[contact.name]["press"].any() for contact in own)
-        return touches and not isinstance(self._stepper, MotionStepper)

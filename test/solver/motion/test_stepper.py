@@ -182,12 +182,6 @@ def test_given_positions_start_without_velocity(moving: Callable) -> None:
     assert heights[-1] < 0.01
 
 
-def test_a_jacobian_of_a_body_in_motion_is_refused(moving: Callable) -> None:
-    """Ask for it: the remedy is named."""
-    with pytest.raises(CommandError, match="leave `dynamics` out"):
-        moving().jacobian()
-
-
 @pytest.mark.parametrize("short", [1e-17, 1e-9, 1e-6])
 def test_a_step_too_short_is_made_up_for_by_the_next(moving: Callable, short: float) -> None:
     """Put tiny steps between those of a swing: time passes, and the body swings on as if they had not been."""
