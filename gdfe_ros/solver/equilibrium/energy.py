@@ -23,9 +23,10 @@ from gdfe_ros.solver.elements.pressures import at_rest
 from gdfe_ros.solver.equilibrium.dormancy import Dormancy
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.predictor import Predictor
+from gdfe_ros.solver.equilibrium.saddles import Saddles
 from gdfe_ros.solver.equilibrium.slender import for_slender
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.equilibrium.stability import ASK, LOOK, STEP, Stability
+from gdfe_ros.solver.equilibrium.stability import Stability
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
 from gdfe_ros.solver.matrix.coupling import Coupling
@@ -33,8 +34,7 @@ from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.reactions import vertex_forces
 from gdfe_ros.solver.settings import Skip
 from gdfe_ros.solver.solution import Increment, Solution
-from gdfe_ros.solver.state import Known, SoftDirection, State, Summary
-from gdfe_ros.solver.tangent.curvature import FLAT
+from gdfe_ros.solver.state import Known, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
 
@@ -42,11 +42,6 @@ LEAP = 100.0
 """Of the tolerance: where the start lies farther from the last equilibrium, nothing is taken for granted."""
 REORIENT = 0.3
 """Turn [rad] of a handle beyond which the constant matrix is coupled to it anew; the history begins again then."""
-MOST_SADDLES = 8
-"""Saddles that are left in a solve, one after the other."""
-UNSTABLE = (
-    "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
-)
 RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 
@@ -121,7 +116,7 @@ class EnergyEquilibrium:
         self._loaded: Known | None = None
         self._run = 0
         still = predictor is None and self._model.softest is not None
-        self._stability = Stability(body, self._model.softest) if still else None
+        self._saddles = Saddles(Stability(body, self._model.softest), self) if still else None
 
     def at_rest(self) -> State:
         """Return the state at rest, which is no equilibrium where the body is inside of what it touches."""
@@ -204,9 +199,9 @@ class EnergyEquilibrium:
             self._load(start.sleep.known)
         else:
             self._loaded = None
-        found = self._descend(solve, active, start.part_history if held else start.history)
+        found = self.descend(solve, active, start.part_history if held else start.history)
         if not held or past(problem.deadline):
-            return self._with_stability(solve, found, part=held)
+            return self._judged(solve, found, part=held)
         target = SAFETY * problem.tolerance * self.body.size
         if found.converged and not solve.pressures.stiffened:
             moved, yielding = self._dormancy.disturbance(start.sleep, target)
@@ -217,14 +212,14 @@ class EnergyEquilibrium:
                     changed(start.sleep, yielding=yielding),
                 )
                 found = changed(found, state=found.state.with_(summary=summary, sleep=sleep))
-                return self._with_stability(solve, found, part=True)
+                return self._judged(solve, found, part=True)
         self._loaded = None
         if found.converged:
             solve.go_on_from(found.state)
         else:
             solve.begin_anew(self._whole.elements)
-        again = self._descend(solve, self._whole, start.history, spent=found.iterations)
-        return self._with_stability(solve, changed(again, iterations=found.iterations + again.iterations), part=False)
+        again = self.descend(solve, self._whole, start.history, spent=found.iterations)
+        return self._judged(solve, changed(again, iterations=found.iterations + again.iterations), part=False)
 
     def accept(self, solution: Solution, previous: State) -> State:
         """Return the state that follows ``previous`` with the last solution.
@@ -267,63 +262,22 @@ class EnergyEquilibrium:
         counts = dict(solution.active.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
 
-    def _with_stability(self, solve: Solve, found: Solution, *, part: bool) -> Solution:
-        """Return an equilibrium with what is known of its stability; look for that where it is due.
-
-        A part of the body says nothing of the whole.
-        """
-        if self._stability is None or not found.converged:
-            return found
-        start, soft = solve.start, solve.start.soft
-        if soft is not None:
-            soft = soft.after(STEP + found.iterations)
-        refused = found.state.tangent is not None and found.state.tangent.softest == 0.0
-        if not part and (soft is None or refused or soft.looked >= LOOK):
-            return self._off_saddles(solve, found)
-        if start.summary.stable is False:  # nothing led down from there, and much was tried
-            return _judged(found, soft, stable=False)
-        jumps = solve.anew or (self._model.level is None and not solve.warm)
-        if not part and (soft.asked >= ASK or jumps):
-            if self._stability.curves_down(self._at(solve, found), soft.direction):
-                return self._off_saddles(solve, found)
-            soft = changed(soft, asked=0)
-        return _judged(found, soft, stable=start.summary.stable)
-
-    def _off_saddles(self, solve: Solve, found: Solution) -> Solution:
-        """Leave an equilibrium that is a saddle of the energy, and those after it; tell whether the last is stable."""
-        whole = self._whole
-        for _ in range(MOST_SADDLES):
-            task = self._at(solve, found)
-            seen = self._stability.look(task)
-            soft, history = SoftDirection(direction=seen.direction, asked=0, looked=0), whole.keeper.export()
-            if seen.value > -FLAT:
-                return _judged(found, soft, stable=True if seen.known else None)
-            down = None if past(solve.problem.deadline) else self._stability.leave(task, seen.direction)
-            if down is None or found.iterations >= solve.problem.limit:
-                break
-            whole.workspace.u[...] = down.unknowns
-            slides, turns = whole.rigid_motion()
-            solve.leave_to(found.state.with_(positions=down.positions, slides=slides, turns=turns))
-            again = self._descend(solve, whole, History.empty(), spent=found.iterations)
-            spent = found.iterations + again.iterations
-            if not (again.converged and again.min_det > 0.0):
-                whole.keeper.load(history)
-                return _judged(changed(found, iterations=spent), soft, stable=False)
-            found = changed(again, iterations=spent)
-        return _judged(found, soft, stable=False)
-
-    def _at(self, solve: Solve, found: Solution) -> Task:
+    def task_at(self, solve: Solve, found: Solution) -> Task:
         """Return what would descend from a solution, with the multipliers as they are."""
         solve.go_on_from(found.state)
         threads = self._whole.threads(self._threads)
         return solve.evaluate(self._whole, self._coupling(solve, self._whole), threads=threads)
+
+    def _judged(self, solve: Solve, found: Solution, *, part: bool) -> Solution:
+        return self._saddles.judged(solve, found, part=part) if self._saddles and found.converged else found
 
     def _coupling(self, solve: Solve, active: ActiveSet) -> Coupling:
         """Return the coupling of the handles' rigid rows in an active set, as turned as the handles are."""
         orientation = self._orientation(solve)
         return active.matrix.coupling if orientation is None else active.matrix.turned(orientation)
 
-    def _descend(self, solve: Solve, active: ActiveSet, history: History, *, spent: int = 0) -> Solution:
+    def descend(self, solve: Solve, active: ActiveSet, history: History, *, spent: int = 0) -> Solution:
+        """Descend from where ``solve`` is, with what the ``history`` has learned, after ``spent`` iterations of it."""
         orientation, coupling = self._orientation(solve), self._coupling(solve, active)
         if orientation is not None and orientation is not solve.start.orientation:
             history = History.empty()
@@ -374,10 +328,3 @@ class EnergyEquilibrium:
         )
         self._loaded = known
         return known
-
-
-def _judged(found: Solution, soft: SoftDirection | None, *, stable: bool | None) -> Solution:
-    """Return a solution with what is known of its stability, and with a remark where it is unstable."""
-    message = found.message if stable is not False else f"{UNSTABLE}; {found.message}".rstrip("; ")
-    summary = changed(found.state.summary, stable=stable, message=message)
-    return changed(found, state=found.state.with_(summary=summary, soft=soft))

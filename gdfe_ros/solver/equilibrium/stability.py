@@ -20,9 +20,6 @@ RANDOM = 0.1
 """Share of a random load beside that of the softest motion, with which the search begins: a part alone may buckle."""
 FALL = 1e-9
 """Share of the energy by which it falls at least on a way down; less is rounding."""
-STEP, ASK, LOOK = 4, 40, 500
-"""What a step counts beside its iterations, and after how many of both the softest direction is asked again, which is
-one product, and after how many it is looked for anew: each about a fortieth of the work of a stream."""
 
 
 class Downhill(NamedTuple):

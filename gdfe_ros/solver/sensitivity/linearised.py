@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.solver.descent.workspace import Problem
@@ -27,6 +26,7 @@ from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.unknowns import Frame, gather_rigid_rows, place
 from gdfe_ros.solver.reactions import vertex_forces
 from gdfe_ros.solver.sensitivity.krylov import solved
+from gdfe_ros.solver.sensitivity.products import add_products
 from gdfe_ros.solver.sensitivity.softening import slopes
 from gdfe_ros.solver.sensitivity.volumes import Volumes
 from gdfe_ros.solver.state import State
@@ -38,37 +38,6 @@ SOFT, STIFF = 1e-6, 1e-8
 SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
 """Displacement of a difference of terms, of one within the way that counts as slipping, and of one that turns handles,
 over the body's size."""
-
-
-@vector_kernel
-def add_products(stiffness, softened, slopes, cells, motion, forces):
-    """Add (K + f s^T) dx of elements to ``forces`` (n, 3) [N].
-
-    Args:
-        stiffness: K (m, 24, 24) [N/m].
-        softened: f (m, 24) [N], by how much the forces follow the hourglass scale; none where scales stay.
-        slopes: s (m, 24) [1/m], by how much that follows the corners.
-        cells: (m, 8) corners.
-        motion: dx (n, 3) [m].
-        forces: is added to.
-    """
-    local, soft = np.empty(24), len(softened) > 0
-    for e in range(len(cells)):
-        for a in range(8):
-            for i in range(3):
-                local[3 * a + i] = motion[cells[e, a], i]
-        scale = 0.0
-        if soft:
-            for j in range(24):
-                scale += slopes[e, j] * local[j]
-        for a in range(8):
-            for i in range(3):
-                row, total = stiffness[e, 3 * a + i], 0.0
-                for j in range(24):
-                    total += row[j] * local[j]
-                if soft:
-                    total += softened[e, 3 * a + i] * scale
-                forces[cells[e, a], i] += total
 
 
 class Change(NamedTuple):

@@ -69,6 +69,7 @@ def lowest(
     diagonal: list[float] = []
     beside: list[float] = []
     values: list[float] = []
+    found: tuple[float, NDArray[np.float64]] | None = None
     known, flat = not weight > 0.0, FLAT if steady else 0.0
     while weight > 0.0 and len(diagonal) < most:
         scale = 1.0 / np.sqrt(weight)
@@ -77,7 +78,8 @@ def lowest(
         image = product(vector)
         diagonal.append(float(vector @ image))
         if len(diagonal) >= LEAST_PRODUCTS - LOOK_BACK:
-            values.append(_least(diagonal, beside)[0])
+            found = _least(diagonal, beside)
+            values.append(found[0])
         known = len(values) > LOOK_BACK and (values[-1 - LOOK_BACK] - values[-1] <= max(steady * abs(values[-1]), flat))
         if known:
             break
@@ -90,7 +92,7 @@ def lowest(
         beside.append(np.sqrt(weight))
     if not diagonal:
         return Lowest(1.0, np.zeros_like(load), True, 0)
-    value, coefficients = _least(diagonal, beside[: len(diagonal) - 1])
+    value, coefficients = found or _least(diagonal, beside[: len(diagonal) - 1])
     return Lowest(value, coefficients @ vectors[: len(diagonal)], known, len(diagonal))
 
 

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Products of a motion with the tangents of elements whose hourglass scales follow their strain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gdfe_ros.compiled import vector_kernel
+
+
+@vector_kernel
+def add_products(stiffness, softened, slopes, cells, motion, forces):
+    """Add (K + f s^T) dx of elements to ``forces`` (n, 3) [N].
+
+    Args:
+        stiffness: K (m, 24, 24) [N/m].
+        softened: f (m, 24) [N], by how much the forces follow the hourglass scale; none where scales stay.
+        slopes: s (m, 24) [1/m], by how much that follows the corners.
+        cells: (m, 8) corners.
+        motion: dx (n, 3) [m].
+        forces: is added to.
+    """
+    local, soft = np.empty(24), len(softened) > 0
+    for e in range(len(cells)):
+        for a in range(8):
+            for i in range(3):
+                local[3 * a + i] = motion[cells[e, a], i]
+        scale = 0.0
+        if soft:
+            for j in range(24):
+                scale += slopes[e, j] * local[j]
+        for a in range(8):
+            for i in range(3):
+                row, total = stiffness[e, 3 * a + i], 0.0
+                for j in range(24):
+                    total += row[j] * local[j]
+                if soft:
+                    total += softened[e, 3 * a + i] * scale
+                forces[cells[e, a], i] += total
