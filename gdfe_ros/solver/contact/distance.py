@@ -8,7 +8,7 @@ import math
 from gdfe_ros.compiled import inlined
 
 PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
-"""Kinds of forms, as `gdfe_ros.constraints.obstacle` numbers them; a mesh has its grid (`grid.py`)."""
+"""Kinds of shapes, with the numbers of `gdfe_ros.constraints.obstacle`; for a mesh see `grid.py`."""
 
 
 @inlined

@@ -12,13 +12,15 @@ from gdfe_ros.solver.contact.distance import MESH, signed_distance
 from gdfe_ros.solver.contact.grid import SURE, grid_distance
 
 AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
-"""Where rotation, origin [m], the form's numbers, the coefficient and s_a (4, 3) [1/m] lie, and where points begin."""
+"""Offsets in a term's reals of the frame's rotation, its origin [m], the shape's numbers, the friction coefficient, the
+signs s_a (4, 3) [1/m] of a rigid body, and of the points."""
 PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, STRIDE = 0, 1, 2, 5, 8, 11, 12, 20, 24
-"""Of each point: k [N/m], l [N], t [N] (3,), anchor [m] (3,) in the frame, normal (3,), offset [m], weights (8,), and
-the plane n . q = d through which it came in (n, d) in the frame, of which n is zero where it did not."""
+"""Offsets in a point's row of the penalty k [N/m], normal force l [N], friction force t (3,) [N], anchor (3,) [m] in
+the frame, normal (3,), offset [m], weights (8,), and the plane n . q = d in the frame through which the point
+entered, as (n, d) with n = 0 for none; and the row's length."""
 KIND, COUNT, CARRIERS, BODY, VERTICES = 0, 1, 2, 3, 7
-"""Where the form's kind, the number of points, of vertices that carry each, and the four of the frame (-1 where it is
-given) lie, and where those of the points begin."""
+"""Offsets in a term's integers of the shape's kind, the number of points, the number of vertices that carry each point,
+the four vertices of the frame (-1 for a prescribed frame), and of the points' carriers."""
 MOST_STEPS = 60
 """Limit of sphere-tracing steps along one path. A point that has not arrived by then only grazes the obstacle."""
 SMOOTH = 0.95

@@ -8,7 +8,7 @@ import math
 from gdfe_ros.compiled import inlined, internal
 
 START, CELL, COUNTS, SAMPLES = 0, 3, 4, 7
-"""Where, among the numbers of a mesh, its grid's first point [m], spacing [m], counts, and distances [m] lie."""
+"""Offsets in a mesh's numbers of its grid's first point [m], spacing [m], counts, and signed distances [m]."""
 
 SURE = 0.7
 """Lower bound of the true distance over the interpolated one, which is at most sqrt(2) too large beyond the grid."""

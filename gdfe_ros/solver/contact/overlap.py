@@ -17,7 +17,7 @@ from gdfe_ros.solver.contact import gap
 TOUCHING = 1e-3
 """Penetration depth over a rigid body's diagonal up to which bodies count as touching only."""
 POINTS, ROUNDS, CLOSER = 9, 14, 0.4
-"""Along each edge of the grid on which the deepest place is looked for, how often, and by how much finer each time."""
+"""Search grid for the deepest point: points along each edge, number of refinements, and factor of size of each."""
 MOST_SHIFTS = 20
 """Limit of shifts towards the outside. One is enough except where edges cross."""
 WITHIN = 0.75

@@ -18,8 +18,8 @@ from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_
 CREASE = 0.7
 """Cosine between the rest normals of two faces above which the surface counts as smooth over their common edge."""
 DEPTH, RIM = 0.25, 0.05
-"""Of the shortest edge: how deep a vertex may lie behind a face that it was never seen in front of, and how far beside
-it counts as over it."""
+"""Over the shortest edge: depth behind a face that a vertex may have without having been in front of it, and distance
+beside a face that still counts as above it."""
 
 
 class Topology(NamedTuple):

@@ -21,13 +21,14 @@ from gdfe_ros.solver.contact.coulomb import envelope, shortened
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 FRICTION, HEAD = 0, 1
-"""Where the coefficient lies among the numbers, and where pairs begin."""
+"""Offsets in the reals of the friction coefficient and of the pairs."""
 PENALTY, PRESS, NORMAL, WEIGHTS, SHEAR, HOLD, OFFSET, SUPPORT, STRIDE = 0, 1, 2, 5, 9, 12, 16, 19, 20
-"""Of each pair: k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,), c."""
+"""Offsets in a pair's row of k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,), c; and the row's length."""
 COUNT, VERTICES = 0, 1
-"""Where the number of pairs lies among the integers, and where those of pairs begin."""
+"""Offsets in the integers of the number of pairs and of the pairs' vertices."""
 VERTEX, FACE, HELD, WIDTH = 0, 1, 5, 9
-"""Of each pair: the vertex, the corners of its face (4,), those of the face that holds it (4,)."""
+"""Offsets in a pair's integers of the vertex, the corners of its face (4,), and those of the face to which friction
+ties it (4,); and their number."""
 
 
 @inlined

@@ -16,7 +16,8 @@ from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.distance import largest_distance
 
 PLAIN = 2
-"""Updates of a solve before they are extrapolated, and in a row that tell how fast their ways shrink."""
+"""Plain updates at the beginning of a solve before extrapolation, and in a row before a rate of convergence is
+measured."""
 UNKNOWN = 3.0
 """Remaining displacement over the last one while no rate of convergence is known."""
 SLOWEST = 0.95
@@ -27,10 +28,10 @@ SHARE = 0.5
 """Share of its rotation that a normal makes in a plain update. With it the map converges unless it overshoots more than
 twofold."""
 SWINGING, MOST_SWINGS = 0.5, 8
-"""Share of the last update that an update takes back where the two count as going to and fro, and how often in a row
-they may before they are damped."""
+"""Share of the last update that an update must take back to count as an oscillation, and number of successive
+oscillations before updates are damped."""
 SHORTER, LEAST = 0.5, 1.0 / 256.0
-"""Factor by which the share of an update that is made shrinks at a swing, and its least value."""
+"""Factor by which the share of an update that is made shrinks at an oscillation, and its least value."""
 
 
 class Damping:
