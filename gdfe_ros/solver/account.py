@@ -48,7 +48,7 @@ class Ledger:
 
     Attributes:
         work: done on the body by handles and by changing commands [J].
-        lost: energy dissipated by damping [J].
+        lost: energy dissipated by damping and friction [J].
         owed: time [s] that has passed without a step because it was too short for one.
         failure: the last step if it failed; None if it did not.
         bound: extremes of the energy; None if the account begins anew with the next step.

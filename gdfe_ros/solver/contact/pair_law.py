@@ -23,7 +23,7 @@ from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 FRICTION, HEAD = 0, 1
 """Offsets in the reals of the friction coefficient and of the pairs."""
 PENALTY, PRESS, NORMAL, WEIGHTS, SHEAR, HOLD, OFFSET, SUPPORT, STRIDE = 0, 1, 2, 5, 9, 12, 16, 19, 20
-"""Offsets in a pair's row of k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,), c; and the row's length."""
+"""Offsets in a pair's row of k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,) and c; the row's length."""
 COUNT, VERTICES = 0, 1
 """Offsets in the integers of the number of pairs and of the pairs' vertices."""
 VERTEX, FACE, HELD, WIDTH = 0, 1, 5, 9

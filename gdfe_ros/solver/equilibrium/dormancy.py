@@ -40,7 +40,7 @@ SHORT, LONG = 8, 32
 STIRRED = 0.25
 """Displacement on waking, over the largest one, above which a frozen vertex joins the awake part."""
 CERTAIN = 0.5
-"""Estimated displacement, over the tolerance, up to which the cheap estimate from the border's forces is not refined."""
+"""Estimated displacement, over the tolerance, up to which the cheap estimate from the border's forces is trusted."""
 
 
 @dataclass(frozen=True, eq=False)
