@@ -23,7 +23,8 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Saved
 
 REACH, FARTHEST = 0.02, 0.25
-"""Search distance for faces over the body's size, to which twice the displacement of the step is added, and its limit."""
+"""Search distance for faces over the body's size, to which twice the displacement of the step is added; and its
+limit."""
 ROUNDING = 1e-9
 """Relative distance below the friction limit within which a pair counts as slipping."""
 DEEPEST = 1e-4

@@ -143,7 +143,7 @@ class Inertia(Term):
     def _followed(
         self, positions: NDArray[np.float64], last: NDArray[np.float64], velocity: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return velocity and acceleration (n, 3) of driven vertices moved from ``last`` to ``positions`` (n, 3) [m]."""
+        """Return velocity and acceleration (n, 3) of driven vertices from ``last`` to ``positions`` (n, 3) [m]."""
         given = (positions - last) / self._h
         return given, (given - velocity) / self._h
 
