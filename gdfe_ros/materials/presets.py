@@ -29,7 +29,7 @@ _FILAMENTS = {
     ),
 }
 LIBRARY = {**_FILAMENTS, **SILICONES}
-"""What is known of each preset, by its name."""
+"""Recipe of each preset, by its name."""
 PRESETS = tuple(LIBRARY)
 
 
@@ -53,7 +53,7 @@ def preset(
         scale: factor on every stress, for a batch that is stiffer or softer than the measured one.
 
     Raises:
-        ValueError: the name or the law is not one of these, or nothing tells Poisson's ratio.
+        ValueError: the name or the law is unknown, or Poisson's ratio is given nowhere.
     """
     if name not in PRESETS or law not in (Law.OGDEN, Law.CURVE):
         raise ValueError(f"no preset {name!r} with law {law!r}; presets: {', '.join(PRESETS)}; laws: ogden, curve")
