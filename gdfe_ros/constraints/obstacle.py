@@ -87,7 +87,7 @@ class Box:
 
     @property
     def skin(self) -> NDArray[np.float64]:
-        """Contact points (k, 3) [m] for other bodies: its corners, and points of its faces slightly inside their rims."""
+        """Contact points (k, 3) [m] for other bodies: its corners, and points of its faces slightly inside the rims."""
         half, found = 0.5 * np.array(self.size), [self.corners]
         for axis in range(3):
             others = [other for other in range(3) if other != axis]
