@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `skin` of a scene file: a surface that the cells carry, drawn and possibly touching instead of their faces."""
+"""The key `skin` of a scene file: a surface carried by the cells, drawn and possibly touching instead of their faces."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, rem
 
 
 class SkinModel(Choice):
-    """A triangle surface that the cells carry, drawn instead of their faces; pressure and loads on cut cells act on it."""
+    """A triangle surface carried by the cells and drawn instead of their faces; loads on cut cells act on it."""
 
     options: ClassVar[tuple[str, ...]] = ("scale", "contact")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of the node: `COMMANDS` are what it takes, `OUTPUTS` what it publishes."""
+"""Topics of the node: `COMMANDS` are its inputs, `OUTPUTS` its publications."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ TRAJECTORY = TopicSpec(
     delivery=Delivery.COMMAND,
 )
 FOLLOWED = TopicSpec(
-    name="",  # the parameter names it
+    name="",  # named by the parameter
     type="geometry_msgs/msg/PoseStamped",
     meaning="where a handle or obstacle that follows a topic is held: its frame in the header's; empty: the node's",
     delivery=Delivery.FOLLOWED,
@@ -260,9 +260,9 @@ OUTPUTS = (
 
 @dataclass(frozen=True)
 class Moved:
-    """The topics of a handle, obstacle or rigid body; ``target`` and ``velocity`` of those that are commanded.
+    """The topics of a handle, obstacle or rigid body; those with commands have ``target`` and ``velocity``.
 
-    What moves freely has ``put`` instead, which puts it somewhere.
+    Freely moving bodies have ``put`` instead, which teleports them.
     """
 
     pose: TopicSpec
@@ -273,7 +273,7 @@ class Moved:
 
     @property
     def commands(self) -> tuple[TopicSpec, ...]:
-        """Topics that the node takes commands on."""
+        """Topics on which the node accepts commands."""
         return tuple(spec for spec in (self.target, self.velocity, self.put) if spec is not None)
 
 
@@ -282,4 +282,4 @@ MOVED = {
     "obstacles": Moved(OBSTACLE_POSE, OBSTACLE_WRENCH, OBSTACLE_TARGET, OBSTACLE_VELOCITY),
     "bodies": Moved(BODY_POSE, BODY_WRENCH, put=BODY_SET),
 }
-"""By the section of a scene that it stands in."""
+"""Topics by the section of the scene."""
