@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page itself: everything in one file, nothing fetched from anywhere."""
+"""The HTML page: everything in one file, without external resources."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def build_page(
     arrays: Mapping[str, str],
     remarks: Sequence[str],
 ) -> str:
-    """Give the HTML text.
+    """Return the HTML text.
 
     Args:
         title: of the page.
         description: one sentence below it.
         tables: rows by heading.
-        charts: as ``charts.all_charts`` gives them.
-        animation: as ``Animation.to_page`` describes it.
-        arrays: base64 by name, as ``Animation.to_page`` gives them.
-        remarks: one line each, e.g. how the data were thinned.
+        charts: from ``charts.all_charts``.
+        animation: description from ``Animation.to_page``.
+        arrays: base64 by name, from ``Animation.to_page``.
+        remarks: one line each, e.g. about the thinning of the data.
     """
     parts = {
         "title": escape(title),
@@ -52,7 +52,7 @@ def build_page(
         "script": _part("page.js"),
     }
     pieces = _part("page.html").split("@@")
-    # Pieces alternate between text and the name of a part, so that no part is searched for names of others.
+    # Pieces alternate between text and the name of a part, so that no part is searched for the names of others.
     return "".join(parts[piece] if place % 2 else piece for place, piece in enumerate(pieces))
 
 
@@ -66,5 +66,5 @@ def _table(heading: str, rows: Rows) -> str:
 
 
 def _json(data: Any) -> str:
-    """Give JSON that can lie in a script element whatever text it holds."""
+    """Return JSON that is safe in a script element, whatever its text."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

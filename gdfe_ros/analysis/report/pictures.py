@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a run: of its end, and of evenly spread steps."""
+"""Pictures of a run: of its end, and of evenly spaced steps."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from gdfe_ros.errors import RecordingError
 
 
 def write_png(bag: str | Path, path: Path, *, field: str = "eps_eq") -> Path:
-    """Draw the last step that has a mesh, coloured by a field of the cells.
+    """Draw the last step with a mesh, coloured by a field of the cells.
 
     Raises:
-        RecordingError: the bag holds no mesh or no such field.
+        RecordingError: the bag has no mesh or no such field.
         OSError: the file cannot be written.
     """
     run = BagRun(bag)
@@ -32,10 +32,10 @@ def write_png(bag: str | Path, path: Path, *, field: str = "eps_eq") -> Path:
 
 
 def draw_steps(bag: str | Path, *, field: str = "eps_eq", frames: int = 40) -> Iterator[Image.Image]:
-    """Draw ``frames`` steps, evenly spread, with one scale of colours and one of lengths.
+    """Yield pictures of ``frames`` evenly spaced steps, with one colour scale and one length scale.
 
     Raises:
-        RecordingError: the bag holds no mesh or no such field, or no frame is asked for.
+        RecordingError: the bag has no mesh or no such field, or no frame is requested.
     """
     if frames < 1:
         raise RecordingError(f"{frames} frames are asked for; allowed: 1 or more")
@@ -51,7 +51,7 @@ def draw_steps(bag: str | Path, *, field: str = "eps_eq", frames: int = 40) -> I
 
 
 def _all(run: BagRun, field: str, *, frames: int) -> list[tuple[float, NDArray[np.float64], NDArray[np.float64]]]:
-    """Take time [s], positions [m] and values of evenly spread steps, the last one among them."""
+    """Return time [s], positions [m] and values of evenly spaced steps, including the last one."""
     count = len(run.records)
     wanted = set(np.linspace(0 if frames > 1 else count - 1, count - 1, frames).round().astype(int).tolist())
     found = [_frame(step, field) for step in _chosen(run, wanted)]

@@ -19,13 +19,13 @@ _LABELS = {"energy": "strain energy [J]", "eps_eq_max": "largest eps_eq", "solve
 
 
 def flat_row(case: str, overrides: dict[str, Any], result: dict[str, Any]) -> Row:
-    """Give a row of the table: what was set (``set.<key>``, lists as JSON text), then the result."""
+    """Return a row of the table: the settings (``set.<key>``, lists as JSON text), then the result."""
     settings = {f"set.{key}": _plain(value) for key, value in overrides.items()}
     return {"case": case, **settings, **result}
 
 
 def draw_results(rows: Sequence[Row], path: Path, *, title: str, shown: Sequence[str] = SHOWN) -> None:
-    """Draw quantities over the first varied key, a line for each combination of the others; crosses are failures.
+    """Draw quantities over the first varied key, with a line for each combination of the others; crosses are failures.
 
     Raises:
         OSError: the picture cannot be written.
