@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from gdfe_ros.scene import load_scene, scene_names
 
 FIRST = "bend5"
-"""Scene that is compiled before all others, because it has what they share."""
+"""Scene that is compiled before all others, because they share its kernels."""
 VARIANTS: tuple[tuple[str, dict[str, object]], ...] = (
     (FIRST, {"solver.threads": 2}),
     (FIRST, {"solver.policy": "relative"}),

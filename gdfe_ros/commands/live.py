@@ -177,7 +177,7 @@ def _require_source(arguments: argparse.Namespace) -> None:
 
 
 def _say(text: str) -> None:
-    """Print what the command waits for, at once."""
+    """Print at once a text about the present wait."""
     print(text, file=sys.stderr, flush=True)
 
 

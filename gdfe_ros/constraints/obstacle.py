@@ -38,7 +38,7 @@ class Plane:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         return 0.0, 0.0, 0.0
 
 
@@ -52,7 +52,7 @@ class Sphere:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         return self.radius, 0.0, 0.0
 
 
@@ -66,7 +66,7 @@ class Box:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         x, y, z = self.size
         return 0.5 * x, 0.5 * y, 0.5 * z
 
@@ -113,7 +113,7 @@ class Capsule:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         return self.radius, 0.5 * self.length, 0.0
 
 
@@ -128,7 +128,7 @@ class Cylinder:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         return self.radius, 0.5 * self.length, 0.0
 
     @property

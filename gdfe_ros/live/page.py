@@ -65,7 +65,7 @@ class Page:
         self._interval, self.drawn = 1.0 / frames, 0
         self.failure: Exception | None = None
         port = _free_port(host, port)
-        with contextlib.redirect_stdout(io.StringIO()):  # suppresses viser's message; the command has printed the address
+        with contextlib.redirect_stdout(io.StringIO()):  # the command prints the address
             self._server = viser.ViserServer(host=host, port=port, verbose=False)
         self.port = self._server.get_port()
         self._changed, self._ending = threading.Event(), threading.Event()

@@ -88,7 +88,7 @@ class ManagedNode(LifecycleNode):
         return {name for name in given if not self.has_parameter(name) and not name.startswith(later)}
 
     def offer(self, kind: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
-        """Create a service; see the class for what its callback may do."""
+        """Create a service; its callback may return a ``Future``, see the class."""
         self._shield(self.create_service(kind, name, callback))
 
     def create_timer(self, timer_period_sec: float, callback: Callable[[], None], *more: Any, **options: Any) -> Any:

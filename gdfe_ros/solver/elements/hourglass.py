@@ -99,7 +99,7 @@ def edge_direction(f, axis):
 
 @inlined
 def turning(t, q, d, inverse):
-    """Return dE / d(F d_i), the derivative by way of the direction ``d`` on which the vectors are projected."""
+    """Return dE / d(F d_i) by the rotation of the direction ``d`` on which the vectors are projected."""
     m = (
         t[0] * q[0][0] + t[1] * q[1][0] + t[2] * q[2][0] + t[3] * q[3][0],
         t[0] * q[0][1] + t[1] * q[1][1] + t[2] * q[2][1] + t[3] * q[3][1],

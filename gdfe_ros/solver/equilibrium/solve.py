@@ -112,7 +112,7 @@ class Solve:
         self.pressures.begin()
 
     def leave_to(self, state: State) -> None:
-        """Start beside a saddle, and drop what was learned on the way to it."""
+        """Start beside a saddle, without the extrapolations of the solve that led to it."""
         self.go_on_from(state)
         self.warm, self._resumed = False, None
         self._prediction = Prediction(state.positions, state.slides, state.turns, 0.0)
@@ -282,7 +282,7 @@ class Solve:
         return self._softening and len(active.softening) > 0
 
     def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
-        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""
+        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and a message."""
         if self._actuation.hopeless:
             return False, np.inf, TOO_DEEP
         tolerance, residual = self.problem.tolerance, self._minimiser.residual(active) / self._aim
