@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from gdfe_ros.simulation import Simulation
 
 AROUND, ALONG = 32, 16
-"""Faces around a round obstacle, and from pole to pole."""
+"""Numbers of faces of a drawn round obstacle: around its axis, and from pole to pole."""
 BEYOND = 0.25
-"""Margin of a drawn plane around the points in front of it, over their extent."""
+"""Margin of a drawn plane beyond the points in front of it, as a fraction of their extent."""
 
 
 def faces_of(simulation: Simulation) -> list[NDArray[np.float64]]:

@@ -20,7 +20,10 @@ from gdfe_ros.node.session import Session
 
 
 class _Result(IntEnum):
-    """Codes of ``simulation_interfaces/msg/Result``, whose versions name them differently; over 100: of a service."""
+    """Result codes of ``simulation_interfaces/msg/Result``, whose names differ between its versions.
+
+    Codes above 100 belong to a single service.
+    """
 
     UNSUPPORTED = 0
     OK = 1
@@ -40,18 +43,18 @@ class _State(IntEnum):
 
 
 _FEATURES = (20, 24, 25, 26, 31, 32, 33)
-"""Reset; read state, set state, pause; one step, several steps, several as an action."""
+"""Codes of the supported features: reset; get state, set state, pause; one step, several steps, steps as an action."""
 _TIME, _STATE, _SPAWNED = 1, 2, 4
-"""Bits of the scope of a reset; 0 means all."""
+"""Bits of a reset's scope: time, state, spawned entities; a scope of 0 means all."""
 
 
 class StandardServices:
-    """Answers the standard services; it has no effect if they are not installed.
+    """Standard services of the node; without effect if ``simulation_interfaces`` is not installed.
 
     Args:
-        node: offers them.
-        session: returns the running session, or None.
-        quit: ends the process; None: not controlled by this node.
+        node: node that offers the services.
+        session: function that returns the running session, or None.
+        quit: event that ends the process; None: this node cannot end it.
     """
 
     def __init__(self, node: ManagedNode, session: Callable[[], Session | None], quit: threading.Event | None) -> None:

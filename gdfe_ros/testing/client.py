@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS node beside the process of a ``sim_node``: waits for it and calls its services."""
+"""A ROS node beside the process of a ``sim_node`` that waits for it and calls its services."""
 
 from __future__ import annotations
 
@@ -23,24 +23,25 @@ from gdfe_ros.testing.discovery import await_discovery
 from gdfe_ros.testing.process import NodeProcess
 
 PATIENCE = 300.0
-"""Longest wait for anything but a step [s]; the first start of all compiles kernels: minutes on a busy machine."""
+"""Longest time to wait for anything except a step [s]: the very first start compiles kernels, minutes on a busy
+machine."""
 STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Of subscriptions to what each step publishes; the last step is heard by who comes late."""
+"""QoS of subscriptions to the topics of a step: a late subscriber receives the last step."""
 
 
 class Client:
-    """A node in a context of its own, beside the simulation's in its namespace.
+    """ROS node in a context of its own, in the namespace of the simulation's node.
 
     Args:
-        process: of the simulation.
+        process: process of the simulation.
         name: full name of the simulation's node.
-        label: what this node is called.
-        patience: longest wait for anything [s].
-        context: to make it in; None: a new one.
+        label: name of this node.
+        patience: longest time to wait for anything [s].
+        context: ROS context of the node; None: a new one.
 
     Attributes:
-        node: for publishers and subscriptions.
-        executor: spun by every wait.
+        node: the node, on which publishers and subscriptions are made.
+        executor: executor of the node; every wait spins it.
     """
 
     def __init__(
@@ -55,10 +56,10 @@ class Client:
         self._change = self.node.create_client(ChangeState, f"{name}/change_state")
 
     def wait(self, done: Callable[[], Any], what: str) -> None:
-        """Spin until ``done`` gives something true.
+        """Spin the node until ``done`` returns a true value; ``what`` names the awaited thing in the error.
 
         Raises:
-            GdfeError: the simulation ended, or it took too long.
+            GdfeError: the simulation's process ended, or the patience is over.
         """
         end = time.monotonic() + self._patience
         while not done():
@@ -69,13 +70,13 @@ class Client:
             self.executor.spin_once(timeout_sec=0.05)
 
     def meet(self, services: Sequence[ServiceClient] = ()) -> None:
-        """Wait until the simulation answers services, and knows all that this node listens to."""
+        """Wait until the simulation offers its services and has discovered this node's subscriptions and clients."""
         for service in (self._change, *services):
             self.wait(service.service_is_ready, f"the service {service.srv_name}")
         await_discovery(self.node, self._name, partial(self.wait, what="diagnostics"))
 
     def await_listeners(self, publishers: Iterable[Publisher]) -> None:
-        """Wait until the simulation listens to what is published: before that, messages reach nobody."""
+        """Wait until the simulation subscribes to each publisher: messages sent before are lost."""
         for publisher in publishers:
             self.wait(publisher.get_subscription_count, f"a subscription of {publisher.topic_name}")
 
@@ -86,7 +87,7 @@ class Client:
         return future.result()
 
     def transition(self, label: str) -> None:
-        """Have the simulation make a transition of its lifecycle."""
+        """Request a lifecycle transition of the simulation's node, e.g. ``configure``."""
         request = ChangeState.Request()
         request.transition.label = label
         if not self.call(self._change, request).success:

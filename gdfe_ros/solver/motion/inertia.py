@@ -26,7 +26,7 @@ OPTIONAL = ("pushed", "shadow")
 
 @kernel
 def inertia_energy(x, reals, integers, force, size):
-    """Return k/2 d^T M d [J] with d = x - x_hat; `term_kernel` wants this signature.
+    """Return k/2 d^T M d [J] with d = x - x_hat, with the signature required by `term_kernel`.
 
     ``reals`` are k [1/s^2], x_hat (n, 3) [m] and the entries of M [kg]; ``integers`` its row starts and columns.
     """

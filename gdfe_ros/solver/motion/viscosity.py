@@ -60,7 +60,7 @@ def gather(x, gradient, hourglass, corners, f, q):
 
 @kernel
 def viscous_energy(x, reals, integers, force, size):
-    """Return sum_e K/2 |E - E_hat|^2 + C/2 sum_k |w_k - w_hat_k|^2 [J]; `term_kernel` wants this signature."""
+    """Return sum_e K/2 |E - E_hat|^2 + C/2 sum_k |w_k - w_hat_k|^2 [J], with the signature of `term_kernel`."""
     energy = 0.0
     f, q, strain, stress = np.empty((3, 3)), np.empty((4, 3)), np.empty(STRAINS), np.empty((3, 3))
     for e in range(len(integers) // 8):

@@ -27,7 +27,7 @@ from gdfe_ros.solver.tangent.substitution import Kept
 from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
-"""First share of the constant matrix that is added to a tangent without a factor, and its growth from try to try."""
+"""First multiple of the constant matrix added to a tangent that has no factorization, and its growth per attempt."""
 MOST_SHIFT = 1e12
 """Largest such share; if it is not enough, the constant matrix replaces the tangent."""
 TURN = 1e-6
