@@ -4,7 +4,7 @@
 A checkpoint is a zip archive of numpy arrays (``.npz``) and two texts: ``head.json``, with the format, the package
 version and the origin of the state, and ``state.json``, the tree of `gdfe_ros.solver.state.State` whose leaves are
 numbers, texts and names of arrays. Shapes and SI units are documented at the attributes of `State` and its classes.
-Data that follow from the scene (mesh, operators, factored matrix) are left out and taken from the simulation into which
+Data that follow from the scene (mesh, operators, factored matrix) are left out and come from the simulation into which
 the state is restored; it must have the same scene, settings and package version.
 """
 

@@ -86,7 +86,7 @@ class Orders:
         return self._actuators[name]
 
     def probes(self, names: Sequence[str] | None) -> list[Embedding]:
-        """Return probes by their names; None takes all.
+        """Return probes by their names; None: all.
 
         Raises:
             CommandError: no such probe.

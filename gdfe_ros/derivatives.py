@@ -63,7 +63,7 @@ class Derivatives:
         return self._columns.found(state, self._outputs, names, chosen, interrupted=interrupted)
 
     def named(self, parameters: Sequence[str] | None) -> list[Parameter]:
-        """Return parameters by their names; None takes all actuators."""
+        """Return parameters by their names; None: all actuators."""
         return self.parameters.named(self._usual if parameters is None else parameters)
 
     def trail(self, state: State, parameters: Sequence[str] | None) -> Trail:

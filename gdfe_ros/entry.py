@@ -28,7 +28,7 @@ def gdfe() -> int:
 
 
 def sim_node() -> int:
-    """Run the simulation node; once it spins, its own handlers take the signals."""
+    """Run the simulation node; once it spins, its own handlers process the signals."""
     with quiet_imports("sim_node", 0):
         return imported("gdfe_ros.node.sim_node").main()
 
@@ -70,7 +70,7 @@ def without_collection() -> Iterator[None]:
 
 
 def collect() -> None:
-    """Collect all cyclic garbage while the interpreter is intact; at its end, bindings complain about such objects."""
+    """Collect all cyclic garbage while the interpreter is intact; at its end, bindings print errors for it."""
     gc.unfreeze()
     gc.collect()
 

@@ -284,7 +284,7 @@ class Simulation:
         """Play the scene's program from the present time on and yield the result of each step.
 
         Args:
-            steps: number of equal load steps; None takes that of the settings, or else of `usual_steps`.
+            steps: number of equal load steps; None: that of the settings, or else of `usual_steps`.
             progress: called with the completed fraction after each step.
 
         Raises:
@@ -356,8 +356,8 @@ class Simulation:
         At an equilibrium K dx = -dF (docs/theory/sensitivities.md), with the present contacts and sticking points held.
 
         Args:
-            outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None takes all probes.
-            parameters: of `parameter_names`; None takes all actuators.
+            outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None: all probes.
+            parameters: of `parameter_names`; None: all actuators.
             interrupted: called repeatedly; once it returns True, an error is raised.
 
         Raises:
@@ -392,7 +392,7 @@ class Simulation:
         next step on. Without dynamics this has no effect, because an equilibrium has its own derivatives.
 
         Args:
-            parameters: of `parameter_names`; None takes all actuators.
+            parameters: of `parameter_names`; None: all actuators.
 
         Raises:
             CommandError: no such parameter.
@@ -428,8 +428,8 @@ class Simulation:
         command.
 
         Args:
-            probes: names; None takes all, in the scene's order.
-            actuators: names; None takes all, in the scene's order.
+            probes: names; None: all, in the scene's order.
+            actuators: names; None: all, in the scene's order.
             interrupted: called repeatedly; once it returns True, an error is raised.
 
         Raises:

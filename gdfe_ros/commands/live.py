@@ -84,7 +84,7 @@ def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
     session = None
     try:
         with without_collection():
-            # Opening a page takes a browser as long as building the body takes.
+            # A browser needs about as long to open a page as this process to build the body.
             page.lay_out(scene, scene.name)
             _say_where(arguments, page.port)
             session = _session_of(scene, arguments, page)

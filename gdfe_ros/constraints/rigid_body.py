@@ -30,7 +30,7 @@ class RigidBody(Obstacle):
 
     Attributes:
         vertices: (4,) int32 its vertices, which follow those of the mesh.
-        fixed: it takes no commands.
+        fixed: it accepts no commands.
         free, turning: all axes.
         mass: [kg].
     """
@@ -43,7 +43,7 @@ class RigidBody(Obstacle):
     mass: float
 
     def __post_init__(self) -> None:
-        """Skip the check of handles: it takes no commands, and all its axes are free."""
+        """Skip the check of handles: it accepts no commands, and all its axes are free."""
 
     @property
     def gyration(self) -> NDArray[np.float64]:

@@ -29,7 +29,7 @@ class Session(Protocol):
 
     Attributes:
         abilities: the supported requests.
-        failure: why it ended by itself, or None.
+        failure: reason for an end that was not requested, or None.
     """
 
     abilities: frozenset[Ability]

@@ -57,7 +57,7 @@ class Page:
     Attributes:
         port: of the server.
         drawn: frames drawn so far.
-        failure: why the drawing ended by itself, or None.
+        failure: reason for an end of the drawing that was not requested, or None.
     """
 
     def __init__(self, *, host: str, port: int, frames: float) -> None:

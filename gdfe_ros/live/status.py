@@ -12,7 +12,7 @@ from gdfe_ros.live.interface import Session
 from gdfe_ros.live.view import View
 
 _WINDOW = 1.0
-"""Wall time over which rates are taken [s]."""
+"""Wall time over which rates are averaged [s]."""
 
 
 class Status:

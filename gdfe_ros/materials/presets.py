@@ -47,8 +47,8 @@ def preset(
     Args:
         name: one of ``PRESETS``.
         law: ``Law.OGDEN`` or, through the measured curve, ``Law.CURVE``.
-        poisson: Poisson's ratio at rest; None takes the preset's, which filaments do not have.
-        density: mass density [kg/m^3]; None takes the preset's, if it is known.
+        poisson: Poisson's ratio at rest; None: the preset's, which filaments do not have.
+        density: mass density [kg/m^3]; None: the preset's, if it is known.
         omega: a given shape factor for the ``relative`` policy.
         scale: factor on every stress, for a batch that is stiffer or softer than the measured one.
 

@@ -53,7 +53,7 @@ def read_mesh(
         scale: metres for each unit of the file, e.g. 0.001 for millimetres; None assumes metres and rejects
             bodies of implausible size.
         merge: whether to merge vertices at the same place.
-        first_order: whether to take the eight corners of second-order hexahedra.
+        first_order: whether to reduce second-order hexahedra to their eight corners.
 
     Raises:
         MeshError: with every defect and its remedy.

@@ -51,7 +51,7 @@ class ShapeOperators(NamedTuple):
         corner_ratio: (m, 8) float64 [1/m^3], one over the triple product of the three edges at each corner.
         cut: (m,) bool, the element is a box inside its cell, and the corners of `corner_ratio` are the box's.
         box: (m, 3, 2) float64, ends of that box along each edge of its cell, 0 .. 1 in whole cells.
-        across: (m,) int32 cells across the section with which the element twists; 1 if it twists by itself.
+        across: (m,) int32 cells across the section with which the element twists; 1 if it twists alone.
     """
 
     cells: NDArray[np.int32]

@@ -132,7 +132,7 @@ class Frames:
         return found
 
     def _own(self) -> dict[str, tuple[str, Placement]]:
-        """Return the frames that the node knows by itself; those of handles rotate as their vertices did."""
+        """Return the frames that the node computes itself; those of handles rotate as their vertices did."""
         now, poses = self.positions(), self.poses()
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
         for handle in self._scene.handles:

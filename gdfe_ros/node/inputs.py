@@ -209,7 +209,7 @@ class Inputs:
 
 
 def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
-    """Yield the command topics of a scene; handles and obstacles that are fixed or follow a leader refuse by name."""
+    """Yield the inputs of a scene, also of fixed handles and followers, which refuse commands with a reason."""
     scene, frames, size = run.scene, run.frames, run.scene.mesh.size
     # First, so that in lockstep a body teleported before a command set is complete is teleported in its step.
     for handle in scene.handles:

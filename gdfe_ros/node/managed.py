@@ -83,7 +83,7 @@ class ManagedNode(LifecycleNode):
 
         Moduli, which a scene declares on configuration, are excluded too.
         """
-        given = set(self._parameter_overrides)  # rclpy offers no other way
+        given = set(self._parameter_overrides)  # rclpy has no public interface for this
         later = ("materials.", "qos_overrides.", "start_type_description_service", "use_sim_time")
         return {name for name in given if not self.has_parameter(name) and not name.startswith(later)}
 
@@ -176,7 +176,7 @@ class ManagedNode(LifecycleNode):
         def deliver(response: Any, header: Any) -> None:
             try:
                 send(response, header)
-            except Exception as error:  # the client may be gone, or this node's context
+            except Exception as error:  # the client, or this node's context, may have shut down
                 self.faults.note(place, error)
 
         service.callback, service.send_response = answer, send_now_or_later

@@ -42,7 +42,7 @@ class Refusal(GdfeError):
 
     Args:
         reason: for counting.
-        text: what is wrong, and what is allowed.
+        text: the defect and the allowed values.
     """
 
     def __init__(self, reason: Reason, text: str) -> None:

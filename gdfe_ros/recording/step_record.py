@@ -55,7 +55,7 @@ class StepRecord:
         min_det: least det F.
         wall_time: time spent solving [s]; the only entry that differs between two equal runs.
         skipped: counts of work that was left out, by name.
-        message: what is wrong; empty if nothing is.
+        message: the defect; empty if there is none.
         energies: of a body in motion [J], by name; empty without dynamics, and then not in the text.
     """
 

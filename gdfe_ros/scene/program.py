@@ -59,7 +59,7 @@ class Program:
         return tuple(sorted(times))
 
     def moments(self, steps: int | None) -> list[float]:
-        """Return the end times [s] of ``steps`` equal load steps; None takes one for each of `times`."""
+        """Return the end times [s] of ``steps`` equal load steps; None: one for each of `times`."""
         if steps is None:
             return list(self.times[1:])
         return list(np.linspace(0.0, self.duration, steps + 1)[1:])

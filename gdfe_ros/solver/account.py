@@ -29,7 +29,7 @@ class Failure:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Bound:
-    """Extremes of a moving body's energy; they tell whether a step creates energy.
+    """Extremes of a moving body's energy; they show whether a step creates energy.
 
     Attributes:
         start, least: kinetic + elastic + potential energy - work [J] at the beginning, and its minimum. Each is raised
@@ -51,7 +51,7 @@ class Ledger:
         lost: energy dissipated by damping and friction [J].
         owed: time [s] that has passed without a step because it was too short for one.
         failure: the last step if it failed; None if it did not.
-        bound: extremes of the energy; None if the account begins anew with the next step.
+        bound: extremes of the energy; None if the account restarts with the next step.
     """
 
     work: float

@@ -37,7 +37,7 @@ class StepResult:
         wall_time: elapsed time [s].
         policy: the policy of the solve.
         factorisation: the library that solves with the constant matrix.
-        message: what is wrong; empty if nothing is.
+        message: the defect; empty if there is none.
         stable: whether the energy curves up in every direction; this is checked where a motion begins or is not smooth.
             False: the body is at a saddle, which it leaves when pushed. None: not checked, or not converged.
         cut_after: how often the solve asked for the time before its deadline passed; None if it did not pass.

@@ -142,11 +142,11 @@ class SoftDirection:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Unfinished:
-    """Progress of a solve that was cut, so that the next one continues it.
+    """Progress of a solve that was cut, from which the next one continues.
 
     Attributes:
-        tolerance: of the minimisation that was cut.
-        iterations: made since the last finished solve.
+        tolerance: tolerance of the cut minimisation.
+        iterations: number of iterations since the last finished solve.
         recent: (2 WINDOW,) displacements [m] of the last steps, as a ring buffer.
         seen: number of steps recorded.
     """
@@ -182,7 +182,7 @@ class Summary:
         reactions: by handle (6,), as in `StepResult`.
         actuators: by name.
         terms: reports of further terms by name.
-        message: what is wrong; empty if nothing is.
+        message: the defect; empty if there is none.
         stable: as in `StepResult`.
     """
 
@@ -221,7 +221,7 @@ class State:
         summary: of the last accepted solve.
         sound: whether no element is folded or inverted.
         suspect: whether the positions were given and have folded or inverted elements.
-        tried: whether the load path from rest was tried in vain.
+        tried: whether the load path from rest was tried without success.
         anchor: the last equilibrium, if this state is none: a solve was cut, or a failed step left crumpled elements.
         ledger: energy account of a moving body; None without dynamics.
     """

@@ -64,7 +64,7 @@ class Consumed:
         self._values = {name: commands[name] for name in self._driven}
 
     def messages(self, record: StepRecord) -> dict[str, PoseStamped | JointState]:
-        """Return a message for each of ``inputs``, after those that place bodies; empty if the step consumed nothing."""
+        """Return a message for each of ``inputs``, after those that place bodies; empty if the step has no commands."""
         values = {**record.actuators, **record.loads}
         messages: dict[str, PoseStamped | JointState] = {}
         for name, pose in record.bodies.items():

@@ -53,7 +53,7 @@ class Link:
         self._client.await_listeners(self._publishers.values())
 
     def wait_for_step(self, number: int) -> None:
-        """Wait until the step of a number, or a later one, is published."""
+        """Wait until step ``number`` or a later one is published."""
         self.wait(lambda: self.step >= number, f"step {number}")
 
     def publish(self, messages: Mapping[str, Any]) -> None:

@@ -119,7 +119,7 @@ class NodeReplay:
             link.wait_for_step(count)
 
     def _step(self, link: Link, count: int, record: StepRecord) -> None:
-        """Make the node take the step of a record."""
+        """Make the node repeat the step of a record."""
         if count == 0 or record.begin is Begin.REST:
             if count > 0:
                 self._simulation.reset()

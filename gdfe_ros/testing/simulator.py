@@ -175,7 +175,7 @@ class Simulator:
         return np.array(message.data).reshape([dimension.size for dimension in message.layout.dim])
 
     def spin(self, node: Node, *, steps: int) -> list[State]:
-        """Spin a controller node of the same ``context`` until it has commanded ``steps`` steps; return their states."""
+        """Spin a controller node of the same ``context`` until it has commanded ``steps`` steps; return the states."""
         states: list[State] = []
         self._listeners.append(states.append)
         self._client.executor.add_node(node)

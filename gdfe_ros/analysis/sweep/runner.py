@@ -66,7 +66,7 @@ def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tup
     A failure in a worker, its death included (after four attempts), is the result of that case.
 
     Raises:
-        GdfeError: the workers on this machine are gone, and none comes back.
+        GdfeError: all workers on this machine died and do not restart.
     """
     queue = _Queue(client, scene, cases)
     finished = as_completed(queue.refill())

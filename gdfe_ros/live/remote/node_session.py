@@ -58,7 +58,7 @@ class NodeSession:
         GdfeError: the name is invalid, there is no such node, or none that is configured; the message lists the nodes.
 
     Attributes:
-        failure: why the reception ended by itself, or None.
+        failure: reason for an end of the reception that was not requested, or None.
         outdated: whether the node has another scene now, so that a new session is needed.
     """
 

@@ -8,7 +8,7 @@ import math
 from gdfe_ros.compiled import inlined, kernel
 
 MOST_STEPS = 12
-"""Limit of Gauss-Newton steps on one face. A flat face takes two."""
+"""Limit of Gauss-Newton steps on one face. A flat face needs two."""
 OPPOSED = -0.1
 """Largest cosine between the normals of two faces that can touch each other."""
 

@@ -28,7 +28,7 @@ ENTRY = 1e-3
 """Distance over the body's size beyond which a point counts as outside. A point that enters the obstacle from farther
 away within one step gets a penetration plane."""
 REACH = 0.05
-"""Distance over the body's size within which points take part in contact. Distances are taken anew once the body has
+"""Distance over the body's size within which points take part in contact. Distances are recomputed once the body has
 moved as far."""
 SLIP = 3e-7
 """Slip over the body's size that a point is given for the linearisation if it slips but has hardly moved yet."""
@@ -160,7 +160,7 @@ class Contact(ContactTerm):
         return self._settling.way(positions, missed)  # friction's limit and direction follow the normal forces
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Choose the points anew if the body has moved far enough; return whether points were added."""
+        """Choose the points again if the body has moved far enough; return whether points were added."""
         if self._moved(positions) < max(self._clear, 0.5 * REACH * self._body.size):
             return False
         before, rows = len(self._chosen), self._rows()
@@ -318,7 +318,7 @@ class Contact(ContactTerm):
         return (self._points.at(self._last.positions) - origin) @ axes
 
     def _moved(self, positions: NDArray[np.float64]) -> float:
-        """Return an upper bound of the displacement [m] of any point since the distances were taken."""
+        """Return an upper bound of the displacement [m] of any point since the distances were computed."""
         if self._seen is None:
             return np.inf
         longest = largest_distance(positions, self._seen)

@@ -30,13 +30,13 @@ class ContactTerm(Term):
         reals, integers: arrays that the compiled kernels read.
 
     Attributes:
-        potential: the compiled energy; `add_forces` takes the forces from its gradient.
+        potential: the compiled energy; `add_forces` computes the forces as its gradient.
         on_body: whether the elastic body touches an obstacle.
         resolution: displacement [m] to which a minimisation must converge so that the forces are known.
         share: factor from the multipliers, the forces at the end of a step, to the force over a step in motion.
         missed: largest error [m] in gap or slip of a self-contact pair at the last update of a solve.
         gives_up: whether hopeless solves end at once, because smaller steps may succeed.
-        stocky: whether only displacements tell the remaining distance of a body; updates are then extrapolated.
+        stocky: whether only displacements measure the remaining distance of a body; updates are then extrapolated.
         buried: whether the penetration that `flaw` found is deep, not only above the tolerance.
         hopeless: whether separate parts have penetrated so deep that the search finds no pair for them any more.
     """

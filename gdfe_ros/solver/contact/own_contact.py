@@ -136,7 +136,7 @@ class OwnContact(ContactTerm):
         self._expect(rows[:, law.PRESS], rows[:, law.PENALTY])
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers, search the nearest faces anew, and return the remaining distance [m]."""
+        """Update the multipliers, search the nearest faces again, and return the remaining distance [m]."""
         rows, chosen = self._rows(), self._chosen
         self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
         self._held = self._multipliers()

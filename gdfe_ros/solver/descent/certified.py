@@ -38,7 +38,7 @@ FREE = 6
 class CertifiedMinimiser(TangentMinimiser):
     """Minimises to an equilibrium, and certifies its distance by conjugate gradients with the present tangent.
 
-    Near buckling the step by the kept tangent does not tell the distance.
+    Near buckling the step by the kept tangent does not measure the remaining distance.
 
     Args:
         body: the discretised body.

@@ -3,7 +3,7 @@
 
 The constant matrix resists a rotation of an inclusion as if it strained hard material. At a stiffness ratio of 1e6 the
 preconditioned step becomes tiny long before the inclusion has rotated, with several per cent of the energy to go. The
-moment on the inclusion over the rotational stiffness of its soft surroundings tells how far it has yet to rotate.
+moment on the inclusion over the rotational stiffness of its soft surroundings is its remaining rotation.
 """
 
 from __future__ import annotations

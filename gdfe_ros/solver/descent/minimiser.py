@@ -110,7 +110,7 @@ class Minimiser:
         observer: receives the energy of every iteration; None for none.
         lumps: hard inclusions, whose rotation the constant matrix makes too stiff.
         certified: whether conjugate gradients certify the residual.
-        lost: whether the solve has given up.
+        lost: whether the solve was abandoned.
     """
 
     certified, lost = False, False

@@ -10,7 +10,7 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.workspace import WINDOW
 
 LONGEST_WAY = 10.0
-"""Remaining distance, over the target of a step, with which a minimisation may end."""
+"""Largest estimated remaining distance at which a minimisation may end, as a multiple of its target for a step."""
 SLOWEST = 0.95
 """Largest ratio of successive windows' steps that the estimate uses."""
 

@@ -21,7 +21,7 @@ from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 TRUST = 5.0
 """Largest tolerance over the body's softness; larger ones are reduced to it. Softness is, to a factor, the strain at
 which a slender body buckles. A shape whose length is off by that much is as much too stiff or too soft, so that a
-small Newton step tells nothing there."""
+small Newton step means nothing there."""
 SLACK = 5.0
 """Assumed ratio of the distance to the step by the kept tangent."""
 PATIENT = 12
@@ -49,7 +49,7 @@ class TangentMinimiser(Minimiser):
 
     Attributes:
         tangent: the kept tangent.
-        lost: whether the solve has given up because the distance to the equilibrium cannot be estimated.
+        lost: whether the solve was abandoned because the distance to the equilibrium cannot be estimated.
     """
 
     def __init__(

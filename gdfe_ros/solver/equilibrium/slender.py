@@ -23,7 +23,7 @@ from gdfe_ros.solver.tangent.smooth_field import smooth_field
 
 PRODUCTS = 40
 """Lanczos steps. From a smooth start they find the softness of a slender body to a factor of ten, which is enough to
-tell it from a stocky one; docs/theory/solve.md has the figures."""
+distinguish it from a stocky one; docs/theory/solve.md has the figures."""
 SLENDER = 1.5e-3
 """Softness, as 40 Lanczos steps find it, below which the steps of the constant matrix alone fall too short. Stocky
 scenes have 3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3."""

@@ -60,7 +60,7 @@ class Solve:
     Attributes:
         problem, start: as given.
         warm: as given, until a saddle is left.
-        anew: whether no motion is continued.
+        anew: whether the solve continues no motion.
         turns: (p, 3) rotation vectors [rad] of the handles at the beginning.
         pressures: multipliers of the volumes.
         iterations: of the last call of `descend`.

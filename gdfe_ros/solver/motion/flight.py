@@ -105,7 +105,7 @@ class Flight:
         return self.aim != (self.state.poses, self.state.commands)
 
     def endures(self, solution: Solution) -> bool:
-        """Return whether a solution with folded elements is accepted as not converged, so that time goes on.
+        """Return whether a solution with folded elements is accepted as not converged, so that the simulation continues.
 
         It is if no shorter step is left, no command drives the body, and corners are folded only slightly. Fold
         barriers open them in the following steps.

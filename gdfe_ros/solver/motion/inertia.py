@@ -151,7 +151,7 @@ class Inertia(Term):
 def rule_of(dynamics: Dynamics, h: float, saved: Saved) -> Rule:
     """Return the rule of a step of length ``h`` [s] from a stored state.
 
-    If the length changes, `bdf2` starts anew, and one step of the trapezoidal rule, which has no memory, replaces
+    If the length changes, `bdf2` restarts, and one step of the trapezoidal rule, which has no memory, replaces
     `generalised_alpha`: an assumed previous step would create energy when two lengths alternate.
     """
     now, x = kinematics_of(saved), saved["positions"]

@@ -54,7 +54,7 @@ class Accounts:
         """Return the ledger after an internal step of length ``h`` [s]: work by the trapezoidal rule.
 
         The uncertainty is the change of each handle's and command's work if the force of one end of the step acted
-        throughout; it is added to the bound. If growth changes, whose work is not accounted for, the bound begins anew.
+        throughout; it is added to the bound. If growth changes, whose work is not accounted for, the bound restarts.
         """
         ledger, first, last = before.ledger, before.summary.reactions, now.summary.reactions
         moves = [(first[name], last[name], _motion(before, now, name)) for name in now.poses]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of derivatives by name, and the part of a command, a pose or a model that each one is."""
+"""Named parameters of derivatives, each a component of a command, a pose or a model."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class March:
         increments: number of attempted increments, failed ones included.
         reached: whether the commands were reached.
         converged: whether the state is an equilibrium at the commands.
-        message: what is wrong; empty if nothing is.
+        message: the defect; empty if there is none.
         skipped: counts of work that the last solve left out, by name.
         snapped: whether it ended in a jump to another equilibrium.
         restarts: 1 if the state was reached from rest, or with contact dropped, instead of along the load path.

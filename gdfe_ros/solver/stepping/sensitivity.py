@@ -22,7 +22,7 @@ TOLERANCE = 1e-8
 REACH = 1e-3
 """Displacement between the compared equilibria, over the body's size. The error of a difference is about its square."""
 NARROW, WIDE = 0.1, 3.0
-"""The change of the command is chosen anew if the displacement lies outside of these multiples of ``REACH``."""
+"""The change of the command is chosen again if the displacement lies outside of these multiples of ``REACH``."""
 FIRST = 1e-3
 """First change of a command, over its range or size."""
 SMALLEST = 1e-9
@@ -48,7 +48,7 @@ def jacobian(
     """Return d(point)/d(command) of each actuator, (points, 3) each, at the equilibrium ``state``.
 
     These are central differences of second order. At the end of a range, or next to a command without equilibrium, they
-    are one-sided of second order; at a kink they are taken on the side on which the actuator acts. ``interrupted`` may
+    are one-sided of second order; at a kink they are computed on the side on which the actuator acts. ``interrupted`` may
     end the computation.
 
     Raises:

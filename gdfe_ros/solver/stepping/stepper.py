@@ -35,7 +35,7 @@ UNFOLD = "remedy: go back to where it was sound, or reset; finer cells fold late
 
 
 class Stepper:
-    """Computes successive states. It has no state of its own.
+    """Computes successive states. It is stateless.
 
     Args:
         body: the discretised body.

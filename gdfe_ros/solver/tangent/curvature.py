@@ -65,7 +65,7 @@ def lowest(
     vector, before = np.empty_like(load), np.zeros_like(load)
     precondition(load, vector)
     weight = float(load @ vector)
-    vectors = np.empty((most, len(load)), np.float32)  # unwritten pages take no memory
+    vectors = np.empty((most, len(load)), np.float32)  # pages never written use no memory
     diagonal: list[float] = []
     beside: list[float] = []
     values: list[float] = []

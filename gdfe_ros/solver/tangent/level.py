@@ -29,7 +29,7 @@ from gdfe_ros.solver.terms.term import Term
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
 """First multiple of the constant matrix added to a tangent that has no factorization, and its growth per attempt."""
 MOST_SHIFT = 1e12
-"""Largest such share; if it is not enough, the constant matrix replaces the tangent."""
+"""Largest such multiple; if it is not enough, the constant matrix replaces the tangent."""
 TURN = 1e-6
 """Change of a rigid row, over the body's size, in differences of the handles' motion."""
 

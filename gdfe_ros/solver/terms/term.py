@@ -73,7 +73,7 @@ def term_kernel(entry: Callable[..., float]) -> TermKernel:
 
 @inlined
 def as_arrays(x, n, reals, k, integers, i, force, size):
-    """Return the arguments of an entry as the arrays that a term's energy takes."""
+    """Return the arguments of an entry as the arrays that are arguments of a term's energy."""
     return carray(x, (n, 3)), carray(reals, (k,)), carray(integers, (i,)), carray(force, (n, 3)), carray(size, (1,))
 
 
