@@ -18,7 +18,7 @@ class Torsion(str, Enum):
     """Model of an element's torsional stiffness, which one integration point cannot resolve."""
 
     CELL = "cell"
-    """Each cell resists torsion as a separate bar: exact for a body one cell across, 14 % too stiff for two cells across."""
+    """Each cell resists torsion as a separate bar: exact for a body one cell across, 14 % too stiff for two."""
     SECTION = "section"
     """Each cell resists as a part of its cross-section, whose cells are counted: exact in square bars of one to four
     cells across."""

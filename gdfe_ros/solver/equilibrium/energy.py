@@ -41,7 +41,7 @@ from gdfe_ros.solver.value import changed
 LEAP = 100.0
 """Distance of the start from the last equilibrium, over the tolerance, above which the solve does not count as warm."""
 REORIENT = 0.3
-"""Rotation [rad] of a handle beyond which its coupling to the constant matrix is recomputed; the history is then emptied."""
+"""Rotation [rad] of a handle beyond which its coupling to the constant matrix is recomputed and the history emptied."""
 RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 

@@ -105,9 +105,9 @@ class Flight:
         return self.aim != (self.state.poses, self.state.commands)
 
     def endures(self, solution: Solution) -> bool:
-        """Return whether a solution with folded elements is accepted as not converged, so that the simulation continues.
+        """Return whether the simulation continues after a solution with folded elements, which counts as not converged.
 
-        It is if no shorter step is left, no command drives the body, and corners are folded only slightly. Fold
+        It does if no shorter step is left, no command drives the body, and corners are folded only slightly. Fold
         barriers open them in the following steps.
         """
         return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > DEEPEST_FOLD

@@ -48,8 +48,8 @@ def jacobian(
     """Return d(point)/d(command) of each actuator, (points, 3) each, at the equilibrium ``state``.
 
     These are central differences of second order. At the end of a range, or next to a command without equilibrium, they
-    are one-sided of second order; at a kink they are computed on the side on which the actuator acts. ``interrupted`` may
-    end the computation.
+    are one-sided of second order; at a kink they are computed on the side on which the actuator acts. ``interrupted``
+    may end the computation.
 
     Raises:
         GdfeError: no equilibrium was found on either side of an actuator's command, or it was interrupted.
