@@ -23,7 +23,7 @@ NO_SAMPLES = np.zeros(0)
 RIM = 48
 """Points on each rim of a freely moving cylinder."""
 INSET = 0.01
-"""Distance of the points of a box' face from its rim, over the half width. At the rim of an equal face, rounding would
+"""Distance of the points of a box's face from its rim, over the half width. At the rim of an equal face, rounding would
 decide which side is nearer."""
 MOST_ALONG = 8
 """Limit of intervals between points along a rigid body."""

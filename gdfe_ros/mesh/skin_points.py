@@ -18,31 +18,31 @@ if TYPE_CHECKING:
     from gdfe_ros.mesh.hexmesh import HexMesh
 
 FINE, SMALL = 0.25, 0.1
-"""Longest edge of the pieces in which a skin is looked at, over the size of cells of which so many are smaller."""
+"""Longest edge of a refined skin's triangles, over a quantile of the sizes of boundary cells, and that quantile."""
 CREASE = np.cos(np.radians(30.0))
 """Cosine between the normals of neighbouring triangles below which their common edge is a crease."""
 FARTHEST = np.array([0.5, 0.75, 1.0])
 """Distance to the nearest chosen point, over the size of its cell, beyond which a corner, a crease point, and any other
 point of a skin is chosen too."""
 NEAR = 8
-"""Number of the nearest points among which one on the same side of a wall represents a skin point."""
+"""Number of nearest chosen points searched for one on the same side of a wall."""
 ALIKE = -1e-9
 """Cosine between two directions above which they count as on the same side of a wall; perpendicular ones do."""
 PLACE = 1e-12
-"""Error of reference coordinates in cells."""
+"""Tolerance of reference coordinates in cells."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
-    """A surface as points that cells carry.
+    """Points of a skin with the cells that carry them.
 
     Attributes:
-        places: (k, 3) [m].
+        places: (k, 3) positions [m].
         normals: (k, 3) unit vectors out of the material.
         kinds: (k,) 0 for a corner, 1 for a crease point, 2 for any other point.
-        corners: (k, 8) vertices of the cell that carries each.
-        weights: (k, 8) weights of these.
-        sizes: (k,) [m] edge of a cube with that cell's volume.
+        corners: (k, 8) vertices of the cell that carries each point.
+        weights: (k, 8) weights of these vertices.
+        sizes: (k,) edge of a cube with that cell's volume [m].
     """
 
     places: NDArray[np.float64]
@@ -98,7 +98,7 @@ class SkinPoints:
         return np.unique(found)
 
     def _completed(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the chosen points with as many others that no point is far from all of them."""
+        """Return the chosen points and further ones, so that every point is within `FARTHEST` of one of them."""
         limits = FARTHEST[self.kinds] * self.sizes
         near = cKDTree(self.places[chosen]).query(self.places, k=min(NEAR, len(chosen)))[1]
         near = chosen[near.reshape(len(self.places), -1)]

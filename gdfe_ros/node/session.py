@@ -43,24 +43,24 @@ _LATE = 1.0
 
 
 class Session:
-    """A configured simulation with its topics; ``start`` and ``stop`` are activate and deactivate.
+    """A configured simulation with its topics; `start` and `stop` serve the transitions activate and deactivate.
 
     Args:
-        node: owns the topics.
-        parameters: of the node.
-        simulation: ready to step.
-        refusals: counts refused commands.
-        ending: set when the process is asked to end; multi-step requests then stop early.
+        node: node that offers the topics.
+        parameters: parameters of the node.
+        simulation: simulation at its first state.
+        refusals: log of refused commands.
+        ending: event set when the process is asked to end; multi-step requests then stop early.
 
     Attributes:
-        run: holds the simulation.
-        outputs: publish the steps.
-        stepper: makes the steps.
-        inputs: receive the commands.
-        bags: record both.
-        strays: searches for commands to unknown names.
+        run: the simulation, shared with the other parts of the session.
+        outputs: publishers of the steps.
+        stepper: thread that makes the steps.
+        inputs: subscriptions of the commands.
+        bags: recorder of inputs and outputs.
+        strays: search for commands to unknown names.
         mode: clock that triggers the steps.
-        courier: publishes; None while not active.
+        courier: thread that publishes; None while not active.
         walk: the last request of ~/step, or None.
     """
 

@@ -33,7 +33,7 @@ _LONG = 1e9
 _SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
 """Fractions of the change of the commands, tried in this order until a step converges."""
 _BUDGET = 400
-"""Limit of iterations [rounds] of a step without dynamics, after which a smaller fraction is tried; most need 20 to
+"""Limit of iterations of a step without dynamics, after which a smaller fraction is tried; most steps need 20 to
 150."""
 
 

@@ -31,7 +31,7 @@ REACH = 0.05
 """Distance over the body's size within which points take part in contact. Distances are recomputed once the body has
 moved as far."""
 SLIP = 3e-7
-"""Slip over the body's size that a point is given for the linearisation if it slips but has hardly moved yet."""
+"""Slip, over the body's size, assumed in the linearisation for a slipping point that has hardly moved yet."""
 HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
 """Columns of a point's row that `Contact.update` changes."""
 STIFFER = 30.0

@@ -17,7 +17,7 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 
 SUPPORTED = 0.1
-"""Least displacement by all contacts, over that by one contact alone, with which its share of an impact is computed."""
+"""Lower bound of a point's displacement by all contacts, over that by its own contact, in its share of an impact."""
 
 
 class RigidContact(Contact):

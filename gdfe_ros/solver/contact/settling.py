@@ -19,7 +19,7 @@ PLAIN = 2
 """Plain updates at the beginning of a solve before extrapolation, and in a row before a rate of convergence is
 measured."""
 UNKNOWN = 3.0
-"""Remaining displacement over the last one while no rate of convergence is known."""
+"""Assumed remaining displacement, over the last one, while no rate of convergence is known."""
 SLOWEST = 0.95
 """Largest ratio of successive displacements that the estimate uses."""
 NORMALS = slice(4, 7)
@@ -28,10 +28,10 @@ SHARE = 0.5
 """Share of its rotation that a normal makes in a plain update. With it the map converges unless it overshoots more than
 twofold."""
 SWINGING, MOST_SWINGS = 0.5, 8
-"""Share of the last update that an update must take back to count as an oscillation, and number of successive
+"""Share of the last update above which the reversal by the next one counts as an oscillation, and number of successive
 oscillations before updates are damped."""
 SHORTER, LEAST = 0.5, 1.0 / 256.0
-"""Factor by which the share of an update that is made shrinks at an oscillation, and its least value."""
+"""Factor of the applied share of an update at each oscillation, and least such share."""
 
 
 class Damping:

@@ -25,7 +25,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
 SAFETY = 0.1
-"""Least length of the quasi-Newton step over the distance to the equilibrium; slender bodies come near it."""
+"""Lower bound of the quasi-Newton step over the distance to the equilibrium; slender bodies come near it."""
 PATIENT_ITERATIONS = 20
 """Iterations between two checks of the moments of hard inclusions."""
 LEARNED = 2

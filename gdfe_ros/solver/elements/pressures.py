@@ -18,7 +18,7 @@ STILL_UPDATES, PLAIN_UPDATES = 3, 20
 LOCAL_SLACK = 10.0
 """Volume error of a single element over the mean one that moves the positions by the same amount."""
 SWINGING = 0.3
-"""Share of the last update that an update must take back to count as an oscillation."""
+"""Share of the last update above which the reversal by the next one counts as an oscillation."""
 MOST_SWINGS = 2
 STIFFENING, MOST_STIFFENING = 3.0, 30.0
 """Factor by which the bulk modulus beside the pressures is raised at oscillations, and its bound."""

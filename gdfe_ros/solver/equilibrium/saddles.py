@@ -20,9 +20,9 @@ from gdfe_ros.solver.value import changed
 MOST_SADDLES = 8
 """Most saddles that one solve leaves in succession."""
 STEP, ASK, LOOK = 4, 40, 500
-"""Counts in iterations: what a step adds to its own iterations, after how many the curvature along the softest
-direction is evaluated again (one product), and after how many the direction is computed anew. Each costs about a
-fortieth of the work of a stream."""
+"""Numbers of iterations: cost of a step besides its own iterations, interval between evaluations of the curvature along
+the softest direction (one product), and interval between computations of that direction. Each evaluation or
+computation costs about a fortieth of the work of a stream."""
 UNSTABLE = (
     "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
 )

@@ -27,19 +27,19 @@ FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 COARSER = (30.0, 3.0)
 """Tolerances of the first minimisations, over the resolution of contact forces; each multiplier update is closer."""
 ROUGH = 0.3
-"""Distance that may remain in the next minimisation, over the pairs' error at the last update."""
+"""Distance to which the next minimisation converges, over the pairs' error at the last update."""
 SCALE_SLACK = 10.0
 """Change of an hourglass scale, over the tolerance, that still leaves the positions within it."""
 WARM_SLACK = 10.0
 """Volume error of an element, over the tolerance, that a step of a motion may leave to the next step's pressures."""
 WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
-"""Least iterations of a step that continues a motion, of one that does not, and of a driven body whose history is not
-full. In a stream of small commands the first makes the work even from step to step and keeps the error far below the
-tolerance, which alone would let the error accumulate. The third is needed because the history does not contain the
-softest modes yet, which forces excite most."""
+"""Least iterations of a step that continues a motion, of a step that does not, and of a driven body whose history is
+not full. With small successive commands, the first evens out the work of the steps and keeps the error far below the
+tolerance; otherwise errors would accumulate. The third is needed because the history does not contain the softest
+modes yet, which forces excite most."""
 COLD_AIM = 0.2
 """Share of the tolerance at which a solve that continues no motion stops. Its history does not contain the softest
-modes yet, and steps become short before it has arrived."""
+modes yet, and its steps become short before the distance does."""
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
 TOO_DEEP = "what was apart came so deep into each other that it would not be kept apart"

@@ -43,9 +43,9 @@ class Integrator:
         body: the discretised body.
         settings: of the solver.
         dynamics: scheme and damping.
-        mass: (n, n) its mass matrix [kg].
+        mass: (n, n) mass matrix [kg].
         free_mass: mass of the free vertices.
-        acting: makes the actuation with further terms.
+        acting: function that returns the actuation with additional terms.
         euler: whether to step by backward Euler, which needs only the last state, instead of the scheme.
     """
 

@@ -12,7 +12,7 @@ from scipy.linalg import solve_triangular
 from gdfe_ros.errors import GdfeError
 
 ENOUGH = 1e-5
-"""Relative residual that is accepted if the products are differences, and the tolerance cannot be reached."""
+"""Relative residual that is accepted if the tolerance cannot be reached because the products are differences."""
 EXHAUSTED = 1e-13
 """Norm of the orthogonal part of a product, over its own, below which it is rounding."""
 ROUNDING = 1e-6

@@ -20,7 +20,7 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
 NEAR = 1e-7
-"""Displacement, over the body's size, in differences of a solve's final states."""
+"""Largest displacement, over the body's size, in differences between states near the end of a solve."""
 
 T = TypeVar("T")
 
