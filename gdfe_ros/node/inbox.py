@@ -16,13 +16,13 @@ _LIMIT = 10_000
 class Inbox:
     """Commands that wait for their step.
 
-    In lockstep none is dropped: those of one input are queued in the order received, and a step takes one of each (or,
-    without a command set, one). Under the other clocks the latest command of each handle and of each actuator counts,
-    whatever its sender and topic.
+    In lockstep none is dropped: those of one input are queued in the order received, and a step consumes one of each
+    (or, without a command set, one). Under the other clocks the latest command of each handle and of each actuator
+    counts, whatever its sender and topic.
 
     Args:
         changed: notified when a command arrives; its lock guards the inbox.
-        queued: lockstep.
+        queued: whether the clock is lockstep.
         command_set: inputs that must each have a command before a step begins; empty: one command is enough.
     """
 

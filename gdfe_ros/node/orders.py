@@ -37,7 +37,7 @@ class PoseOrder:
     quaternion: tuple[float, float, float, float]
 
     def without(self, later: Order) -> PoseOrder | None:
-        """Return itself, unless ``later`` is another pose of the handle; a velocity continues from this pose."""
+        """Return this order, or None if ``later`` sets another pose of the handle; a later velocity starts from this pose."""
         return None if isinstance(later, PoseOrder) and later.handle == self.handle else self
 
     def after(self, last: Pose) -> Pose:
@@ -65,7 +65,7 @@ class TwistOrder:
         return not any((*self.linear, *self.angular))
 
     def without(self, later: Order) -> TwistOrder | None:
-        """Return itself, unless ``later`` is another pose or velocity of the handle."""
+        """Return this order, or None if ``later`` sets another pose or velocity of the handle."""
         return None if isinstance(later, (PoseOrder, TwistOrder)) and later.handle == self.handle else self
 
     def after(self, last: Pose, dt: float) -> Pose:
@@ -92,7 +92,7 @@ class PutOrder:
     quaternion: tuple[float, float, float, float]
 
     def without(self, later: Order) -> PutOrder | None:
-        """Return itself, unless ``later`` is another teleport of the body."""
+        """Return this order, or None if ``later`` teleports the same body."""
         return None if isinstance(later, PutOrder) and later.body == self.body else self
 
     @property

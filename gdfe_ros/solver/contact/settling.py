@@ -25,7 +25,7 @@ SLOWEST = 0.95
 NORMALS = slice(4, 7)
 """Columns of normals among the forces of pairs."""
 SHARE = 0.5
-"""Share of its rotation that a normal makes in a plain update. With it the map converges unless it overshoots more than
+"""Applied share of a normal's rotation in a plain update, with which updates converge unless they overshoot more than
 twofold."""
 SWINGING, MOST_SWINGS = 0.5, 8
 """Share of the last update above which the reversal by the next one counts as an oscillation, and number of successive

@@ -31,7 +31,7 @@ PATIENT_ITERATIONS = 20
 LEARNED = 2
 """Iterations, over the pairs of a history, after which an emptied history contains the softest modes again."""
 FLOOR = 1e-3
-"""Step over the tolerance below which even the least number of iterations is not made."""
+"""Step, over the tolerance, below which iterations end even before their least number."""
 LEAST_FLOOR = 1e-9
 """Step over the body's size below which iterations follow rounding, and could leave an unstable equilibrium by it."""
 FARTHEST = 3000.0

@@ -29,7 +29,7 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 
 ACCURACY = 3.0
-"""Distance to the end of an internal step that may remain, over h^2 |a| and the tolerance."""
+"""Requested distance of an internal step's solve, over h^2 |a| and the tolerance."""
 FINEST = 1e-4
 """Smallest requested distance, over the tolerance."""
 KEPT = 4

@@ -100,7 +100,7 @@ class Way:
 
     @property
     def left(self) -> int:
-        """Iterations that are left, at least one."""
+        """Number of remaining iterations, at least one."""
         return max(1, self.budget - self.iterations)
 
     @property

@@ -198,7 +198,7 @@ class Actuation:
     def states(
         self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators
     ) -> dict[str, ActuatorState]:
-        """Return the state of every actuator at ``positions`` (n, 3) [m], those of the last solve."""
+        """Return the state of every actuator; ``positions`` (n, 3) [m] are those of the last solve."""
         return {
             item.name: self.growths.state(item, commands, operators)
             if isinstance(item, Growth)
