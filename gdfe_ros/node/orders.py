@@ -37,7 +37,7 @@ class PoseOrder:
     quaternion: tuple[float, float, float, float]
 
     def without(self, later: Order) -> PoseOrder | None:
-        """Return this order, or None if ``later`` sets another pose of the handle; a later velocity starts from this pose."""
+        """Return this order, or None if ``later`` sets another pose; a later velocity continues from this pose."""
         return None if isinstance(later, PoseOrder) and later.handle == self.handle else self
 
     def after(self, last: Pose) -> Pose:

@@ -271,7 +271,7 @@ class Minimiser:
             self.observer(float(status["energy"]), size, begins)
 
     def _lag(self, active: ActiveSet) -> float:
-        """Return the largest displacement by which a hard inclusion has yet to rotate, over the body's size."""
+        """Return the largest displacement, over the body's size, by the remaining rotation of a hard inclusion."""
         if not self.lumps:
             return 0.0
         work, free = active.workspace, active.unknowns.free
