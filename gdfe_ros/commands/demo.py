@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.commands.convergence import convergence, print_failures
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import IN_RUN
 from gdfe_ros.scene import Scene, load_scene
@@ -41,6 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     console.print(_table(scene, bag, first))
     _draw(bag, out / f"{scene.name}.png")
     console.print(f"bag      {out / 'bag'}\npicture  {out / f'{scene.name}.png'}")
+    print_failures(bag.records, first=0)
     return 0 if all(record.converged for record in bag.records) else FAILED
 
 
@@ -71,7 +73,7 @@ def _table(scene: Scene, bag: BagRun, first: float) -> Table:
     table.add_row("steps commanded, taken", f"{round(scene.program.duration / records[0].dt)}, {len(records)}", "")
     table.add_row("solve time a step, median", f"{1e3 * np.median(times):.2f}", "ms")
     table.add_row("iterations a step, mean", f"{np.mean([record.iterations for record in records]):.1f}", "")
-    table.add_row("converged", "yes" if all(record.converged for record in records) else "no", "")
+    table.add_row("converged", convergence(records), "")
     table.add_row("strain energy", f"{last.energy:.6g}", "J")
     table.add_row("min det F", f"{last.min_det:.4f}", "")
     for name, (force, moment) in wrenches.items():

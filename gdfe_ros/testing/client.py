@@ -74,6 +74,22 @@ class Client:
             self.wait(service.service_is_ready, f"the service {service.srv_name}")
         await_discovery(self.node, self._name, partial(self.wait, what="diagnostics"))
 
+    def require_alone(self) -> None:
+        """Wait until the simulation knows this node, and make sure that no other node has the simulation's name.
+
+        Raises:
+            GdfeError: another one has; commands would reach both.
+        """
+        waiting = partial(self.wait, what="diagnostics")
+        await_discovery(self.node, self._name, waiting, process=self._process.pid)
+        namespace, _, base = self._name.rpartition("/")
+        if self.node.get_node_names_and_namespaces().count((base, namespace or "/")) > 1:
+            domain = self._context.get_domain_id()
+            raise GdfeError(
+                f"another node is called {self._name} in ROS domain {domain}, commands would reach both; "
+                f"remedy: end it, or take another domain, e.g. ROS_DOMAIN_ID={domain + 1}"
+            )
+
     def await_listeners(self, publishers: Iterable[Publisher]) -> None:
         """Wait until the simulation listens to what is published: before that, messages reach nobody."""
         for publisher in publishers:

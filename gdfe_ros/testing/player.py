@@ -47,7 +47,7 @@ def play_program(
         tell: is called with the moment of the program [s] that each step was for.
 
     Raises:
-        GdfeError: the node ended, did not answer, or did not end well; with its log.
+        GdfeError: the node ended, did not answer, or did not end well; with its log. Or another node has its name.
     """
     topics, duration = _topics(scene), scene.program.duration
     settings = {
@@ -64,6 +64,7 @@ def play_program(
         # Step 0 is the body at rest; heard later, it would pass for the step of the first command.
         link.wait_for_step(0)
         link.wait_for_listener()
+        link.require_alone()
         first = time.perf_counter() - started
         tell(0.0)
         for moment in np.linspace(0.0, duration, (steps or round(duration / dt)) + 1)[1:]:
