@@ -195,7 +195,7 @@ def make_env(
             rest with a seed, else from the last goal. A body with mass that nothing holds walks there as it moves.
         terminated: tells whether an episode has come to its end; None: never.
         observation_space: None: numbers without bounds, of the shape of the observation at rest.
-        overrides: over the scene, by dotted key.
+        overrides: over the scene, by dotted key; its program is not played.
         dt: simulation time of a step [s].
         steps: after which an episode is truncated.
         slew_time: simulation time in which an action crosses its range at most [s]; 0: at once.
@@ -208,7 +208,8 @@ def make_env(
         >>> seen, _ = env.reset(seed=0)
         >>> seen, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides=overrides)
+    # Actions replace the program, whose commands may lie outside of a narrowed range.
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides={**(overrides or {}), "program": None})
     given = {"observation": observation, "reward": reward, "terminated": terminated}
     return SoftRobotEnv(loaded, **given, observation_space=observation_space, dt=dt, steps=steps, slew_time=slew_time)
 
