@@ -24,6 +24,8 @@ from gdfe_ros.testing.process import NodeProcess
 
 PATIENCE = 300.0
 """Longest wait for anything but a step [s]; the first start of all compiles kernels: minutes on a busy machine."""
+_DISCOVERY = 1.5
+"""Time [s] in which nodes that are there already are discovered, on a busy machine, too."""
 STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Of subscriptions to what each step publishes; the last step is heard by who comes late."""
 
@@ -50,6 +52,7 @@ class Client:
         self._context = context or Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self.node = Node(label, context=self._context, namespace=name.rpartition("/")[0])
+        self._born = time.monotonic()
         self.executor = make_executor(self._context)
         self.executor.add_node(self.node)
         self._change = self.node.create_client(ChangeState, f"{name}/change_state")
@@ -58,14 +61,18 @@ class Client:
         """Spin until ``done`` gives something true.
 
         Raises:
-            GdfeError: the simulation ended, or it took too long.
+            GdfeError: the simulation ended, it took too long, or another node has its name.
         """
-        end = time.monotonic() + self._patience
+        begin = time.monotonic()
+        end, look = begin + self._patience, begin + _DISCOVERY
         while not done():
             if not self._process.running:
                 raise GdfeError(f"the node ended:\n{self._process.log}")
             if time.monotonic() > end:
                 raise GdfeError(f"waited {self._patience:g} s for {what} in vain:\n{self._process.log}")
+            if time.monotonic() > look:
+                self._look_for_doubles()
+                look += _DISCOVERY
             self.executor.spin_once(timeout_sec=0.05)
 
     def meet(self, services: Sequence[ServiceClient] = ()) -> None:
@@ -82,6 +89,10 @@ class Client:
         """
         waiting = partial(self.wait, what="diagnostics")
         await_discovery(self.node, self._name, waiting, process=self._process.pid)
+        self.wait(lambda: time.monotonic() > self._born + _DISCOVERY, "other nodes")
+        self._look_for_doubles()
+
+    def _look_for_doubles(self) -> None:
         namespace, _, base = self._name.rpartition("/")
         if self.node.get_node_names_and_namespaces().count((base, namespace or "/")) > 1:
             domain = self._context.get_domain_id()
