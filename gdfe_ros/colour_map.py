@@ -23,6 +23,14 @@ VIRIDIS = np.array(
 )
 """Red, green and blue (11, 3) in sRGB, 0 to 1, at equal intervals."""
 
+NOISE = 1e-5
+"""Range of a field without a unit, and of lengths over the body's size, that gets one colour: less is no signal."""
+
+
+def colour_range(low: float, high: float, *, noise: float = NOISE) -> tuple[float, float]:
+    """Return a range of colours from ``low``, which is at least ``noise`` wide."""
+    return low, max(high, low + noise)
+
 
 def colour(values: NDArray[np.float64], low: float | None = None, high: float | None = None) -> NDArray[np.float64]:
     """Return red, green and blue (m, 3), 0 to 1, of values (m,) between two bounds; by default their extremes."""

@@ -186,6 +186,28 @@ def _room(path: Path) -> str:
     return path.relative_to(TESTS).parts[0]
 
 
+SLAB = """
+name: slab
+mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [2, 2, 1]}}
+materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
+regions: [{material: soft}]
+handles: {}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.0205]}}
+bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.05, 0, 0.031]}}
+dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
+"""
+"""Of a soft slab, a table below it, and a rigid box above it."""
+
+
+@pytest.fixture
+def slab(tmp_path: Path) -> Path:
+    """Give the path of a scene in which a slab falls on a table, and a box on the slab."""
+    path = tmp_path / "slab.yaml"
+    path.write_text(SLAB)
+    return path
+
+
 class RosSession:
     """A ROS context of its own with an executor; nodes made here are destroyed with it.
 

@@ -41,6 +41,8 @@ COMPUTING = (
     "materials",
     "actuators",
     "constraints",
+    "control",
+    "fitting",
     "test_blas.py",
     "test_checkpoint.py",
     "test_contacts.py",

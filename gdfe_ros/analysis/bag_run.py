@@ -85,11 +85,6 @@ class BagRun:
         """Return the vertices (n, 3) [m] of the last mesh message."""
         return _last(self.clouds("/mesh"))[1][:, :3].astype(np.float64)
 
-    def last_strain(self, name: str) -> NDArray[np.float64]:
-        """Return a column (m,) of the last strain message by name, e.g. ``eps_eq``."""
-        _, values, names = _last(self.clouds("/strain"))
-        return values[:, names.index(name)].astype(np.float64)
-
     def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
         """Return the last force [N] and moment [N m] of each handle, obstacle and sensor on the body."""
         wrenches = {}

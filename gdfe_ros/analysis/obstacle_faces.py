@@ -3,17 +3,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Plane, Sphere, TriangleMesh
 
 if TYPE_CHECKING:
+    from gdfe_ros.scene import Scene
     from gdfe_ros.simulation import Simulation
 
+_POSE = (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw"))
 AROUND, ALONG = 32, 16
 """Numbers of faces of a drawn round obstacle: around its axis, and from pole to pole."""
 BEYOND = 0.25
@@ -24,6 +28,32 @@ def faces_of(simulation: Simulation) -> list[NDArray[np.float64]]:
     """Return the faces (f, k, 3) [m] of each obstacle of a simulation, at their present poses."""
     obstacles = [handle for handle in simulation.scene.handles if isinstance(handle, Obstacle)]
     return [obstacle_faces(each, simulation.handle_pose(each.name), simulation.positions) for each in obstacles]
+
+
+def recorded_faces(
+    scene: Scene, samples: Mapping[str, Mapping[str, NDArray]], positions: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Return the faces (f, k, 3) [m] of each obstacle and rigid body of a scene, where a recorded step has it.
+
+    Args:
+        scene: that was recorded.
+        samples: arrays of a step, by topic and field; an obstacle without a pose among them is at rest.
+        positions: of the body's vertices (n, 3) [m].
+    """
+    faces = []
+    for obstacle in (handle for handle in scene.handles if isinstance(handle, Obstacle)):
+        values = samples.get(pose_topic(obstacle))
+        pose = Pose()
+        if values is not None:
+            x, y, z, qx, qy, qz, qw = (float(values[f"pose.{name}"][0]) for name in _POSE)
+            pose = Pose((x, y, z), tuple(Rotation.from_quat([qx, qy, qz, qw]).as_rotvec()))
+        faces.append(obstacle_faces(obstacle, pose, positions))
+    return faces
+
+
+def pose_topic(obstacle: Obstacle) -> str:
+    """Return the topic, without the node's name, on which an obstacle's pose is published."""
+    return f"{obstacle.section}/{obstacle.name}/pose"
 
 
 def obstacle_faces(obstacle: Obstacle, pose: Pose, before: NDArray[np.float64]) -> NDArray[np.float64]:

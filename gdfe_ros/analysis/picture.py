@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
+from gdfe_ros.colour_map import colour_range
 from gdfe_ros.mesh import HexMesh
 
 VIEW = {"elev": 18.0, "azim": -64.0}
@@ -45,20 +46,20 @@ def draw_body(
         values: of the cells.
         title: above the picture.
         label: of the colour bar.
-        limits: least and largest value of the colours; None: those of ``values``.
+        limits: least and largest value of the colours; None: those of ``values``. If they differ by less than `NOISE`,
+            the body has one colour.
         around: points (k, 3) [m] that the axes include, for pictures on one scale.
         obstacles: faces (f, k, 3) [m] of each.
 
     Raises:
-        OSError: the picture cannot be written.
+        OSError: the file cannot be written.
     """
     figure = Figure(figsize=(9.0, 5.0), dpi=150)
     axes = figure.add_axes((0.0, 0.02, 0.88, 0.9), projection="3d", computed_zorder=False)
     outside = mesh.outside
     faces = outside.at(positions)[outside.faces]
     colours = matplotlib.colormaps[COLOURS]
-    low, high = limits or (float(values.min()), float(values.max()))
-    norm = matplotlib.colors.Normalize(low, max(high, low + 1e-12))
+    norm = matplotlib.colors.Normalize(*colour_range(*(limits or (float(values.min()), float(values.max())))))
     lit = shaded(colours(norm(values[outside.cells])), faces)
     edges = {"edgecolors": lit} if outside.skin else {"edgecolors": (0, 0, 0, 0.25)}
     body = Poly3DCollection(faces, facecolors=lit, linewidths=0.3, zorder=1, clip_on=False, **edges)

@@ -5,10 +5,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import product
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +17,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import Scene, scene_from_text
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
+from gdfe_ros.workers import open_workers
 
 FLAT = 1e-3
 """Thickness of a point cloud, over its length, below which it counts as a line or a sheet without volume."""
@@ -150,7 +149,7 @@ def find_workspace(
     if workers < 2:
         results = [_reach(item) for item in given]
     else:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as executor:
+        with open_workers(workers) as executor:
             results = list(executor.map(_reach, given))
     points = np.concatenate([places for places, _ in results])
     messages = tuple(text for _, texts in results for text in texts)

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.commands.convergence import convergence, print_failures
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import IN_RUN
 from gdfe_ros.scene import Scene, load_scene
@@ -35,12 +36,15 @@ def run(arguments: argparse.Namespace) -> int:
     if scene.program is None:
         raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program'")
     out = arguments.out or Path("runs") / f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S}"
+    from gdfe_ros.analysis.report.pictures import write_png  # matplotlib takes a second to import
+
     console = Console()
     first = _play(scene, str(arguments.scene), out / IN_RUN, arguments.dt)
     bag = BagRun(out / IN_RUN)
     console.print(_table(scene, bag, first))
-    _draw(bag, out / f"{scene.name}.png")
+    write_png(out / IN_RUN, out / f"{scene.name}.png")
     console.print(f"bag      {out / 'bag'}\npicture  {out / f'{scene.name}.png'}")
+    print_failures(bag.records, first=0)
     return 0 if all(record.converged for record in bag.records) else FAILED
 
 
@@ -71,7 +75,7 @@ def _table(scene: Scene, bag: BagRun, first: float) -> Table:
     table.add_row("steps commanded, taken", f"{round(scene.program.duration / records[0].dt)}, {len(records)}", "")
     table.add_row("solve time a step, median", f"{1e3 * np.median(times):.2f}", "ms")
     table.add_row("iterations a step, mean", f"{np.mean([record.iterations for record in records]):.1f}", "")
-    table.add_row("converged", "yes" if all(record.converged for record in records) else "no", "")
+    table.add_row("converged", convergence(records), "")
     table.add_row("strain energy", f"{last.energy:.6g}", "J")
     table.add_row("min det F", f"{last.min_det:.4f}", "")
     for name, (force, moment) in wrenches.items():
@@ -79,11 +83,3 @@ def _table(scene: Scene, bag: BagRun, first: float) -> Table:
         table.add_row(f"{name}: moment", "  ".join(f"{value:.4g}" for value in moment), "N m")
     table.add_row("messages in the bag", str(bag.message_count), "")
     return table
-
-
-def _draw(bag: BagRun, path: Path) -> None:
-    from gdfe_ros.analysis.picture import draw_body
-
-    mesh, positions, strain = bag.mesh, bag.last_positions(), bag.last_strain("eps_eq")
-    title = f"{bag.scene.name} at t = {bag.records[-1].time:g} s, from the bag"
-    draw_body(path, mesh, positions, strain, title=title, label="equivalent strain")

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from gdfe_ros.analysis.result_file import write_result
+from gdfe_ros.commands.convergence import convergence, print_failures
 from gdfe_ros.commands.overrides import read_overrides
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
@@ -55,10 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
         write_result(arguments.out, simulation, last, steps=len(results), wall_time=wall_time)
     if arguments.picture:
         _draw(arguments.picture, simulation, last)
-    failed = [result for result in results if not result.converged]
-    for result in failed[:3]:
-        Console(stderr=True).print(f"not converged at t = {result.time:.4g} s: {result.message}", style="red")
-    return NOT_CONVERGED if failed else 0
+    print_failures(results)
+    return 0 if all(result.converged for result in results) else NOT_CONVERGED
 
 
 def _settings(scene: Scene, arguments: argparse.Namespace) -> SolverSettings:
@@ -84,7 +83,7 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
     table.add_row("iterations", str(sum(result.iterations for result in results)), "")
     table.add_row("solve time", f"{wall_time:.3f}", "s")
     table.add_row("constant matrix", last.factorisation, "")
-    table.add_row("converged", "yes" if all(result.converged for result in results) else "no", "")
+    table.add_row("converged", convergence(results), "")
     table.add_row("estimated distance to equilibrium", f"{last.residual:.2e}", "of size")
     table.add_row("strain energy", f"{last.energy:.6g}", "J")
     table.add_row("min det F", f"{last.min_det:.4f}", "")

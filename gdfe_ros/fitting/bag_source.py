@@ -21,6 +21,8 @@ from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 
+MOST_POINTS = 400
+"""Of a cloud that lies on the surface, evenly taken: more say nothing new about a handful of parameters."""
 Bag = tuple[tuple[Series, ...], tuple[Track, ...], Schedule | None, tuple[str, ...]]
 
 
@@ -91,10 +93,6 @@ def _cloud_values(
         chosen = cloud[np.linspace(0, len(cloud) - 1, min(most, len(cloud))).round().astype(int)]
         found[row, : len(chosen)] = chosen
     return found
-
-
-MOST_POINTS = 400
-"""Of a cloud that lies on the surface, evenly taken: more say nothing new about a handful of parameters."""
 
 
 def _track(source: Source, values: TopicValues, name: str, model: float | CommandModel, start: float) -> Track:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.match_schema import CommandModel, CompareModel
 from gdfe_ros.recording.decoding import array_decoder
 from gdfe_ros.recording.reader import BagReader
+from gdfe_ros.spelling import did_you_mean
 
 KNOWN = (
     "PoseStamped", "PointStamped", "TransformStamped", "TFMessage", "Marker", "MarkerArray", "WrenchStamped",
@@ -87,8 +87,7 @@ class TopicValues:
 
     def _require(self, topic: str, where: str) -> None:
         if topic not in self.names:
-            close = get_close_matches(topic, self.names, n=1, cutoff=0.4)
-            hint = f"did you mean {close[0]}? " if close else ""
+            hint = did_you_mean(topic, self.names)
             raise GdfeError(f"{where}: no message on topic {topic!r}; {hint}topics: {', '.join(self.names)}")
         kind = self._reader.topics[topic].type
         if kind.rpartition("/")[2] not in KNOWN:

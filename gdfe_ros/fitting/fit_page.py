@@ -3,16 +3,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from html import escape
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
+from gdfe_ros.analysis.report.template import fill, read_file, to_json
 from gdfe_ros.fitting.curves import ComparedColumn
 from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.fit_tables import match_rows, parameter_rows
@@ -48,17 +47,15 @@ def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
     if fit.warnings:
         notes = "".join(f"<li>{escape(text)}</li>" for text in fit.warnings)
         tables.append(f"<section><h2>Warnings</h2><ul>{notes}</ul></section>")
-    style = files("gdfe_ros.analysis.report") / "page" / "page.css"
     parts = {
         "title": escape(f"{fit.scene.name}, fitted"),
         "description": escape(fit.scene.description),
-        "style": style.read_text(encoding="utf-8"),
+        "style": read_file("page.css"),
         "tables": "\n".join(tables),
-        "charts": json.dumps([_chart(curve) for curve in shown], allow_nan=False).replace("<", "\\u003c"),
+        "charts": to_json([_chart(curve) for curve in shown]),
         "plotly": get_plotlyjs(),
     }
-    pieces = _PAGE.split("@@")
-    return "".join(parts[piece] if place % 2 else piece for place, piece in enumerate(pieces))
+    return fill(_PAGE, parts)
 
 
 def _table(heading: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

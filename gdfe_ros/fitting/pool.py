@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -13,10 +11,10 @@ from contextlib import contextmanager
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory, simulate
+from gdfe_ros.workers import open_workers
 
 Task = tuple[Mapping[str, float], Recording, float]
 """Values of the parameters, a recording, a horizon [s]."""
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 class Pool:
@@ -52,15 +50,8 @@ def open_pool(text: str, workers: int) -> Iterator[Pool]:
     if workers < 2:
         yield Pool(text)
         return
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context) as executor:
-            yield Pool(text, executor)
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+    with open_workers(workers) as executor:
+        yield Pool(text, executor)
 
 
 def _simulate(text: str, task: Task) -> Trajectory | NotSimulatedError:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.units import FACTORS
+from gdfe_ros.spelling import did_you_mean
 
 _HEAD = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?$")
 
@@ -66,8 +66,7 @@ class TableFile:
             GdfeError: no such column, or a cell is no number.
         """
         if name not in self._cells:
-            close = get_close_matches(name, self.names, n=1, cutoff=0.5)
-            hint = f"did you mean {close[0]!r}? " if close else ""
+            hint = did_you_mean(name, self.names)
             raise GdfeError(f"{self.path} has no column {name!r}; {hint}it has {', '.join(self.names)}")
         numbers = np.empty(len(self._cells[name]))
         for place, cell in enumerate(self._cells[name]):

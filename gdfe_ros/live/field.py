@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.colour_map import VIRIDIS
+from gdfe_ros.colour_map import NOISE, VIRIDIS, colour_range
 from gdfe_ros.live.surface import Surface
 from gdfe_ros.live.view import View
 from gdfe_ros.scene.scene import Scene
@@ -22,10 +22,12 @@ class Field:
     Attributes:
         label: for users, with the unit.
         values: returns the field at the points of the surface (k,) after a step.
+        noise: width of a range, in the unit of the field, below which the body has one colour.
     """
 
     label: str
     values: Callable[[View, Surface], NDArray[np.float64]]
+    noise: float = NOISE
 
 
 def fields_of(scene: Scene) -> dict[str, Field]:
@@ -35,7 +37,8 @@ def fields_of(scene: Scene) -> dict[str, Field]:
         return Field(label, lambda view, surface: surface.at_vertices(view.fields()[name]))
 
     def of_vertices(label: str, give: Callable[[View], NDArray[np.floating]]) -> Field:
-        return Field(label, lambda view, surface: np.linalg.norm(surface.outside.at(give(view)), axis=1))
+        noise = NOISE * scene.mesh.size
+        return Field(label, lambda view, surface: np.linalg.norm(surface.outside.at(give(view)), axis=1), noise)
 
     found = [
         of_cells("equivalent strain [1]", "eps_eq"),
@@ -61,10 +64,10 @@ class Range:
     def __init__(self) -> None:
         self.low, self.high, self.held = 0.0, 0.0, False
 
-    def shares(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values (k,) relative to the range, 0 to 1."""
+    def shares(self, values: NDArray[np.float64], *, noise: float = NOISE) -> NDArray[np.float64]:
+        """Return values (k,) relative to the range, 0 to 1; a range that is not held is at least ``noise`` wide."""
         if not self.held:
-            self.low, self.high = float(values.min()), float(values.max())
+            self.low, self.high = colour_range(float(values.min()), float(values.max()), noise=noise)
         span = self.high - self.low
         return np.clip((values - self.low) / span, 0.0, 1.0) if span > 0.0 else np.zeros_like(values)
 

@@ -215,7 +215,7 @@ class Page:
         shares = None
         if self._colour.value != _PLAIN:
             field = self._fields[self._colour.value]
-            shares = self._range.shares(field.values(view, self._stage.surface))
+            shares = self._range.shares(field.values(view, self._stage.surface), noise=field.noise)
         with self._server.atomic():
             self._stage.draw(view.positions, shares)
             self._stage.mark(view)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -104,7 +105,7 @@ class Diagnostics:
         self._channel.send(array, now.nanoseconds)
 
     def _whole(self, session: Session | None, state: str) -> Mapping[str, object]:
-        values: dict[str, object] = {"state": state}
+        values: dict[str, object] = {"state": state, topics.PROCESS: os.getpid()}
         if session is not None:
             values |= {"scene": session.scene.name, **_work(session)}
         values |= {"exceptions in callbacks": self._node.faults.count}

@@ -10,10 +10,12 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.node.frames import Frames, Placement
+from gdfe_ros.node.numbers import require_finite, require_unit
 from gdfe_ros.node.orders import FARTHEST, PoseOrder, PutOrder, TwistOrder, require_near
 from gdfe_ros.node.refusals import Reason, Refusal
 
 UNIT_SLACK = 1e-3
+"""Largest difference of a quaternion's length from 1."""
 FASTEST_TURN = 1e3
 """Fastest turn [rad/s]."""
 Vector, Quaternion = tuple[float, float, float], tuple[float, float, float, float]
@@ -74,11 +76,8 @@ def _checked(pose: PoseMessage) -> tuple[Vector, Quaternion]:
     position, orientation = pose.position, pose.orientation
     translation = (position.x, position.y, position.z)
     quaternion = (orientation.x, orientation.y, orientation.z, orientation.w)
-    _require_finite(position=translation, orientation=quaternion)
-    norm = math.hypot(*quaternion)
-    if abs(norm - 1.0) > UNIT_SLACK:
-        text = f"orientation (x, y, z, w) {quaternion} has length {norm:.6g}; allowed: 1 +- {UNIT_SLACK:g}"
-        raise Refusal(Reason.NOT_UNIT, text)
+    require_finite(position=translation, orientation=quaternion)
+    require_unit(UNIT_SLACK, orientation=quaternion)
     return translation, quaternion
 
 
@@ -95,7 +94,7 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
     place = frames.relative(message.header.frame_id, handle.name)
     linear = (message.twist.linear.x, message.twist.linear.y, message.twist.linear.z)
     angular = (message.twist.angular.x, message.twist.angular.y, message.twist.angular.z)
-    _require_finite(linear=linear, angular=angular)
+    require_finite(linear=linear, angular=angular)
     if math.hypot(*linear) > FARTHEST * size:
         text = f"linear velocity {linear} m/s; allowed: {FARTHEST * size:.3g} m/s, {FARTHEST:g} body sizes a second"
         raise Refusal(Reason.TOO_FAST, text)
@@ -128,9 +127,3 @@ def _require_movable(handle: Handle) -> None:
         text = f"{handle.noun} {handle.name!r} is fixed in the scene and takes no commands"
         remedy = f"put {handle.section}.{handle.name}.fixed=false into scene_overrides"
         raise Refusal(Reason.FIXED, f"{text}; remedy: {remedy}")
-
-
-def _require_finite(**vectors: tuple[float, ...]) -> None:
-    if not all(math.isfinite(value) for vector in vectors.values() for value in vector):
-        given = " and ".join(f"{name} {vector}" for name, vector in vectors.items())
-        raise Refusal(Reason.NOT_FINITE, f"{given} must be finite numbers")

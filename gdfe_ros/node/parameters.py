@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -20,6 +19,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.specification import Change, ParameterSpec
+from gdfe_ros.spelling import did_you_mean
 
 _OPEN = {
     Change.INACTIVE: ("unconfigured", "inactive"),
@@ -63,9 +63,8 @@ class Parameters:
     def _warn_of_unknown(self) -> None:
         """Warn of given parameters that the node does not have; a file for ``/**`` may contain those of other nodes."""
         for name in sorted(self._node.unknown_parameters()):
-            close = get_close_matches(name, self._specs, n=1)
-            hint = f"; did you mean {close[0]!r}?" if close else ""
-            self._node.get_logger().warning(f"parameter {name!r} is unknown and does nothing{hint}")
+            text = f"parameter {name!r} is unknown and does nothing; {did_you_mean(name, self._specs)}"
+            self._node.get_logger().warning(text.rstrip("; "))
 
     def _keep(self, changes: Iterable[Parameter]) -> None:
         self._values |= {change.name: change.value for change in changes if change.name in self._specs}

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from difflib import get_close_matches
 
 from rclpy.lifecycle import LifecycleNode
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
+from gdfe_ros.spelling import did_you_mean
 
 
 class Strays:
@@ -46,8 +46,7 @@ class Strays:
             return
         self._told.add(topic)
         known = [each for each, its in self._sections.items() if its == section]
-        close = get_close_matches(name, known, n=1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
+        hint = did_you_mean(name, known)
         if there is not None:
             hint = f"its topics are ~/{there}/{name}/...; "
         text = f"the scene has no {name!r} among its {section}; {hint}{section}: {', '.join(known) or 'none'}"

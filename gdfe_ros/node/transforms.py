@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
@@ -15,6 +14,7 @@ from gdfe_ros.node.freshness import Freshness
 from gdfe_ros.node.host import Settings
 from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
+from gdfe_ros.node.numbers import require_finite, require_unit
 from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.qos import installed, interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal
@@ -144,13 +144,8 @@ def _checked(transform: Any) -> Placement:
     """
     origin, turn = transform.translation, transform.rotation
     translation, quaternion = (origin.x, origin.y, origin.z), (turn.x, turn.y, turn.z, turn.w)
-    if not all(map(math.isfinite, (*translation, *quaternion))):
-        text = f"translation {translation} and rotation {quaternion} must be finite numbers"
-        raise Refusal(Reason.NOT_FINITE, text)
-    norm = math.hypot(*quaternion)
-    if abs(norm - 1.0) > _UNIT_SLACK:
-        text = f"rotation (x, y, z, w) {quaternion} has length {norm:.6g}; allowed: 1 +- {_UNIT_SLACK:g}"
-        raise Refusal(Reason.NOT_UNIT, text)
+    require_finite(translation=translation, rotation=quaternion)
+    require_unit(_UNIT_SLACK, rotation=quaternion)
     return Placement.of(origin, turn)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft, SceneModel
 from gdfe_ros.scene.solvable import cut_key, unsolvable
 from gdfe_ros.share import share_dir
+from gdfe_ros.spelling import did_you_mean
 
 _SUFFIXES = (".yaml", ".yml")
 
@@ -223,7 +223,6 @@ def _find(name_or_path: str | Path) -> Path:
     if path.is_file():
         return path
     names = scene_names()
-    close = get_close_matches(path.stem, names, n=1)
-    hint = f"did you mean {close[0]!r}? " if close else ""
+    hint = did_you_mean(path.stem, names)
     kind = "is a directory, not a scene file" if path.is_dir() else "does not exist"
     raise SceneError(f"scene {name_or_path}", [f"{kind}; {hint}scenes: {', '.join(names)}, or the path of a YAML file"])

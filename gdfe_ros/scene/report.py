@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
@@ -14,6 +13,7 @@ from gdfe_ros.scene.document import Document, KeyPath
 from gdfe_ros.scene.entry import TAG
 from gdfe_ros.scene.keys import describe_key, known_keys
 from gdfe_ros.scene.material_schema import LAWS
+from gdfe_ros.spelling import closest, did_you_mean
 
 #: Stands for a value that is not worth showing.
 NO_VALUE = object()
@@ -63,7 +63,7 @@ class Report:
         """
         items = [(_keys_of(item["loc"]), item) for item in error.errors(include_url=False)]
         misspelt = {
-            (*path[:-1], *closest(path[-1], known_keys(item["loc"][:-1])))
+            (*path[:-1], closest(path[-1], known_keys(item["loc"][:-1])))
             for path, item in items
             if item["type"] == "extra_forbidden"
         }
@@ -124,14 +124,7 @@ class Report:
 def suggest(given: Any, allowed: Iterable[str]) -> str:
     """Return ``; did you mean 'x'? allowed: ...`` for a word that is not among the allowed ones."""
     words = [str(word) for word in allowed]
-    close = closest(str(given), words)
-    hint = f"; did you mean {close[0]!r}?" if close else ";"
-    return f"{hint} allowed: {', '.join(words) or 'none'}"
-
-
-def closest(given: str, allowed: Iterable[str]) -> list[str]:
-    """Return a list with the most similar allowed word, or an empty list if none is similar."""
-    return get_close_matches(given, list(allowed), n=1, cutoff=0.5)
+    return f"; {did_you_mean(str(given), words)}allowed: {', '.join(words) or 'none'}"
 
 
 def _keys_of(location: KeyPath) -> KeyPath:

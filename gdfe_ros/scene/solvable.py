@@ -66,8 +66,18 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
         text = f"newmark does not damp the force that keeps the length or volume of {', '.join(kept)}: it rings"
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: generalised_alpha, or a cable with a stiffness")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
-        notes.append("meshes: they pass through each other; remedy: self_contact: {friction: 0.5}")
+        notes.append(f"meshes: they pass through each other; remedy: {_to_touch(scene.mesh)}")
     return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene)]
+
+
+def _to_touch(mesh: HexMesh) -> str:
+    """Return what makes the parts of a body touch each other."""
+    steps = ["self_contact: {friction: 0.5}"]
+    if cut_key(mesh):
+        steps.append("cells: whole, because cut cells have no faces that touch")
+    if mesh.touching is not None:
+        steps.append("no contact: true of a skin, because parts touch by their faces")
+    return ", and ".join(steps)
 
 
 def unsolvable(

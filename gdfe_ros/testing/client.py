@@ -25,6 +25,8 @@ from gdfe_ros.testing.process import NodeProcess
 PATIENCE = 300.0
 """Longest time to wait for anything except a step [s]: the very first start compiles kernels, minutes on a busy
 machine."""
+_DISCOVERY = 1.5
+"""Time [s] in which running nodes are discovered, even on a busy machine."""
 STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """QoS of subscriptions to the topics of a step: a late subscriber receives the last step."""
 
@@ -51,6 +53,7 @@ class Client:
         self._context = context or Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self.node = Node(label, context=self._context, namespace=name.rpartition("/")[0])
+        self._born = time.monotonic()
         self.executor = make_executor(self._context)
         self.executor.add_node(self.node)
         self._change = self.node.create_client(ChangeState, f"{name}/change_state")
@@ -59,14 +62,18 @@ class Client:
         """Spin the node until ``done`` returns a true value; ``what`` names the awaited thing in the error.
 
         Raises:
-            GdfeError: the simulation's process ended, or the patience is over.
+            GdfeError: the simulation's process ended, the patience is over, or another node has the simulation's name.
         """
-        end = time.monotonic() + self._patience
+        begin = time.monotonic()
+        end, look = begin + self._patience, begin + _DISCOVERY
         while not done():
             if not self._process.running:
                 raise GdfeError(f"the node ended:\n{self._process.log}")
             if time.monotonic() > end:
                 raise GdfeError(f"waited {self._patience:g} s for {what} in vain:\n{self._process.log}")
+            if time.monotonic() > look:
+                self._look_for_doubles()
+                look += _DISCOVERY
             self.executor.spin_once(timeout_sec=0.05)
 
     def meet(self, services: Sequence[ServiceClient] = ()) -> None:
@@ -74,6 +81,26 @@ class Client:
         for service in (self._change, *services):
             self.wait(service.service_is_ready, f"the service {service.srv_name}")
         await_discovery(self.node, self._name, partial(self.wait, what="diagnostics"))
+
+    def require_alone(self) -> None:
+        """Wait until the simulation has discovered this node, and check that no other node has the simulation's name.
+
+        Raises:
+            GdfeError: another node has the name; commands would reach both.
+        """
+        waiting = partial(self.wait, what="diagnostics")
+        await_discovery(self.node, self._name, waiting, process=self._process.pid)
+        self.wait(lambda: time.monotonic() > self._born + _DISCOVERY, "other nodes")
+        self._look_for_doubles()
+
+    def _look_for_doubles(self) -> None:
+        namespace, _, base = self._name.rpartition("/")
+        if self.node.get_node_names_and_namespaces().count((base, namespace or "/")) > 1:
+            domain = self._context.get_domain_id()
+            raise GdfeError(
+                f"another node is called {self._name} in ROS domain {domain}, commands would reach both; "
+                f"remedy: end it, or take another domain, e.g. ROS_DOMAIN_ID={domain + 1}"
+            )
 
     def await_listeners(self, publishers: Iterable[Publisher]) -> None:
         """Wait until the simulation subscribes to each publisher: messages sent before are lost."""

@@ -10,12 +10,14 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from gdfe_ros.node.interface.topics import DIAGNOSTICS
+from gdfe_ros.node.interface.topics import DIAGNOSTICS, PROCESS
 
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def await_discovery(node: Node, simulation: str, wait: Callable[[Callable[[], Any]], Any]) -> None:
+def await_discovery(
+    node: Node, simulation: str, wait: Callable[[Callable[[], Any]], Any], *, process: int | None = None
+) -> None:
     """Wait until a simulation has discovered every subscription and service client that ``node`` has so far.
 
     A service counts as ready as soon as requests reach it, but its response is lost while the server has not discovered
@@ -26,12 +28,15 @@ def await_discovery(node: Node, simulation: str, wait: Callable[[Callable[[], An
         node: node with the subscriptions and clients.
         simulation: full name of the simulation's node.
         wait: function that spins the node until its argument, a function, returns a true value.
+        process: process id of the simulation, in case another node has its name; None accepts any.
     """
     heard: list[DiagnosticArray] = []
     wanted = f"{simulation.lstrip('/')}: "
 
     def hear(message: DiagnosticArray) -> None:
-        if any(status.name.startswith(wanted) for status in message.status):
+        own = [status for status in message.status if status.name.startswith(wanted)]
+        numbers = {value.value for status in own for value in status.values if value.key == PROCESS}
+        if own and (process is None or str(process) in numbers):
             heard.append(message)
 
     subscription = node.create_subscription(DiagnosticArray, DIAGNOSTICS.name, hear, _LATCHED)

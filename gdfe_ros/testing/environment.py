@@ -203,7 +203,7 @@ def make_env(
             stepped there without dynamics, one without handles with its dynamics.
         terminated: function of the simulation, true at the end of an episode; None: never.
         observation_space: None: unbounded, with the shape of the observation at rest.
-        overrides: values that replace those of the scene, by dotted key.
+        overrides: values that replace those of the scene, by dotted key; its program is not played.
         dt: simulation time of a step [s].
         steps: number of steps after which an episode is truncated.
         slew_time: shortest simulation time in which a command crosses its whole range [s]; 0: at once.
@@ -216,7 +216,8 @@ def make_env(
         >>> seen, _ = env.reset(seed=0)
         >>> seen, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides=overrides)
+    # Actions replace the program, whose commands may lie outside of a narrowed range.
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides={**(overrides or {}), "program": None})
     given = {"observation": observation, "reward": reward, "terminated": terminated}
     return SoftRobotEnv(loaded, **given, observation_space=observation_space, dt=dt, steps=steps, slew_time=slew_time)
 

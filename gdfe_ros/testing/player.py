@@ -47,7 +47,8 @@ def play_program(
         tell: function called after each step with the program's time of the step [s].
 
     Raises:
-        GdfeError: the node ended, did not respond, or ended with an error; the message contains its log.
+        GdfeError: the node ended, did not respond, ended with an error, or another node has its name; the message
+            contains the node's log if it has one.
     """
     topics, duration = _topics(scene), scene.program.duration
     settings = {
@@ -64,6 +65,7 @@ def play_program(
         # Step 0 is the body at rest; received later, it would be mistaken for the step of the first command.
         link.wait_for_step(0)
         link.wait_for_listener()
+        link.require_alone()
         first = time.perf_counter() - started
         tell(0.0)
         for moment in np.linspace(0.0, duration, (steps or round(duration / dt)) + 1)[1:]:

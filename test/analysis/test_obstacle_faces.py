@@ -9,13 +9,14 @@ import matplotlib.image
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
-from gdfe_ros.analysis.obstacle_faces import faces_of, obstacle_faces
+from gdfe_ros.analysis.obstacle_faces import faces_of, obstacle_faces, recorded_faces
 from gdfe_ros.analysis.picture import OBSTACLE, draw_body
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Form, Obstacle, Plane, Sphere, TriangleMesh
 from gdfe_ros.mesh.solid import make_solid
-from gdfe_ros.scene import load_scene
+from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation
 
 CUBE = trimesh.creation.box((0.1, 0.2, 0.3))
@@ -29,6 +30,26 @@ FORMS = [
 ]
 PLACE = {"origin": (1.0, 2.0, 3.0), "turn": (0.3, -0.2, 0.5)}
 POSE = Pose((0.1, 0.2, -0.3), (0.4, 0.0, 0.1))
+
+
+def test_faces_of_a_record_are_where_the_obstacle_was() -> None:
+    """Take the pose of one ball from a recorded step, and that of another, of which nothing is recorded, from rest."""
+    text = """
+name: balls
+mesh: {bar: {size: [0.1, 0.1, 0.1], cells: [2, 2, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}}}
+obstacles: {moved: {sphere: {radius: 0.02}, at: [0.3, 0, 0]}, still: {sphere: {radius: 0.02}, at: [0, 0.3, 0]}}
+"""
+    scene = scene_from_text(text)
+    turn = Rotation.from_rotvec(POSE.rotation).as_quat()
+    values = {f"pose.position.{axis}": np.array([POSE.translation[k]]) for k, axis in enumerate("xyz")}
+    values |= {f"pose.orientation.{axis}": np.array([turn[k]]) for k, axis in enumerate("xyzw")}
+    moved, still = recorded_faces(scene, {"obstacles/moved/pose": values}, scene.mesh.vertices)
+    obstacle = {handle.name: handle for handle in scene.handles}
+    np.testing.assert_allclose(moved, obstacle_faces(obstacle["moved"], POSE, scene.mesh.vertices), atol=1e-12)
+    np.testing.assert_allclose(still, obstacle_faces(obstacle["still"], Pose(), scene.mesh.vertices), atol=1e-12)
 
 
 @pytest.mark.parametrize(("form", "volume"), FORMS, ids=lambda item: type(item).__name__)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -21,9 +22,11 @@ from selenium.webdriver.support.ui import Select, WebDriverWait
 
 from benchmarks.chromium import PATIENCE, start
 from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.report.pictures import write_png
 from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.analysis.report.writer import write_report
 from gdfe_ros.cli import main
+from gdfe_ros.colour_map import NOISE
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene import load_scene
 
@@ -143,6 +146,30 @@ def test_the_report_shows_the_skin(browser: webdriver.Chrome, maker: Any, tmp_pa
     lines = "return document.getElementById('mesh').data[1].x.length"
     WebDriverWait(browser, PATIENCE).until(lambda chrome: chrome.execute_script(lines) == 5 * len(outside.faces))
     assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
+
+
+def _animation(page: Path) -> dict[str, Any]:
+    """Return what a page says of its moving surface."""
+    text = page.read_text(encoding="utf-8")
+    return json.loads(re.search(r'<script type="application/json" id="animation">(.*?)</script>', text)[1])
+
+
+def test_the_page_opens_on_the_frame_of_most_strain(make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """Lift a tip and let it down again: the page opens on the highest lift, and the picture shows that."""
+    bag, page = make_bag(heights=[0.0, 0.05, 0.1, 0.05, 0.0]), tmp_path / "report.html"
+    write_report(bag, page)
+    assert _animation(page)["first"] == 2
+    there, back = tmp_path / "there.png", tmp_path / "back.png"
+    write_png(bag, back)
+    write_png(make_bag("up", heights=[0.0, 0.05, 0.1]), there)
+    assert np.asarray(Image.open(back)).mean() == pytest.approx(np.asarray(Image.open(there)).mean(), rel=0.05)
+
+
+def test_strains_that_are_noise_have_one_colour(make_bag: Callable[..., Path], tmp_path: Path) -> None:
+    """Lift a tip by a nanometre: the range of the colours is not that of the rounding."""
+    write_report(make_bag(heights=[0.0, 1e-9]), tmp_path / "report.html")
+    (strain,) = (field for field in _animation(tmp_path / "report.html")["fields"] if field["name"] == "eps_eq")
+    assert strain["high"] - strain["low"] == pytest.approx(NOISE)
 
 
 def test_a_large_run_fits(maker: Any, tmp_path: Path) -> None:

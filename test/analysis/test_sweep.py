@@ -73,6 +73,25 @@ def test_a_sweep_is_resumed_and_reports_failures(tmp_path: Path, capsys: Any) ->
     assert {name: again[name] for name in stamps} == stamps
 
 
+def test_cases_that_did_not_converge_are_drawn_as_failed() -> None:
+    """Draw four cases, one of which failed and one did not converge: crosses mark them, the line leaves them out."""
+    from gdfe_ros.analysis.sweep.results import results_figure
+
+    good, bad = {"status": "converged"}, {"status": "not converged"}
+    rows = [
+        {"set.a": 1, **good, "energy": 3.0},
+        {"set.a": 2, **bad, "energy": 9.0},
+        {"set.a": 3, **good, "energy": 5.0},
+        {"set.a": 4, "status": "failed"},
+    ]
+    (axes,) = results_figure(rows, title="four", shown=["energy"]).axes
+    line, crosses = axes.lines
+    assert line.get_xydata().tolist() == [[1, 3], [3, 5]]
+    assert crosses.get_label() == "failed"
+    assert crosses.get_xdata().tolist() == [2, 4]
+    assert crosses.get_ydata()[0] == 9.0
+
+
 def test_results_of_another_scene_are_not_mixed(tmp_path: Path, capsys: Any) -> None:
     """Point a sweep at the results of another scene: exit status 2."""
     (tmp_path / "sweep.json").write_text('{"scene_sha256": "0"}')

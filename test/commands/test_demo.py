@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from gdfe_ros import Simulation, load_scene
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.commands import demo
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.testing import NodeProcess
 
 SCENE = """\
 name: bridge
@@ -46,3 +49,16 @@ def test_a_program_of_loads_alone_is_played(tmp_path: Path, capsys: pytest.Captu
     assert simulation.handle_pose("base").rotation[1] > 0.04
     verdict = Replay(bag).run().differences.verdict()
     assert verdict.name == "IDENTICAL"
+
+
+def test_a_demo_beside_a_simulation_says_at_once_who_is_there(tmp_path: Path) -> None:
+    """Start a demo where a node of its name steps already: an error with the remedy, not minutes of waiting."""
+    path = tmp_path / "bridge.yaml"
+    path.write_text(SCENE)
+    with NodeProcess({"scene": str(path)}) as other:
+        while "active" not in other.log:
+            time.sleep(0.1)
+        started = time.monotonic()
+        with pytest.raises(GdfeError, match=r"another node is called /gdfe_sim in ROS domain \d+.*remedy: end it"):
+            demo.run(argparse.Namespace(scene=str(path), out=tmp_path / "run", dt=0.01))
+        assert time.monotonic() - started < 60.0

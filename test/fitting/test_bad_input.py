@@ -48,7 +48,7 @@ def test_topics_that_do_not_exist(
     """Name a topic that is misspelt: the one that was meant is proposed."""
     match = _match(tmp_path, "compare: {tip: {probe: tip, topic: /gdfe_sim/probe/top}}\n")
     said = refused(write_scene(), record_bag(count=3), *VARY, *match)
-    assert "no message on topic '/gdfe_sim/probe/top'; did you mean /gdfe_sim/probe/tip?" in said
+    assert "no message on topic '/gdfe_sim/probe/top'; did you mean '/gdfe_sim/probe/tip'?" in said
 
 
 @pytest.mark.parametrize(

@@ -51,17 +51,6 @@ program:
 """
 LIFT = 0.015
 """Of the ball until it is 5 mm within the cube [m]."""
-SLAB = """
-name: slab
-mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [2, 2, 1]}}
-materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
-handles: {}
-loads: {weight: {gravity: [0, 0, -9.81]}}
-obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.0205]}}
-bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.05, 0, 0.031]}}
-dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
-"""
 
 
 @pytest.fixture
@@ -295,19 +284,18 @@ def test_states_with_obstacles_are_saved_and_loaded(client: Any, start: Callable
     assert np.abs(meshes[0][:, 3:]).max() > 1e-3
 
 
-def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path) -> None:
+def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path, slab: Path) -> None:
     """Let a slab fall on a table, and a box on it: weights are carried, the run is replayed, nothing commands a box."""
-    path, bag = tmp_path / "slab.yaml", tmp_path / "bag"
-    path.write_text(SLAB)
-    with Simulator(path, bag=bag, parameters={"dt": 0.02}) as simulator:
+    bag = tmp_path / "bag"
+    with Simulator(slab, bag=bag, parameters={"dt": 0.02}) as simulator:
         states = [simulator.step(Command(handles={"table": Pose((0.0, 0.0, 1e-5 * k))})) for k in range(25)]
         with pytest.raises(GdfeError, match="nothing is called"):
             simulator.step(Command(handles={"part": Pose()}))
     assert contact_names(simulator.scene.handles) == ["table", "part", "part on table"]
     weight = 9.81 * 1500 * 0.04 * 0.03 * 0.02
-    slab = 9.81 * 1000 * 0.1 * 0.1 * 0.04
+    own = 9.81 * 1000 * 0.1 * 0.1 * 0.04
     carried = np.mean([state.wrenches["table"][2] for state in states[15:]])
-    assert carried == pytest.approx(slab + weight, rel=0.05)
+    assert carried == pytest.approx(own + weight, rel=0.05)
     assert np.mean([state.wrenches["part"][2] for state in states[15:]]) == pytest.approx(-weight, rel=0.05)
     assert set(states[-1].contacts["contact"]) == {0, 1}
     assert -0.002 < states[-1].poses["part"].translation[2] < 0.0
@@ -315,15 +303,13 @@ def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path) -> None
     for replay in (Replay(run), NodeReplay(run)):
         assert replay.run().verdict() is Verdict.IDENTICAL
     with pytest.raises(GdfeError, match="body 'part' moves freely and follows nothing: make it an obstacle"):
-        leaders_of(["part=topic:/x"], load_scene(path), listening=False)
+        leaders_of(["part=topic:/x"], load_scene(slab), listening=False)
 
 
-def test_a_rigid_body_is_put_by_topic(tmp_path: Path, client: Any, start: Callable, hear: Callable) -> None:
+def test_a_rigid_body_is_put_by_topic(slab: Path, client: Any, start: Callable, hear: Callable) -> None:
     """Put a box beside the slab, in two frames; unknown names, wrong numbers and too far are refused by name."""
-    path = tmp_path / "slab.yaml"
-    path.write_text(SLAB)
     poses = hear("bodies/part/pose", PoseStamped)
-    process = start(scene=str(path), clock="lockstep", frame_id="left/base_link")
+    process = start(scene=str(slab), clock="lockstep", frame_id="left/base_link")
     for count, (frame, z) in enumerate((("", 0.3), ("left/part_rest", 0.2)), start=2):
         client.publish("bodies/part/set", _pose(frame, z=z, turn=(0.0, 0.0, 0.1)))
         client.wait(lambda count=count: len(poses) == count)
@@ -346,11 +332,10 @@ def test_a_rigid_body_is_put_by_topic(tmp_path: Path, client: Any, start: Callab
     assert "command on ~/bodies/part/set refused: " in process.log
 
 
-def test_bodies_that_were_put_are_replayed_to_the_bit(tmp_path: Path) -> None:
+def test_bodies_that_were_put_are_replayed_to_the_bit(tmp_path: Path, slab: Path) -> None:
     """Put a box twice while a table moves: the bag has it, both replays repeat it, exports tell it."""
-    path, bag = tmp_path / "slab.yaml", tmp_path / "bag"
-    path.write_text(SLAB)
-    with Simulator(path, bag=bag, parameters={"dt": 0.02}) as simulator:
+    bag = tmp_path / "bag"
+    with Simulator(slab, bag=bag, parameters={"dt": 0.02}) as simulator:
         for step in range(12):
             bodies = {3: {"part": Pose((0.01, 0.0, 0.1), (0.3, 0.2, 0.1))}, 6: {"part": Pose((0.0, 0.0, 0.01))}}
             table = Pose((0.0, 0.0, 1e-5 * step))

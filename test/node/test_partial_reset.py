@@ -16,20 +16,8 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.difference import Verdict
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.constraints import Pose
-from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
-
-SLAB = """
-name: slab
-mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [2, 2, 1]}}
-materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
-handles: {}
-loads: {weight: {gravity: [0, 0, -9.81]}}
-obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.0205], fixed: true}}
-bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.0, 0, 0.031]}}
-dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
-"""
 
 
 def _trigger(client: Any, name: str) -> str:
@@ -70,11 +58,9 @@ def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coar
     assert "no rigid bodies" in client.call(Trigger, "reset_bodies", Trigger.Request()).message
 
 
-def test_bodies_go_back_and_the_rest_goes_on(client: Any, start: Callable, tmp_path: Path) -> None:
+def test_bodies_go_back_and_the_rest_goes_on(client: Any, start: Callable, slab: Path) -> None:
     """Let a box fall, put it back by the service: it is where it began, without velocity, and falls again."""
-    path = tmp_path / "slab.yaml"
-    path.write_text(SLAB.replace("0.031]", "0.061]"))
-    start(scene=str(path), clock="lockstep", dt=0.01)
+    start(scene=str(slab), scene_overrides=["bodies.part.at=[0.05, 0, 0.061]"], clock="lockstep", dt=0.01)
     client.wait(client.records)
     for _ in range(5):
         _trigger(client, "step")
@@ -86,9 +72,9 @@ def test_bodies_go_back_and_the_rest_goes_on(client: Any, start: Callable, tmp_p
     assert record.time == pytest.approx(0.06)
 
 
-def test_a_simulation_goes_back_to_its_shape_alone() -> None:
+def test_a_simulation_goes_back_to_its_shape_alone(slab: Path) -> None:
     """Let a box press a slab, reset the shape: the slab is at rest, the box where it was, both still; time stays."""
-    simulation = Simulation(scene_from_text(SLAB, origin="of a test"))
+    simulation = Simulation(load_scene(slab))
     for _ in range(10):
         simulation.step(Command(loads={"weight": 5.0}), dt=0.01)
     place = simulation.handle_pose("part")

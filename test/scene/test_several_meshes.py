@@ -17,6 +17,8 @@ from gdfe_ros.errors import SceneError
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.scene.document import parse_document
+from gdfe_ros.scene.solvable import remarks
+from gdfe_ros.solver.settings import Policy
 
 BAR = "bar: {size: [0.04, 0.01, 0.01], cells: [4, 1, 1]}"
 PAIR = f"""
@@ -220,3 +222,21 @@ def test_a_mesh_with_defects_hides_no_others() -> None:
     assert "meshes.left.bar" in found
     assert "materials.hard.young" in found
     assert isinstance(scene_from_text(PAIR).mesh, HexMesh)
+
+
+@pytest.mark.parametrize("cells", ["cut", "whole"])
+@pytest.mark.parametrize("skin", ["", ", skin: {file: ball.stl, contact: true}"])
+def test_the_remedy_for_meshes_that_do_not_touch_is_none_that_is_refused(tmp_path: Path, skin: str, cells: str) -> None:
+    """Put balls of cells, whole or cut, with a skin that touches or without, beside a bar; do as the warning says."""
+    trimesh.creation.icosphere(subdivisions=3, radius=0.02).export(tmp_path / "ball.stl")
+    path = tmp_path / "ball.yaml"
+    ball = f"  ball: {{voxels: {{surface: ball.stl, cell: 0.008, cells: {cells}}}{skin}, at: [0, 0, 0.1]}}"
+    path.write_text(PAIR.replace("meshes:", f"meshes:\n{ball}") + "dynamics: {}\n")
+    (remark,) = [text for text in remarks(load_scene(path), Policy.ENERGY) if "pass through each other" in text]
+    overrides: dict[str, object] = {"self_contact": {"friction": 0.5}}
+    if "cells: whole" in remark:
+        overrides["meshes.ball.voxels.cells"] = "whole"
+    if "no contact: true" in remark:
+        overrides["meshes.ball.skin.contact"] = False
+    scene = load_scene(path, overrides=overrides)
+    assert not [text for text in remarks(scene, Policy.ENERGY) if "pass through each other" in text]

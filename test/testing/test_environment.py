@@ -203,6 +203,12 @@ def test_a_step_that_would_not_converge_goes_as_far_as_one_does() -> None:
     np.testing.assert_allclose(info["applied"], [0.25, 0.0])
 
 
+def test_a_range_is_narrowed_whatever_the_program_commands() -> None:
+    """Narrow the range of a scene whose program goes beyond it: actions are what counts."""
+    env = make_env("tendon_finger", overrides={"actuators.flexor.cable.range": [0.0, 0.5]})
+    assert env.action_space.high[0] == 0.5
+
+
 def test_a_count_of_any_whole_number_type_is_taken() -> None:
     """Give the number of steps as numpy's int64: taken; what is no count is refused with what is allowed."""
     assert _env(BAR, steps=np.int64(5)) is not None

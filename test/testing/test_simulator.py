@@ -28,17 +28,6 @@ from gdfe_ros.testing import Simulator, State, tracking_error
 from gdfe_ros.testing.node_replay import NodeReplay
 
 COARSE = {"mesh.bar.cells": [20, 2, 2]}
-SLAB = """
-name: slab
-mesh: {bar: {size: [0.1, 0.1, 0.04], cells: [2, 2, 1]}}
-materials: {soft: {law: neo_hookean, young: 2.0e5, poisson: 0.4, density: 1000}}
-regions: [{material: soft}]
-handles: {}
-loads: {weight: {gravity: [0, 0, -9.81]}}
-obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.0205]}}
-bodies: {part: {box: {size: [0.04, 0.03, 0.02]}, density: 1500, at: [0.05, 0, 0.031]}}
-dynamics: {scheme: bdf2, step: 0.005, damping: {viscosity: 500}}
-"""
 GOAL = 0.1
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -161,14 +150,12 @@ def test_what_only_the_node_refuses_is_raised_at_once() -> None:
         simulator.step()
 
 
-def test_a_body_put_inside_another_raises(tmp_path: Path) -> None:
+def test_a_body_put_inside_another_raises(slab: Path) -> None:
     """Put a box into a table: the error of a direct call, after a step without it; the next step is a good one."""
-    path = tmp_path / "slab.yaml"
-    path.write_text(SLAB)
     inside, above = (Command(bodies={"part": Pose((0.0, 0.0, z))}) for z in (-0.05, 0.05))
     with pytest.raises(OverlapError) as told:
-        Simulation(load_scene(path)).step(inside)
-    with Simulator(path, parameters={"dt": 0.02}, patience=60.0) as simulator:
+        Simulation(load_scene(slab)).step(inside)
+    with Simulator(slab, parameters={"dt": 0.02}, patience=60.0) as simulator:
         with pytest.raises(OverlapError, match=re.escape(str(told.value)[:40])):
             simulator.step(inside)
         assert simulator.step(above).poses["part"].translation[2] > 0.04

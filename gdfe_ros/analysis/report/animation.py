@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_steps import BagStep
 from gdfe_ros.analysis.difference_table import unit_of
+from gdfe_ros.colour_map import NOISE
 from gdfe_ros.mesh import HexMesh
 
 MOST_FRAMES = 400
@@ -66,8 +67,10 @@ class Animation:
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
         """Return the description for the page's script, and arrays in base64 by name.
 
-        Positions and colours are 16-bit levels between the least and the largest value of the run: positions have
-        an error of at most 1/131070 of the bounding box of the run.
+        The page opens on the frame with the largest eps_eq, or on the last one without strains.
+
+        Positions and colours are 16-bit levels between the least and the largest value of the run: positions have an
+        error of at most 1/131070 of the bounding box of the run.
         """
         arrays = {"faces": _encode(self._outside.faces.astype("<u4"))}
         low, high, levels = _levels(np.array(self._positions).reshape(-1, 3))
@@ -80,13 +83,20 @@ class Animation:
             "low": low.tolist(),
             "high": high.tolist(),
             "fields": [],
+            "first": self._most_strained(),
         }
         for (topic, name), frames in self._colours.items():
-            least, most, colours = _levels(np.array(frames).reshape(-1, 1))
+            noise = NOISE * (self.mesh.size if unit_of(name) == "m" else 1.0)
+            least, most, colours = _levels(np.array(frames).reshape(-1, 1), least_span=noise)
             arrays[f"field-{topic}-{name}"] = _encode(colours)
             entry = {"id": f"field-{topic}-{name}", "name": name, "unit": unit_of(name)}
             description["fields"].append(entry | {"low": float(least[0]), "high": float(most[0])})
         return description, arrays
+
+    def _most_strained(self) -> int:
+        """Return the index of the frame with the largest eps_eq; the last one if no strain is published."""
+        frames = self._colours.get(("strain", "eps_eq"), [])
+        return int(np.argmax([np.nanmax(values) for values in frames])) if frames else max(0, len(self._times) - 1)
 
 
 def colour_fields(step: BagStep) -> tuple[tuple[str, str], ...]:
@@ -95,11 +105,17 @@ def colour_fields(step: BagStep) -> tuple[tuple[str, str], ...]:
     return tuple((topic, name) for topic, name in found if name not in _NOT_COLOURS)
 
 
-def _levels(values: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint16]]:
-    """Quantise the columns of (k, c) to 16-bit levels; return least, largest and levels."""
+def _levels(
+    values: NDArray[np.float32], *, least_span: float = 0.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint16]]:
+    """Quantise the columns of (k, c) to 16-bit levels; return least, largest and levels.
+
+    The largest value is at least ``least_span`` above the least one.
+    """
     finite = np.where(np.isfinite(values), values, np.nan)
     low = np.nan_to_num(np.nanmin(finite, axis=0)).astype(np.float64) if values.size else np.zeros(values.shape[1])
     high = np.nan_to_num(np.nanmax(finite, axis=0)).astype(np.float64) if values.size else np.ones(values.shape[1])
+    high = np.maximum(high, low + least_span)
     span = np.where(high > low, high - low, 1.0)
     levels = np.nan_to_num((finite - low) / span * _LEVELS).round()
     return low, high, levels.astype("<u2")

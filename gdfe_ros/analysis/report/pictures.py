@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a run: of its end, and of evenly spaced steps."""
+"""Pictures of a run: of the step with the largest strain, and of evenly spaced steps."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
@@ -14,24 +15,53 @@ from PIL import Image
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
 from gdfe_ros.analysis.difference_table import unit_of
+from gdfe_ros.analysis.obstacle_faces import pose_topic, recorded_faces
 from gdfe_ros.analysis.picture import draw_body
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import RecordingError
+from gdfe_ros.scene import Scene
+
+STRAIN = "eps_eq"
+"""Field whose largest value selects the drawn step."""
 
 
-def write_png(bag: str | Path, path: Path, *, field: str = "eps_eq") -> Path:
-    """Draw the last step with a mesh, coloured by a field of the cells.
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """Data of a drawn step.
+
+    Attributes:
+        time: [s].
+        positions: of the vertices (n, 3) [m].
+        values: of the cells (m,).
+        obstacles: faces (f, k, 3) [m] of each obstacle and rigid body.
+    """
+
+    time: float
+    positions: NDArray[np.float64]
+    values: NDArray[np.float64]
+    obstacles: list[NDArray[np.float64]]
+
+
+def write_png(bag: str | Path, path: Path, *, field: str = STRAIN) -> Path:
+    """Draw the step with the largest eps_eq, coloured by a field of the cells.
 
     Raises:
         RecordingError: the bag has no mesh or no such field.
         OSError: the file cannot be written.
     """
     run = BagRun(bag)
-    time, positions, values = _all(run, field, frames=1)[-1]
-    draw_body(path, run.mesh, positions, values, title=f"{run.scene.name} at t = {time:g} s", label=_label(field))
+    most = max(_steps(run), key=lambda step: step.samples["strain"].get(STRAIN, np.zeros(1)).max(), default=None)
+    if most is None:
+        raise _nothing(run)
+    shown = _shown(most, run.scene, field)
+    title = f"{run.scene.name} at t = {shown.time:g} s"
+    draw_body(
+        path, run.mesh, shown.positions, shown.values, title=title, label=_label(field), obstacles=shown.obstacles
+    )
     return path
 
 
-def draw_steps(bag: str | Path, *, field: str = "eps_eq", frames: int = 40) -> Iterator[Image.Image]:
+def draw_steps(bag: str | Path, *, field: str = STRAIN, frames: int = 40) -> Iterator[Image.Image]:
     """Yield pictures of ``frames`` evenly spaced steps, with one colour scale and one length scale.
 
     Raises:
@@ -40,41 +70,42 @@ def draw_steps(bag: str | Path, *, field: str = "eps_eq", frames: int = 40) -> I
     if frames < 1:
         raise RecordingError(f"{frames} frames are asked for; allowed: 1 or more")
     run = BagRun(bag)
-    shown = _all(run, field, frames=frames)
-    limits = min(float(v.min()) for *_, v in shown), max(float(v.max()) for *_, v in shown)
-    corners = np.array([corner for _, places, _ in shown for corner in (places.min(axis=0), places.max(axis=0))])
-    for time, positions, values in shown:
-        buffer, title = BytesIO(), f"{run.scene.name} at t = {time:.3f} s"
-        label, mesh = _label(field), run.mesh
-        draw_body(buffer, mesh, positions, values, title=title, label=label, limits=limits, around=corners)
+    count = len(run.records)
+    wanted = set(np.linspace(0 if frames > 1 else count - 1, count - 1, frames).round().astype(int).tolist())
+    chosen = [_shown(step, run.scene, field) for step in _steps(run, wanted)]
+    if not chosen:
+        raise _nothing(run)
+    limits = min(float(s.values.min()) for s in chosen), max(float(s.values.max()) for s in chosen)
+    corners = np.array([corner for s in chosen for corner in (s.positions.min(axis=0), s.positions.max(axis=0))])
+    for shown in chosen:
+        buffer, title = BytesIO(), f"{run.scene.name} at t = {shown.time:.3f} s"
+        given = {"title": title, "label": _label(field), "limits": limits, "around": corners}
+        draw_body(buffer, run.mesh, shown.positions, shown.values, **given, obstacles=shown.obstacles)
         yield Image.open(buffer).convert("RGB")
 
 
-def _all(run: BagRun, field: str, *, frames: int) -> list[tuple[float, NDArray[np.float64], NDArray[np.float64]]]:
-    """Return time [s], positions [m] and values of evenly spaced steps, including the last one."""
-    count = len(run.records)
-    wanted = set(np.linspace(0 if frames > 1 else count - 1, count - 1, frames).round().astype(int).tolist())
-    found = [_frame(step, field) for step in _chosen(run, wanted)]
-    if not found:
-        raise RecordingError(f"bag {run.reader.path} holds no step with a mesh and strains: there is nothing to draw")
-    return found
-
-
-def _chosen(run: BagRun, wanted: set[int]) -> Iterator[BagStep]:
-    for number, step in enumerate(BagSteps(run, topics=["mesh", "strain"])):
-        if number in wanted and {"mesh", "strain"} <= step.samples.keys():
+def _steps(run: BagRun, wanted: Collection[int] | None = None) -> Iterator[BagStep]:
+    """Yield steps that have a mesh and strains: those with ``wanted`` numbers, or all."""
+    poses = [pose_topic(handle) for handle in run.scene.handles if isinstance(handle, Obstacle)]
+    for number, step in enumerate(BagSteps(run, topics=["mesh", "strain", *poses])):
+        if (wanted is None or number in wanted) and {"mesh", "strain"} <= step.samples.keys():
             yield step
 
 
-def _frame(step: BagStep, field: str) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+def _nothing(run: BagRun) -> RecordingError:
+    return RecordingError(f"bag {run.reader.path} holds no step with a mesh and strains: there is nothing to draw")
+
+
+def _shown(step: BagStep, scene: Scene, field: str) -> Shown:
     strain = step.samples["strain"]
     if field not in strain:
         raise RecordingError(f"the bag has no field {field!r} of the cells; it has {', '.join(strain)}")
     positions = np.stack([step.samples["mesh"][axis] for axis in "xyz"], axis=1).astype(np.float64)
-    return step.record.time, positions, strain[field].astype(np.float64)
+    obstacles = recorded_faces(scene, step.samples, positions)
+    return Shown(step.record.time, positions, strain[field].astype(np.float64), obstacles)
 
 
 def _label(field: str) -> str:
-    name = "equivalent strain" if field == "eps_eq" else field
+    name = "equivalent strain" if field == STRAIN else field
     unit = unit_of(field)
     return f"{name} [{unit}]" if unit else name

@@ -24,11 +24,19 @@ def flat_row(case: str, overrides: dict[str, Any], result: dict[str, Any]) -> Ro
     return {"case": case, **settings, **result}
 
 
-def draw_results(rows: Sequence[Row], path: Path, *, title: str, shown: Sequence[str] = SHOWN) -> None:
-    """Draw quantities over the first varied key, with a line for each combination of the others; crosses are failures.
+def draw_results(rows: Sequence[Row], path: Path, *, title: str) -> None:
+    """Write the picture of `results_figure`.
 
     Raises:
         OSError: the picture cannot be written.
+    """
+    results_figure(rows, title=title).savefig(path)
+
+
+def results_figure(rows: Sequence[Row], *, title: str, shown: Sequence[str] = SHOWN) -> Figure:
+    """Draw quantities over the first varied key, with a line for each combination of the others.
+
+    Crosses mark failed cases, at the bottom, and cases that did not converge, at their last value.
     """
     keys = [key for key in rows[0] if key.startswith("set.") and len({row.get(key) for row in rows}) > 1]
     first, others = (keys[0], keys[1:]) if keys else ("case", [])
@@ -39,24 +47,28 @@ def draw_results(rows: Sequence[Row], path: Path, *, title: str, shown: Sequence
     if others and len(labels) <= 12:
         figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=7)
     figure.suptitle(title, fontsize=11)
-    figure.savefig(path)
+    return figure
 
 
 def _draw(axes: Axes, rows: Sequence[Row], first: str, others: Sequence[str], name: str) -> None:
-    groups: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row.get(key) for key in others), []).append(row)
     numeric = all(isinstance(row.get(first), int | float) for row in rows)
     order = list(dict.fromkeys(row.get(first) for row in rows))
-    for values, members in groups.items():
-        points = [(row[first] if numeric else order.index(row.get(first)), row.get(name)) for row in members]
-        points = sorted((x, y) for x, y in points if y is not None)
+
+    def place(row: Row) -> float:
+        return row[first] if numeric else order.index(row.get(first))
+
+    failed = [row for row in rows if row["status"] != "converged"]
+    groups: dict[tuple[Any, ...], list[tuple[float, float]]] = {}
+    for row in rows:
+        points = groups.setdefault(tuple(row.get(key) for key in others), [])
+        points += [] if row in failed else [(place(row), row[name])]
+    for values, points in groups.items():
         label = ", ".join(f"{key.removeprefix('set.')}={value}" for key, value in zip(others, values, strict=True))
-        axes.plot([x for x, _ in points], [y for _, y in points], marker="o", markersize=3, linewidth=1, label=label)
-    failed = [row for row in rows if row.get(name) is None]
+        axes.plot(*np.reshape(sorted(points), (-1, 2)).T, marker="o", markersize=3, linewidth=1, label=label)
     if failed:
-        places = [row[first] if numeric else order.index(row.get(first)) for row in failed]
-        axes.plot(places, [axes.get_ylim()[0]] * len(places), "rx", label="failed")
+        bottom = axes.get_ylim()[0]
+        heights = [bottom if row.get(name) is None else row[name] for row in failed]
+        axes.plot([place(row) for row in failed], heights, "rx", label="failed")
     if not numeric:
         axes.set_xticks(range(len(order)), [str(value)[:16] for value in order], rotation=30, ha="right", fontsize=7)
     axes.set_xlabel(first.removeprefix("set."))

@@ -15,6 +15,7 @@ from distributed import Client, Future, LocalCluster, as_completed
 from gdfe_ros.analysis.sweep.case_run import Result, run_cases_in_turn
 from gdfe_ros.analysis.sweep.cases import Case
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.workers import THREAD_COUNTS
 
 TASK_SECONDS = 1.0
 """Intended duration of a task [s]. Short cases are combined, because every task costs the scheduler some milliseconds,
@@ -28,9 +29,7 @@ _LOOK = 1.0
 """Interval at which workers are checked while no task is completed [s]."""
 _SETTINGS = {
     # Solves run in one thread each; dask's profiler would stop them every 10 ms.
-    "distributed.nanny.pre-spawn-environ": {
-        name: 1 for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-    },
+    "distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_COUNTS, 1),
     "distributed.worker.profile.enabled": False,
     # The scheduler's self-monitoring takes 3 % of a core, which the workers need.
     "distributed.admin.tick.interval": "1s",

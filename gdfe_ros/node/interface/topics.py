@@ -235,6 +235,8 @@ SCENE = TopicSpec(
     meaning="the scene as YAML text that needs no other file",
     delivery=Delivery.LATCHED,
 )
+PROCESS = "process"
+"""Key, on /diagnostics, of the number of the node's process, which tells nodes of one name apart."""
 DIAGNOSTICS = TopicSpec(
     name="/diagnostics",
     type="diagnostic_msgs/msg/DiagnosticArray",

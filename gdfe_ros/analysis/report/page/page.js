@@ -222,7 +222,7 @@ function start() {
   element("edges").addEventListener("change", show);
   element("play").addEventListener("click", play);
   drawMesh().then(() => {
-    slider.value = slider.max;
+    slider.value = String(run.first);
     return Promise.all([drawn, show()]);
   }).then(() => { document.body.dataset.ready = "yes"; });
 }

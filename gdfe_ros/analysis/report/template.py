@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""HTML templates with ``@@name@@`` in place of their parts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+_FOLDER = files("gdfe_ros.analysis.report") / "page"
+
+
+def read_file(name: str) -> str:
+    """Return a file that reports are made of: ``page.html``, ``page.css``, ``page.js``."""
+    return (_FOLDER / name).read_text(encoding="utf-8")
+
+
+def fill(template: str, parts: Mapping[str, str]) -> str:
+    """Return the template with its parts in place; a part that holds ``@@`` stays as it is.
+
+    Raises:
+        KeyError: a part is missing.
+    """
+    pieces = template.split("@@")
+    return "".join(parts[piece] if place % 2 else piece for place, piece in enumerate(pieces))
+
+
+def to_json(data: Any) -> str:
+    """Return JSON that can lie in a script element whatever text it holds."""
+    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

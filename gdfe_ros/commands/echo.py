@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe echo``: print the latest message of a topic as YAML, and the next ones."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from gdfe_ros.commands.message_text import show
+from gdfe_ros.commands.peer import full_name, matching_qos, open_peer
+from gdfe_ros.errors import GdfeError
+
+SETTLING = 0.2
+"""Time [s] in which kept messages arrive after the first of them."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("topic", help="e.g. /gdfe_sim/probe/tip; its type is that of who publishes it")
+    parser.add_argument("--count", type=int, default=1, help="the latest message, and those after it (default: 1)")
+    parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="longest wait for each (default: 60 s)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print messages; return 0 once there were so many."""
+    if arguments.count < 1:
+        raise GdfeError(f"--count {arguments.count}; allowed: 1 or more")
+    topic, received = full_name(arguments.topic), list[Any]()
+    with open_peer() as peer:
+        others, kind = peer.endpoints(topic, peer.node.get_publishers_info_by_topic, "publishes")
+        peer.node.create_subscription(kind, topic, received.append, matching_qos(others, offered=False))
+        for number in range(arguments.count):
+            if not peer.wait(lambda: received, arguments.wait):
+                raise GdfeError(f"no message on {topic} within {arguments.wait:g} s")
+            if number == 0:  # who comes late is sent the last ten: the latest one is asked for
+                peer.wait(lambda: False, SETTLING)
+                del received[:-1]
+            print(show(received.pop(0)), "---", sep="\n", flush=True)
+    return 0

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS messages as text in YAML, and back: ``{pose: {position: {z: 0.1}}}``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import yaml
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.qos import interface_class
+from gdfe_ros.spelling import did_you_mean
+
+MOST_SHOWN = 16
+"""Values of an array that are shown; of a longer one, the first of them and how many there are."""
+_ARRAY = re.compile(r"sequence<(?P<kind>[^,]+)(, \d+)?>|(?P<fixed>.+)\[(?P<count>\d+)\]")
+_TEXT = re.compile(r"w?string(<\d+>)?")
+
+
+def parse(text: str) -> object:
+    """Read YAML from the command line.
+
+    Raises:
+        GdfeError: it is no YAML.
+    """
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        problem = getattr(error, "problem", None) or error
+        raise GdfeError(f"{text!r} is no YAML: {problem}; e.g. '{{name: [flexor], effort: [4.0]}}'") from None
+
+
+def fill(message: Any, values: object, where: str = "") -> Any:
+    """Set fields of a message from nested mappings and lists, and return it; other fields keep their defaults.
+
+    Args:
+        message: of any type.
+        values: by field.
+        where: path of the message in that which is filled, for errors.
+
+    Raises:
+        GdfeError: no such field, or a value is not of its type.
+    """
+    fields = message.get_fields_and_field_types()
+    if not isinstance(values, Mapping):
+        name = where or type(message).__name__
+        raise GdfeError(f"{name} takes fields, as {{{next(iter(fields), '')}: ...}}, got {values!r}")
+    for name, value in values.items():
+        path = f"{where}.{name}".lstrip(".")
+        if name not in fields:
+            raise GdfeError(f"no field {path!r}; {did_you_mean(str(name), fields)}fields: {', '.join(fields)}")
+        setattr(message, name, _converted(fields[name], value, path, getattr(message, name)))
+    return message
+
+
+def show(message: Any) -> str:
+    """Return a message as YAML, with long arrays cut short."""
+    return yaml.safe_dump(_plain(message), sort_keys=False, allow_unicode=True, default_flow_style=None).rstrip()
+
+
+def _converted(kind: str, value: object, path: str, present: Any) -> Any:
+    """Return a value as a field of a ROS type takes it."""
+    if found := _ARRAY.fullmatch(kind):
+        if not isinstance(value, Sequence) or isinstance(value, str):
+            raise GdfeError(f"{path} takes a list of {found['kind'] or found['fixed']}, got {value!r}")
+        if found["count"] and len(value) != int(found["count"]):
+            raise GdfeError(f"{path} takes {found['count']} values, got {len(value)}")
+        element = found["kind"] or found["fixed"]
+        return [_converted(element, item, f"{path}[{place}]", None) for place, item in enumerate(value)]
+    if "/" in kind:
+        package, name = kind.split("/")
+        return fill(interface_class(f"{package}/msg/{name}")() if present is None else present, value, path)
+    return _checked(kind, value, path)
+
+
+def _checked(kind: str, value: object, path: str) -> Any:
+    """Return a plain value of a ROS type."""
+    convert: Callable[[Any], Any]
+    if _TEXT.fullmatch(kind):
+        good, convert = isinstance(value, str), str
+    elif kind == "boolean":
+        good, convert = isinstance(value, bool), bool
+    elif kind in ("double", "float"):
+        good, convert = _is_number(value), float
+    elif kind in ("octet", "byte"):
+        good, convert = isinstance(value, int) and 0 <= value < 256, lambda number: bytes([number])
+    else:
+        limits = np.iinfo(kind if kind != "char" else "uint8")
+        good = isinstance(value, int) and not isinstance(value, bool) and limits.min <= value <= limits.max
+        convert = int
+    if not good:
+        raise GdfeError(f"{path} takes a {kind}, got {value!r}")
+    return convert(value)
+
+
+def _is_number(value: object) -> bool:
+    """Tell whether a value is a number; YAML reads 1e5 without a point as text."""
+    if isinstance(value, str):
+        try:
+            float(value)
+        except ValueError:
+            return False
+        return True
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _plain(value: Any) -> Any:
+    """Return what YAML can write."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    if isinstance(value, bytes):
+        return int.from_bytes(value, "little")
+    if isinstance(value, str | bool | int | float):
+        return value
+    if isinstance(value, np.generic):
+        return value.item()
+    shown = [_plain(item) for item in value[:MOST_SHOWN]]
+    return shown if len(value) <= MOST_SHOWN else [*shown, f"... {len(value)} values"]

@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Worker processes of one thread each."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+
+THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+"""Environment variables that limit the threads of a process; libraries read them when they are imported."""
+
+
+@contextmanager
+def open_workers(count: int) -> Iterator[ProcessPoolExecutor]:
+    """Give an executor of ``count`` fresh processes with one thread each.
+
+    The environment of this process says so while the executor is open, because processes start with their first tasks.
+    """
+    before = {name: os.environ.get(name) for name in THREAD_COUNTS}
+    os.environ.update(dict.fromkeys(THREAD_COUNTS, "1"))
+    try:
+        with ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn")) as executor:
+            yield executor
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)

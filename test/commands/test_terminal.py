@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe pub``, ``gdfe echo`` and ``gdfe call`` beside a real node, and messages as text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+import yaml
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from sensor_msgs.msg import JointState
+
+from gdfe_ros.cli import BAD_INPUT, main
+from gdfe_ros.commands.message_text import fill, parse, show
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.testing import NodeProcess
+
+
+@pytest.fixture
+def node() -> Iterator[NodeProcess]:
+    """Give a node with a coarse bar that waits for commands."""
+    with NodeProcess({"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"], "clock": "lockstep"}) as node:
+        yield node
+
+
+@pytest.mark.usefixtures("node")
+def test_a_tip_is_lifted_from_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    """Publish a target, echo the wrench and the pose, call a service: as README has it."""
+    assert main(["echo", "gdfe_sim/step_record"]) == 0  # the node is there
+    assert main(["pub", "/gdfe_sim/handles/tip/target", "{pose: {position: {z: 0.1}, orientation: {w: 1.0}}}"]) == 0
+    capsys.readouterr()
+    assert main(["echo", "/gdfe_sim/handles/tip/pose"]) == 0
+    assert yaml.safe_load(capsys.readouterr().out.rstrip("-\n"))["pose"]["position"]["z"] == pytest.approx(0.1)
+    assert main(["echo", "/gdfe_sim/mesh"]) == 0
+    assert "values" in capsys.readouterr().out
+    assert main(["call", "/gdfe_sim/reset"]) == 0
+    assert main(["call", "/gdfe_sim/pause", "{data: false}"]) in (0, 1)
+    assert "success" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("node")
+def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Misspell a topic, a service and a field: each error names what is meant and what there is."""
+    assert main(["echo", "/gdfe_sim/step_record"]) == 0
+    monkeypatch.setattr("gdfe_ros.commands.peer.PATIENCE", 1.0)
+    assert main(["pub", "/gdfe_sim/handles/tip/tarket", "{}"]) == BAD_INPUT
+    assert "did you mean '/gdfe_sim/handles/tip/target'?" in capsys.readouterr().err
+    assert main(["call", "/gdfe_sim/rest"]) == BAD_INPUT
+    assert "did you mean '/gdfe_sim/reset'?" in capsys.readouterr().err
+    assert main(["pub", "/gdfe_sim/handles/tip/target", "{pose: {positon: {z: 0.1}}}"]) == BAD_INPUT
+    assert "no field 'pose.positon'; did you mean 'position'?" in capsys.readouterr().err
+
+
+def test_messages_are_filled_and_shown() -> None:
+    """Fill nested fields and lists, with numbers as YAML reads them, and show them again."""
+    message = fill(JointState(), parse("{header: {frame_id: arm}, name: [a, b], effort: [1, 2e5]}"))
+    assert (message.header.frame_id, message.name, list(message.effort)) == ("arm", ["a", "b"], [1.0, 2e5])
+    assert yaml.safe_load(show(message))["effort"] == [1.0, 2e5]
+    long = JointState(position=[0.5] * 100)
+    assert yaml.safe_load(show(long))["position"][-1] == "... 100 values"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("{effort: 4.0}", r"effort takes a list of double, got 4\.0"),
+        ("{effort: [true]}", r"effort\[0\] takes a double, got True"),
+        ("{name: [3]}", r"name\[0\] takes a string, got 3"),
+        ("{header: {stamp: {sec: 1.5}}}", r"header\.stamp\.sec takes a int32, got 1\.5"),
+        ("{header: {stamp: {nanosec: -1}}}", r"nanosec takes a uint32, got -1"),
+        ("[1, 2]", r"JointState takes fields, as \{header: \.\.\.\}, got \[1, 2\]"),
+        ("{name: [", r"is no YAML"),
+    ],
+)
+def test_a_value_of_another_type_is_refused(text: str, expected: str) -> None:
+    """Give values that do not fit: the error says which field takes what."""
+    with pytest.raises(GdfeError, match=expected):
+        fill(JointState(), parse(text))
+
+
+def test_nested_messages_keep_what_is_not_named() -> None:
+    """Fill one number of a pose and of a wrench: the rest is as a new message has it."""
+    assert fill(PoseStamped(), parse("{pose: {position: {z: 1}}}")).pose.orientation.w == 1.0
+    assert fill(WrenchStamped(), parse("{wrench: {force: {x: 2}}}")).wrench.force.y == 0.0

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Known words are suggested for misspelt ones."""
+
+from __future__ import annotations
+
+import pytest
+
+from gdfe_ros.spelling import closest, did_you_mean
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"), [("tipp", "did you mean 'tip'? "), ("base", "did you mean 'base'? "), ("xyz", "")]
+)
+def test_the_word_most_like_the_given_one_is_suggested(given: str, expected: str) -> None:
+    """Suggest a word for a misspelt one, and none for one that is like nothing."""
+    assert did_you_mean(given, ("tip", "base")) == expected
+
+
+def test_nothing_is_close_where_nothing_is_known() -> None:
+    """Look among no words."""
+    assert closest("tip", ()) is None
