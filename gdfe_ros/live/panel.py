@@ -145,8 +145,8 @@ class _Slider:
     """A control of a command.
 
     Attributes:
-        control: of viser.
-        label: of it.
+        control: element of viser's page.
+        label: text of the control.
         touched: time of the last move by a viewer (monotonic) [s].
     """
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ROS 2 node ``gdfe_sim``: lifecycle, topics and services around a ``Simulation``.
 
-Besides ``testing/`` and ``examples/``, this is the only subpackage that imports rclpy.
+Outside of it, rclpy is imported only by ``testing/``, ``examples/``, ``live/remote/``, ``commands/`` (publishing and
+echoing) and ``recording/decoding.py``.
 """

@@ -36,7 +36,7 @@ class PressedWalls(Term):
         return self._points.corners[self._quads].reshape(len(self._quads), -1)
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return -p d^2V/dx^2 (q, 3 c, 3 c) [N/m]."""
+        """Return the tangents of the pressure on the wall's faces, -p d^2V/dx^2 (q, 3 c, 3 c) [N/m]."""
         places = self._chamber.actuator.at(positions)[self._quads]
         count, middle = len(places), places.reshape(-1, 3).mean(axis=0)
         # An additional quad of zero size keeps the kernel's reference point fixed.
