@@ -16,8 +16,9 @@ from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
 
 FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
 """First length along a direction that curves down, over the body's size, and how often it is doubled or quartered."""
-RANDOM = 0.1
-"""Share of a random load beside that of the softest motion, with which the search begins: a part alone may buckle."""
+RANDOM = 1.0
+"""Share of a random load beside that of the softest motion, with which the search begins: a part alone may buckle. With
+a tenth, the search may settle on the softest motion before it sees one that curves down."""
 FALL = 1e-9
 """Share of the energy by which it falls at least on a way down; less is rounding."""
 
