@@ -10,16 +10,19 @@ with the exact Jacobians J of the probes (docs/sensitivities.md), their distance
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gdfe_ros.actuators import Cable, Mode
+from gdfe_ros.control.limits import Limits
 from gdfe_ros.control.programme import least_squares
-from gdfe_ros.errors import CommandError
+from gdfe_ros.errors import CommandError, GdfeError
+from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.result import StepResult
 
 Array = NDArray[np.float64]
 LEAST = 1e-4
@@ -27,8 +30,6 @@ LEAST = 1e-4
 TRUST, SHORTER, LONGER = 0.1, 0.25, 2.0
 """Longest way of the probes in a change, over the body's size; by how much it shrinks where a change did not lead
 nearer, and grows where it did."""
-ROUNDING = 1e-9
-"""Share of a change that is none."""
 MOST_TRIES = 60
 """Changes of the commands after which a goal counts as out of reach."""
 STANDSTILL, FAINT = 0.1, 1e-3
@@ -107,28 +108,12 @@ class InverseControl:
         tolerance: float = 1e-5,
     ) -> None:
         scene = simulation.scene
-        if scene.dynamics is not None:
-            raise CommandError("inverse control goes from equilibrium to equilibrium; remedy: a scene without dynamics")
-        if not 0.0 < tolerance < np.inf:
-            raise CommandError(f"the tolerance of inverse control must be positive [m], got {tolerance!r}")
-        known = {actuator.name: actuator for actuator in scene.actuators}
-        self.names = tuple(known if actuators is None else actuators)
-        for name in self.names:
-            if name not in known:
-                raise CommandError(f"no actuator {name!r} in scene {scene.name!r}; actuators: {', '.join(known)}")
-        if not (self.names and targets):
-            raise CommandError("inverse control needs an actuator and a target")
-        self.targets = tuple(each if isinstance(each, Target) else Target(probe=each) for each in targets)
-        for target in self.targets:
-            if target.probe not in scene.probes:
-                raise CommandError(f"no probe {target.probe!r}; probes: {', '.join(scene.probes) or 'none'}")
+        _require_equilibria(scene)
+        _require_positive("the tolerance of inverse control", tolerance, "m")
+        self.names = tuple(simulation.actuator_names if actuators is None else actuators)
+        self._limits = Limits.of_scene(scene, self.names)
+        self.targets = _checked_targets(scene, targets)
         self.simulation, self.tolerance = simulation, tolerance
-        chosen = [known[name] for name in self.names]
-        pulls = [isinstance(each, Cable) and each.mode is Mode.TENSION for each in chosen]
-        lows = [max(each.low, 0.0) if pull else each.low for each, pull in zip(chosen, pulls, strict=True)]
-        self._low = np.array(lows)
-        self._high = np.array([each.high for each in chosen])
-        self._rates = np.array([each.rate for each in chosen])
         self._trust = TRUST * scene.mesh.size
 
     def reach(self, goals: ArrayLike) -> Reach:
@@ -141,14 +126,14 @@ class InverseControl:
 
         Raises:
             CommandError: their shape is another, or a value is not finite; the state is unchanged.
+            GdfeError: a state on the way has no derivative, as at a saddle; the state is unchanged.
         """
         wanted, tries, stuck = self._checked(goals), 0, False
-        if not self.simulation.settled:
-            self.simulation.step()
-        error = self._errors(wanted)
-        while tries < MOST_TRIES and not stuck and self._far(error):
-            moved, error, spent = self._nearer(wanted, error, np.full(len(self.names), np.inf))
-            tries, stuck = tries + spent, not moved
+        with self._all_or_nothing():
+            error = self._errors(wanted)
+            while tries < MOST_TRIES and not stuck and self._far(error):
+                moved, error, spent = self._nearer(wanted, error)
+                tries, stuck = tries + spent, not moved
         return self._told(error, tries)
 
     def move(self, goals: ArrayLike, dt: float) -> Reach:
@@ -160,23 +145,35 @@ class InverseControl:
 
         Raises:
             CommandError: goals or time are not allowed; the state is unchanged.
+            GdfeError: the present state has no derivative, as at a saddle; the state is unchanged.
         """
-        wanted = self._checked(goals)
-        if not 0.0 < dt < np.inf:
-            raise CommandError(f"a move takes a positive time [s], got {dt!r}")
-        if not self.simulation.settled:
-            self.simulation.step()
-        error, tries = self._errors(wanted), 0
-        if self._far(error):
-            _, error, tries = self._nearer(wanted, error, self._rates * dt, dt=dt)
+        wanted, tries = self._checked(goals), 0
+        _require_positive("the time of a move", dt, "s")
+        with self._all_or_nothing():
+            error = self._errors(wanted)
+            if self._far(error):
+                _, error, tries = self._nearer(wanted, error, dt)
         return self._told(error, tries)
 
-    def _nearer(self, wanted: Array, error: Array, reach: Array, dt: float | None = None) -> tuple[bool, Array, int]:
-        """Change the commands once; return whether that led nearer, the errors then, and how often it was tried."""
-        here, tries = self.simulation.snapshot(), 0
-        now = np.array([self.simulation.commands[name] for name in self.names])
-        rows = self._rows()
-        low, high = np.maximum(self._low - now, -reach), np.minimum(self._high - now, reach)
+    @contextmanager
+    def _all_or_nothing(self) -> Iterator[None]:
+        """Begin at an equilibrium, and come back to the state before where an error ends it."""
+        before = self.simulation.snapshot()
+        try:
+            if not self.simulation.settled:
+                self.simulation.step()
+            yield
+        except GdfeError:
+            self.simulation.restore(before)
+            raise
+
+    def _nearer(self, wanted: Array, error: Array, dt: float | None = None) -> tuple[bool, Array, int]:
+        """Change the commands once; return whether that led nearer, the errors then, and how often it was tried.
+
+        The change takes ``dt`` [s]; None: as long as rates want.
+        """
+        here, rows, now, tries = self.simulation.snapshot(), self._rows(), self._now(), 0
+        low, high = self._limits.room(now, dt)
         while tries < MOST_TRIES:
             tries += 1
             length = float(np.linalg.norm(error))
@@ -185,8 +182,7 @@ class InverseControl:
             gain = length - float(np.linalg.norm(error - rows @ change))
             if np.linalg.norm(rows @ change) < STANDSTILL * self.tolerance or gain < FAINT * self.tolerance:
                 break
-            values = self._ranged(now + change, ROUNDING * np.abs(change)).tolist()
-            result = self.simulation.step(Command(actuators=dict(zip(self.names, values, strict=True))), dt=dt)
+            result = self._step(self._limits.changed(now, change), self._limits.time(change) if dt is None else dt)
             after = self._errors(wanted)
             if result.converged and length - float(np.linalg.norm(after)) > 0.25 * gain:
                 self._trust = min(TRUST * self.simulation.mesh.size, LONGER * self._trust)
@@ -198,11 +194,14 @@ class InverseControl:
         self._trust = TRUST * self.simulation.mesh.size
         return False, error, tries
 
-    def _ranged(self, commands: Array, rounding: Array) -> Array:
-        """Return commands (n,) within their ranges, and at an end of one where only rounding (n,) keeps them off it."""
-        commands = np.where(np.abs(commands - self._low) <= rounding, self._low, commands)
-        commands = np.where(np.abs(commands - self._high) <= rounding, self._high, commands)
-        return np.clip(commands, self._low, self._high)
+    def _step(self, commands: Array, dt: float) -> StepResult:
+        """Step to commands (n,) in ``dt`` [s]."""
+        return self.simulation.step(Command(actuators=dict(zip(self.names, commands.tolist(), strict=True))), dt=dt)
+
+    def _now(self) -> Array:
+        """Return the commands (n,) in force; rates may have kept others back."""
+        states = self.simulation.actuator_states()
+        return np.array([states[name].command for name in self.names])
 
     def _checked(self, goals: ArrayLike) -> Array:
         wanted = np.asarray(goals, dtype=np.float64)
@@ -220,10 +219,13 @@ class InverseControl:
         return np.concatenate(parts)
 
     def _rows(self) -> Array:
-        """Return the Jacobian in the same rows."""
-        found = self.simulation.jacobian([target.probe for target in self.targets], self.names)
+        """Return the exact Jacobian in the same rows."""
+        outputs = [f"probes.{target.probe}" for target in self.targets]
+        parameters = [f"actuators.{name}" for name in self.names]
+        found = self.simulation.sensitivities(list(dict.fromkeys(outputs)), parameters).values
         parts = [
-            np.sqrt(target.weight) * each[list(target.axes)] for target, each in zip(self.targets, found, strict=True)
+            np.sqrt(target.weight) * found[output][list(target.axes)]
+            for target, output in zip(self.targets, outputs, strict=True)
         ]
         return np.concatenate(parts)
 
@@ -236,14 +238,10 @@ class InverseControl:
         return bool((self._distances(error) > self.tolerance).any())
 
     def _told(self, error: Array, tries: int) -> Reach:
-        distances, commands = self._distances(error), {name: self.simulation.commands[name] for name in self.names}
+        distances, now = self._distances(error), self._now()
         reached, message = bool((distances <= self.tolerance).all()), ""
         if not reached:
-            ends = [
-                name
-                for name, low, high in zip(self.names, self._low, self._high, strict=True)
-                if not low < commands[name] < high
-            ]
+            ends = self._limits.ended(now)
             far = ", ".join(
                 f"{target.probe} {distance:.3g} m"
                 for target, distance in zip(self.targets, distances, strict=True)
@@ -251,4 +249,28 @@ class InverseControl:
             )
             message = f"nearest point so far, from the goal: {far}"
             message += f"; at the end of their range: {', '.join(ends)}" if ends else ""
+        commands = dict(zip(self.names, now.tolist(), strict=True))
         return Reach(commands=commands, distances=distances, reached=reached, message=message, tries=tries)
+
+
+def _require_equilibria(scene: Scene) -> None:
+    """Refuse a scene in motion."""
+    if scene.dynamics is not None:
+        raise CommandError("inverse control goes from equilibrium to equilibrium; remedy: a scene without dynamics")
+
+
+def _require_positive(what: str, value: float, unit: str) -> None:
+    """Refuse a value that is not a positive, finite number."""
+    if not 0.0 < value < np.inf:
+        raise CommandError(f"{what} must be positive and finite [{unit}], got {value!r}")
+
+
+def _checked_targets(scene: Scene, targets: Sequence[Target | str]) -> tuple[Target, ...]:
+    """Return targets of probes that a scene has, at least one."""
+    found = tuple(each if isinstance(each, Target) else Target(probe=each) for each in targets)
+    for target in found:
+        if target.probe not in scene.probes:
+            raise CommandError(f"no probe {target.probe!r}; probes: {', '.join(scene.probes) or 'none'}")
+    if not found:
+        raise CommandError("inverse control needs a target")
+    return found
