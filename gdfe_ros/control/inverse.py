@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gdfe_ros.control.jacobian import KeptJacobian
 from gdfe_ros.control.limits import Limits
 from gdfe_ros.control.programme import least_squares
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.result import StepResult
 
 Array = NDArray[np.float64]
 LEAST = 1e-4
@@ -32,6 +32,8 @@ TRUST, SHORTER, LONGER = 0.1, 0.25, 2.0
 nearer, and grows where it did."""
 MOST_TRIES = 60
 """Changes of the commands after which a goal counts as out of reach."""
+ENOUGH = 0.25
+"""Share of the way nearer that was foretold which a change has to lead."""
 STANDSTILL, FAINT = 0.1, 1e-3
 """Shares of the tolerance by which a change that is worth a step moves probes, and leads them nearer."""
 
@@ -115,6 +117,7 @@ class InverseControl:
         self.targets = _checked_targets(scene, targets)
         self.simulation, self.tolerance = simulation, tolerance
         self._trust = TRUST * scene.mesh.size
+        self._jacobian = KeptJacobian(self._exact)
 
     def reach(self, goals: ArrayLike) -> Reach:
         """Bring the probes to their goals, or as near as they get, whatever time that takes.
@@ -132,7 +135,7 @@ class InverseControl:
         with self._all_or_nothing():
             error = self._errors(wanted)
             while tries < MOST_TRIES and not stuck and self._far(error):
-                moved, error, spent = self._nearer(wanted, error)
+                moved, error, spent = self._nearer(wanted)
                 tries, stuck = tries + spent, not moved
         return self._told(error, tries)
 
@@ -145,19 +148,19 @@ class InverseControl:
 
         Raises:
             CommandError: goals or time are not allowed; the state is unchanged.
-            GdfeError: the present state has no derivative, as at a saddle; the state is unchanged.
+            GdfeError: the present state has no derivative; the state is unchanged.
         """
         wanted, tries = self._checked(goals), 0
         _require_positive("the time of a move", dt, "s")
         with self._all_or_nothing():
             error = self._errors(wanted)
             if self._far(error):
-                _, error, tries = self._nearer(wanted, error, dt)
+                _, error, tries = self._nearer(wanted, dt)
         return self._told(error, tries)
 
     @contextmanager
     def _all_or_nothing(self) -> Iterator[None]:
-        """Begin at an equilibrium, and come back to the state before where an error ends it."""
+        """Begin at an equilibrium, and come back to the state before where an error ends what is done."""
         before = self.simulation.snapshot()
         try:
             if not self.simulation.settled:
@@ -167,36 +170,43 @@ class InverseControl:
             self.simulation.restore(before)
             raise
 
-    def _nearer(self, wanted: Array, error: Array, dt: float | None = None) -> tuple[bool, Array, int]:
+    def _nearer(self, wanted: Array, dt: float | None = None) -> tuple[bool, Array, int]:
         """Change the commands once; return whether that led nearer, the errors then, and how often it was tried.
 
         The change takes ``dt`` [s]; None: as long as rates want.
         """
-        here, rows, now, tries = self.simulation.snapshot(), self._rows(), self._now(), 0
-        low, high = self._limits.room(now, dt)
+        now, places, error, tries = self._now(), self._places(), self._errors(wanted), 0
+        here, rows, length = self.simulation.snapshot(), self._jacobian.at(now, places), float(np.linalg.norm(error))
         while tries < MOST_TRIES:
             tries += 1
-            length = float(np.linalg.norm(error))
-            goal = error * min(1.0, self._trust / length)
-            change = least_squares(rows, goal, low, high, least=LEAST)
+            change = least_squares(
+                rows, error * min(1.0, self._trust / length), *self._limits.room(now, dt), least=LEAST
+            )
             gain = length - float(np.linalg.norm(error - rows @ change))
-            if np.linalg.norm(rows @ change) < STANDSTILL * self.tolerance or gain < FAINT * self.tolerance:
-                break
-            result = self._step(self._limits.changed(now, change), self._limits.time(change) if dt is None else dt)
-            after = self._errors(wanted)
-            if result.converged and length - float(np.linalg.norm(after)) > 0.25 * gain:
-                self._trust = min(TRUST * self.simulation.mesh.size, LONGER * self._trust)
-                return True, after, tries
-            self.simulation.restore(here)
+            worth = np.linalg.norm(rows @ change) >= STANDSTILL * self.tolerance and gain >= FAINT * self.tolerance
+            if worth and self._went(now, change, dt):
+                after = self._errors(wanted)
+                if length - float(np.linalg.norm(after)) > ENOUGH * gain:
+                    self._trust = min(TRUST * self.simulation.mesh.size, LONGER * self._trust)
+                    self._jacobian.learn(self._now(), self._places())
+                    return True, after, tries
+            if worth:
+                self.simulation.restore(here)
+            if not self._jacobian.fresh:
+                self._jacobian.forget()
+                moved, error, spent = self._nearer(wanted, dt)
+                return moved, error, tries + spent
             self._trust = SHORTER * min(self._trust, length)
-            if self._trust < self.tolerance:
+            if not worth or self._trust < self.tolerance:
                 break
         self._trust = TRUST * self.simulation.mesh.size
         return False, error, tries
 
-    def _step(self, commands: Array, dt: float) -> StepResult:
-        """Step to commands (n,) in ``dt`` [s]."""
-        return self.simulation.step(Command(actuators=dict(zip(self.names, commands.tolist(), strict=True))), dt=dt)
+    def _went(self, now: Array, change: Array, dt: float | None) -> bool:
+        """Step to commands after a change (n,); tell whether an equilibrium was found."""
+        commands = dict(zip(self.names, self._limits.changed(now, change).tolist(), strict=True))
+        time = self._limits.time(change) if dt is None else dt
+        return self.simulation.step(Command(actuators=commands), dt=time).converged
 
     def _now(self) -> Array:
         """Return the commands (n,) in force; rates may have kept others back."""
@@ -211,14 +221,19 @@ class InverseControl:
 
     def _errors(self, wanted: Array) -> Array:
         """Return how far targets are from their goals along their axes, times the roots of their weights."""
-        places = self.simulation.probe_positions()
-        parts = []
-        for target, goal in zip(self.targets, wanted, strict=True):
-            axes = list(target.axes)
-            parts.append(np.sqrt(target.weight) * (goal - places[target.probe])[axes])
-        return np.concatenate(parts)
+        parts = [
+            np.sqrt(target.weight) * goal[list(target.axes)] for target, goal in zip(self.targets, wanted, strict=True)
+        ]
+        return np.concatenate(parts) - self._places()
 
-    def _rows(self) -> Array:
+    def _places(self) -> Array:
+        """Return where targets are in the same rows."""
+        places = self.simulation.probe_positions()
+        return np.concatenate(
+            [np.sqrt(target.weight) * places[target.probe][list(target.axes)] for target in self.targets]
+        )
+
+    def _exact(self) -> Array:
         """Return the exact Jacobian in the same rows."""
         outputs = [f"probes.{target.probe}" for target in self.targets]
         parameters = [f"actuators.{name}" for name in self.names]

@@ -123,7 +123,26 @@ def test_a_move_takes_exact_columns_and_no_further_solve() -> None:
     simulation.step(Command(actuators=moved.commands), dt=0.02)
     assert during == len(seen) > 0
     simulation.restore(before)
-    np.testing.assert_allclose(control._rows(), differences, rtol=0, atol=1e-4 * np.abs(differences).max())
+    np.testing.assert_allclose(control._exact(), differences, rtol=0, atol=1e-4 * np.abs(differences).max())
+
+
+def test_the_jacobian_is_kept_between_moves() -> None:
+    """Go an eighth of a circle in small moves: exact columns are taken at the start, and the tip keeps up with them."""
+    simulation = finger()
+    control, taken = InverseControl(simulation, [TIP]), []
+    exact = control._exact
+    control._jacobian._exact = lambda: taken.append(simulation.time) or exact()
+    middle, errors = simulation.probe_positions()["tip"], []
+    for number in range(13):
+        angle = 2.0 * np.pi * number / 100.0
+        goal = middle + RADIUS * np.array([np.cos(angle) - 1.0, 0.0, np.sin(angle)])
+        errors.append(control.move([goal], 0.02).distances[0])
+    assert len(taken) <= 4
+    assert np.mean(errors) < 0.01 * RADIUS
+    simulation.step(Command(actuators={"flexor": 8.0}))  # by somebody else
+    count = len(taken)
+    control.move([middle], 0.02)
+    assert len(taken) > count
 
 
 def test_a_state_without_derivative_ends_nothing_halfway() -> None:
