@@ -20,6 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from gdfe_ros.control.jacobian import KeptJacobian
 from gdfe_ros.control.limits import Limits
 from gdfe_ros.control.programme import least_squares
+from gdfe_ros.control.stack import Stack
+from gdfe_ros.control.targets import Aim
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
@@ -27,48 +29,23 @@ from gdfe_ros.simulation import Command, Simulation
 Array = NDArray[np.float64]
 LEAST = 1e-4
 """Weight of a change of the commands itself, over what it moves."""
-TRUST, SHORTER, LONGER = 0.1, 0.25, 2.0
-"""Longest way of the probes in a change, over the body's size; by how much it shrinks where a change did not lead
-nearer, and grows where it did."""
+SHORTER, LONGER = 0.25, 2.0
+"""By how much the longest change shrinks where one did not lead nearer, and grows again where one did."""
 MOST_TRIES = 60
 """Changes of the commands after which a goal counts as out of reach."""
 ENOUGH = 0.25
 """Share of the way nearer that was foretold which a change has to lead."""
 STANDSTILL, FAINT = 0.1, 1e-3
-"""Shares of the tolerance by which a change that is worth a step moves probes, and leads them nearer."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Target:
-    """Where a probe is to be.
-
-    Attributes:
-        probe: its name.
-        axes: which of x, y, z count, by number.
-        weight: priority beside other targets: errors count by its root.
-
-    Raises:
-        ValueError: an axis is none, or the weight is not positive.
-    """
-
-    probe: str
-    axes: tuple[int, ...] = (0, 1, 2)
-    weight: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not self.axes or not set(self.axes) <= {0, 1, 2}:
-            raise ValueError(f"axes of target {self.probe!r} must be some of 0, 1, 2, got {self.axes!r}")
-        if not 0.0 < self.weight < np.inf:
-            raise ValueError(f"the weight of target {self.probe!r} must be positive and finite, got {self.weight!r}")
+"""Shares of the tolerance by which a change that is worth a step moves targets, and leads them nearer."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reach:
-    """How near probes came to their goals.
+    """How near targets came to their goals.
 
     Attributes:
         commands: by actuator.
-        distances: (t,) [m] of each target from its goal, along its axes.
+        distances: (t,) of each target from its goal along its axes, in its unit: m, rad or N.
         reached: all are within the tolerance.
         message: what was in the way; empty where nothing was.
         tries: changes of the commands that were tried.
@@ -104,7 +81,7 @@ class InverseControl:
     def __init__(
         self,
         simulation: Simulation,
-        targets: Sequence[Target | str],
+        targets: Sequence[Aim | str],
         *,
         actuators: Sequence[str] | None = None,
         tolerance: float = 1e-5,
@@ -112,12 +89,16 @@ class InverseControl:
         scene = simulation.scene
         _require_equilibria(scene)
         _require_positive("the tolerance of inverse control", tolerance, "m")
+        self._stack = Stack(simulation, targets, tolerance)
         self.names = tuple(simulation.actuator_names if actuators is None else actuators)
         self._limits = Limits.of_scene(scene, self.names)
-        self.targets = _checked_targets(scene, targets)
-        self.simulation, self.tolerance = simulation, tolerance
-        self._trust = TRUST * scene.mesh.size
+        self.simulation, self._trust = simulation, 1.0
         self._jacobian = KeptJacobian(self._exact)
+
+    @property
+    def targets(self) -> tuple[Aim, ...]:
+        """The targets (t,)."""
+        return self._stack.targets
 
     def reach(self, goals: ArrayLike) -> Reach:
         """Bring the probes to their goals, or as near as they get, whatever time that takes.
@@ -125,16 +106,16 @@ class InverseControl:
         Where goals are out of reach, the commands are those of the nearest point, and the message says so.
 
         Args:
-            goals: (t, 3) [m], one row for each target.
+            goals: (t, 3), one row for each target in its unit.
 
         Raises:
             CommandError: their shape is another, or a value is not finite; the state is unchanged.
             GdfeError: a state on the way has no derivative, as at a saddle; the state is unchanged.
         """
-        wanted, tries, stuck = self._checked(goals), 0, False
+        wanted, tries, stuck = self._stack.checked(goals), 0, False
         with self._all_or_nothing():
             error = self._errors(wanted)
-            while tries < MOST_TRIES and not stuck and self._far(error):
+            while tries < MOST_TRIES and not stuck and not self._stack.reached(error):
                 moved, error, spent = self._nearer(wanted)
                 tries, stuck = tries + spent, not moved
         return self._told(error, tries)
@@ -143,18 +124,18 @@ class InverseControl:
         """Make one change of the commands towards the goals, as far as rates allow in ``dt`` [s]: a step of a loop.
 
         Args:
-            goals: (t, 3) [m], one row for each target.
+            goals: (t, 3), one row for each target in its unit.
             dt: time of the step [s].
 
         Raises:
             CommandError: goals or time are not allowed; the state is unchanged.
             GdfeError: the present state has no derivative; the state is unchanged.
         """
-        wanted, tries = self._checked(goals), 0
+        wanted, tries = self._stack.checked(goals), 0
         _require_positive("the time of a move", dt, "s")
         with self._all_or_nothing():
             error = self._errors(wanted)
-            if self._far(error):
+            if not self._stack.reached(error):
                 _, error, tries = self._nearer(wanted, dt)
         return self._told(error, tries)
 
@@ -175,20 +156,19 @@ class InverseControl:
 
         The change takes ``dt`` [s]; None: as long as rates want.
         """
-        now, places, error, tries = self._now(), self._places(), self._errors(wanted), 0
-        here, rows, length = self.simulation.snapshot(), self._jacobian.at(now, places), float(np.linalg.norm(error))
+        stack, now, error, tries = self._stack, self._now(), self._errors(wanted), 0
+        here, rows = self.simulation.snapshot(), self._jacobian.at(now, stack.values())
+        length, way = float(np.linalg.norm(error)), stack.length(wanted, error)
         while tries < MOST_TRIES:
-            tries += 1
-            change = least_squares(
-                rows, error * min(1.0, self._trust / length), *self._limits.room(now, dt), least=LEAST
-            )
+            tries, share = tries + 1, min(1.0, self._trust / way)
+            change = least_squares(rows, share * error, *self._limits.room(now, dt), least=LEAST)
             gain = length - float(np.linalg.norm(error - rows @ change))
-            worth = np.linalg.norm(rows @ change) >= STANDSTILL * self.tolerance and gain >= FAINT * self.tolerance
+            worth = np.linalg.norm(rows @ change) >= STANDSTILL and gain >= FAINT
             if worth and self._went(now, change, dt):
                 after = self._errors(wanted)
                 if length - float(np.linalg.norm(after)) > ENOUGH * gain:
-                    self._trust = min(TRUST * self.simulation.mesh.size, LONGER * self._trust)
-                    self._jacobian.learn(self._now(), self._places())
+                    self._trust = min(1.0, LONGER * self._trust)
+                    self._jacobian.learn(error - after, self._now(), stack.values())
                     return True, after, tries
             if worth:
                 self.simulation.restore(here)
@@ -196,10 +176,10 @@ class InverseControl:
                 self._jacobian.forget()
                 moved, error, spent = self._nearer(wanted, dt)
                 return moved, error, tries + spent
-            self._trust = SHORTER * min(self._trust, length)
-            if not worth or self._trust < self.tolerance:
+            self._trust = SHORTER * min(self._trust, way)
+            if not worth or self._trust * length < way:
                 break
-        self._trust = TRUST * self.simulation.mesh.size
+        self._trust = 1.0
         return False, error, tries
 
     def _went(self, now: Array, change: Array, dt: float | None) -> bool:
@@ -213,59 +193,23 @@ class InverseControl:
         states = self.simulation.actuator_states()
         return np.array([states[name].command for name in self.names])
 
-    def _checked(self, goals: ArrayLike) -> Array:
-        wanted = np.asarray(goals, dtype=np.float64)
-        if wanted.shape != (len(self.targets), 3) or not np.isfinite(wanted).all():
-            raise CommandError(f"goals must be finite and of shape {(len(self.targets), 3)}, got {wanted.tolist()}")
-        return wanted
-
     def _errors(self, wanted: Array) -> Array:
-        """Return how far targets are from their goals along their axes, times the roots of their weights."""
-        parts = [
-            np.sqrt(target.weight) * goal[list(target.axes)] for target, goal in zip(self.targets, wanted, strict=True)
-        ]
-        return np.concatenate(parts) - self._places()
-
-    def _places(self) -> Array:
-        """Return where targets are in the same rows."""
-        places = self.simulation.probe_positions()
-        return np.concatenate(
-            [np.sqrt(target.weight) * places[target.probe][list(target.axes)] for target in self.targets]
-        )
+        """Return how far targets are from their goals (t, 3), as `Stack` counts."""
+        return self._stack.errors(wanted, {})
 
     def _exact(self) -> Array:
-        """Return the exact Jacobian in the same rows."""
-        outputs = [f"probes.{target.probe}" for target in self.targets]
-        parameters = [f"actuators.{name}" for name in self.names]
-        found = self.simulation.sensitivities(list(dict.fromkeys(outputs)), parameters).values
-        parts = [
-            np.sqrt(target.weight) * found[output][list(target.axes)]
-            for target, output in zip(self.targets, outputs, strict=True)
-        ]
-        return np.concatenate(parts)
-
-    def _distances(self, error: Array) -> Array:
-        ends = np.cumsum([len(target.axes) for target in self.targets])[:-1]
-        parts = zip(self.targets, np.split(error, ends), strict=True)
-        return np.array([np.linalg.norm(part) / np.sqrt(target.weight) for target, part in parts])
-
-    def _far(self, error: Array) -> bool:
-        return bool((self._distances(error) > self.tolerance).any())
+        """Return the exact Jacobian, as `Stack` counts."""
+        return self._stack.jacobian(self.names)
 
     def _told(self, error: Array, tries: int) -> Reach:
-        distances, now = self._distances(error), self._now()
-        reached, message = bool((distances <= self.tolerance).all()), ""
-        if not reached:
-            ends = self._limits.ended(now)
-            far = ", ".join(
-                f"{target.probe} {distance:.3g} m"
-                for target, distance in zip(self.targets, distances, strict=True)
-                if distance > self.tolerance
-            )
-            message = f"nearest point so far, from the goal: {far}"
-            message += f"; at the end of their range: {', '.join(ends)}" if ends else ""
-        commands = dict(zip(self.names, now.tolist(), strict=True))
-        return Reach(commands=commands, distances=distances, reached=reached, message=message, tries=tries)
+        now = self._now()
+        return Reach(
+            commands=dict(zip(self.names, now.tolist(), strict=True)),
+            distances=self._stack.distances(error),
+            reached=self._stack.reached(error),
+            message=self._stack.message(error, self._limits.ended(now)),
+            tries=tries,
+        )
 
 
 def _require_equilibria(scene: Scene) -> None:
@@ -278,14 +222,3 @@ def _require_positive(what: str, value: float, unit: str) -> None:
     """Refuse a value that is not a positive, finite number."""
     if not 0.0 < value < np.inf:
         raise CommandError(f"{what} must be positive and finite [{unit}], got {value!r}")
-
-
-def _checked_targets(scene: Scene, targets: Sequence[Target | str]) -> tuple[Target, ...]:
-    """Return targets of probes that a scene has, at least one."""
-    found = tuple(each if isinstance(each, Target) else Target(probe=each) for each in targets)
-    for target in found:
-        if target.probe not in scene.probes:
-            raise CommandError(f"no probe {target.probe!r}; probes: {', '.join(scene.probes) or 'none'}")
-    if not found:
-        raise CommandError("inverse control needs a target")
-    return found
