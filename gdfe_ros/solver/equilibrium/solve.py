@@ -41,7 +41,7 @@ COLD_AIM = 0.2
 yet, and steps become short before it has arrived."""
 MOST_UPDATES = 60
 """Of pressures, multipliers and scales in one solve; what has not settled by then swings."""
-TOO_DEEP = "what was apart came so deep into each other that it would not be kept apart"
+TOO_DEEP = "surfaces that were apart entered each other so deep that contact could not separate them"
 
 
 class Solve:
@@ -297,7 +297,7 @@ class Solve:
             return False, np.inf, f"{text}; the next step goes on from here"
         if residual <= tolerance:
             text = "pressures, commanded lengths and volumes, or hourglass scales have not settled"
-            return False, residual, f"{text} in {MOST_UPDATES} updates, though the positions hardly move any more"
+            return False, residual, f"{text} in {MOST_UPDATES} updates, although the positions hardly move any more"
         if not np.isfinite(residual):
             text = "how far from equilibrium is not known: the body is at the edge of its stability"
             return False, residual, f"{text}; smaller steps, or other commands, lead past it"
