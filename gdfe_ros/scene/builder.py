@@ -159,7 +159,7 @@ def build_program(
 def _check_times(frames: Sequence[KeyframeModel | PointModel], duration: float, path: KeyPath, report: Report) -> None:
     for i, frame in enumerate(frames):
         if frame.time > duration:
-            report.add((*path, i, "time"), f"allowed are times up to the program's duration, {duration:g} s")
+            report.add((*path, i, "time"), f"allowed are times up to the duration, {duration:g} s")
         if i and frame.time <= frames[i - 1].time:
             report.add((*path, i, "time"), f"times must ascend; the one before is {frames[i - 1].time:g} s")
 
