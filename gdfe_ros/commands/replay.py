@@ -98,15 +98,17 @@ def _remarks(run: BagRun, report: ReplayReport, overrides: dict[str, object]) ->
     if report.unknown:
         remarks.append(f"not compared, because the replay has none of it: {', '.join(report.unknown)}")
     if report.inexact:
-        remarks.append(f"{report.inexact} targets could not be sent to the last bit: their messages are not in the bag")
+        remarks.append(
+            f"{report.inexact} targets could not be sent to the last bit, because their messages are not in the bag"
+        )
     if report.strays:
         remarks.append(f"not compared, because their step is not in the bag: {dict(report.strays)}")
     if report.tail:
-        remarks.append(f"messages of a step that the end of the recording cut off: {dict(report.tail)}")
+        remarks.append(f"messages of an incomplete step at the end of the recording: {dict(report.tail)}")
     if report.end:
         remarks.append(report.end)
     if report.differences.unmatched:
-        remarks.append(f"arrays that only one run has: {dict(report.differences.unmatched)}")
+        remarks.append(f"arrays in only one of the runs: {dict(report.differences.unmatched)}")
     dropped = run.reader.notes.get("messages_dropped", "0")
     if dropped != "0":
         remarks.append(f"{dropped} messages were dropped while the bag was recorded")

@@ -210,7 +210,7 @@ def _beside(
     text = f"{', '.join(names)} would act on the faces of cut cells, up to a cell outside of the surface"
     if touched and self_contact is None:
         return (
-            f"{text}; remedy: `skin: {{file: ...}}` with the mesh's closed surface, which touches then, or cells: whole"
+            f"{text}; remedy: `skin: {{file: ...}}` with the mesh's closed surface, which then touches, or cells: whole"
         )
     return f"{text}; remedy: cells: whole"
 
@@ -230,7 +230,7 @@ def _by_skin(mesh: HexMesh | None) -> str:
     names = [f"meshes.{name}.skin" for name, part in mesh.parts.items() if part.mesh.touching is not None]
     return (
         f"parts of the body touch each other by the faces of their cells, not by {', '.join(names) or 'skin'}, which "
-        "has contact: true; remedy: leave out that key, then faces touch everything, or self_contact"
+        "has contact: true; remedy: leave out that key, then the faces touch everything; or leave out self_contact"
     )
 
 
