@@ -42,7 +42,7 @@ LEAP = 100.0
 """Of the tolerance: where the start lies farther from the last equilibrium, nothing is taken for granted."""
 REORIENT = 0.3
 """Turn [rad] of a handle beyond which the constant matrix is coupled to it anew; the history begins again then."""
-RAN_AWAY = "the body runs away: its energy has no lower bound, because a material or a load is unstable there"
+RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 
 class EnergyEquilibrium:
