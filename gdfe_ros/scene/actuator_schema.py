@@ -18,7 +18,7 @@ _RANGE = Quantity("range [low, high] of the command", count=2, ascending=True, i
 _RATE = Quantity("largest change of the command per second, in the command's unit", above=0.0, most=1e15)
 _STIFFNESS = Quantity("stiffness of the whole cable", "N/m", above=0.0, most=1e12)
 _CAVITY = Quantity("number of the cavity; 0 is the largest", least=0, most=100_000, whole=True)
-_STRETCH = Quantity("stretch along x, y, z at command 1 (1: no change)", least=0.05, most=20.0, count=3)
+_STRETCH = Quantity("stretch along x, y, z at command 1", least=0.05, most=20.0, count=3)
 _ACCELERATION = Quantity("acceleration [x, y, z]", "m/s^2", least=-1e6, most=1e6, count=3)
 _FORCE = Quantity("force [x, y, z]", "N", least=-1e9, most=1e9, count=3)
 _TRACTION = Quantity("traction [x, y, z], force per area at rest", "Pa", least=-1e12, most=1e12, count=3)

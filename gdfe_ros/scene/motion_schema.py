@@ -78,7 +78,7 @@ class DynamicsModel(Entry):
         total = sum(branch.share for branch in self.prony)
         if total >= 1.0:
             raise ValueError(
-                f"the sum of the shares of the Prony series is {total:.6g}; allowed: less than 1; remedy: smaller "
+                f"the shares of the Prony series sum to {total:.6g}; allowed: less than 1; remedy: smaller "
                 "shares, because the rest up to 1 carries slow loads"
             )
         return self
