@@ -20,10 +20,10 @@ materials: {{soft: {{law: neo_hookean, young: 1.0e5, poisson: 0.3}}}}
 regions: [{{material: soft}}]
 handles:
   centre: {{where: {{sphere: {{center: [0, 0, 0], radius: 0.001}}}}, fixed: true}}
-  front: {{where: {{sphere: {{center: [{radius}, 0, 0], radius: {near}}}}}, free: [x, y]}}
-  back: {{where: {{sphere: {{center: [-{radius}, 0, 0], radius: {near}}}}}, free: [x, y]}}
-  left: {{where: {{sphere: {{center: [0, {radius}, 0], radius: {near}}}}}, free: [x, y]}}
-  right: {{where: {{sphere: {{center: [0, -{radius}, 0], radius: {near}}}}}, free: [x, y]}}
+  front: {{where: {{sphere: {{center: [{radius}, 0, 0], radius: {near}}}}}, free: [x]}}
+  back: {{where: {{sphere: {{center: [-{radius}, 0, 0], radius: {near}}}}}, free: [x]}}
+  left: {{where: {{sphere: {{center: [0, {radius}, 0], radius: {near}}}}}, free: [y]}}
+  right: {{where: {{sphere: {{center: [0, -{radius}, 0], radius: {near}}}}}, free: [y]}}
 obstacles:
   top: {{plane: [0, 0, -1], at: [0, 0, {radius}]}}
   bottom: {{plane: [0, 0, 1], at: [0, 0, -{radius}]}}

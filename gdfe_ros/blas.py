@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One thread for BLAS while a body is solved.
+"""Limits BLAS to one thread during a solve.
 
-On small bands its threads wait for each other longer than they work, beside another busy process most of all.
+On small bands its threads wait for each other longer than they work, in particular beside another busy process.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from functools import cache
 
 try:
     from threadpoolctl import ThreadpoolController
-except ImportError:  # an extra: without it OPENBLAS_NUM_THREADS and the like decide
+except ImportError:  # an optional dependency: without it OPENBLAS_NUM_THREADS and the like decide
     ThreadpoolController = None
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
-    """Return what limits BLAS to one thread while it is entered, and gives it back as many as it had."""
+    """Return a context that limits BLAS to one thread, and restores the former number at its end."""
     return nullcontext() if ThreadpoolController is None else _libraries().limit(limits=1)
 
 

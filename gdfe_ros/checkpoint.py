@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Saving and restoring the whole state of a simulation: what follows is the same to the last bit.
+"""Saving and restoring the whole state of a simulation; the following steps are the same bit by bit.
 
-A checkpoint is a zip archive of numpy arrays (``.npz``) beside two texts: ``head.json``, with the format, the package
-version and what the state belongs to, and ``state.json``, the tree of `gdfe_ros.solver.state.State` whose leaves are
-numbers, texts and names of arrays. Shapes and SI units are those that the attributes of `State` and of the classes in
-it state. What a scene determines (mesh, operators, factored matrix) is left out and taken from the simulation that the
-state is restored into, which must be of the same scene, settings and package version.
+A checkpoint is a zip archive of numpy arrays (``.npz``) and two texts: ``head.json``, with the format, the package
+version and the origin of the state, and ``state.json``, the tree of `gdfe_ros.solver.state.State` whose leaves are
+numbers, texts and names of arrays. Shapes and SI units are documented at the attributes of `State` and its classes.
+Data that follow from the scene (mesh, operators, factored matrix) are left out and come from the simulation into which
+the state is restored; it must have the same scene, settings and package version.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.tree import TreeError, from_tree, to_tree
 
 FORMAT = 2
-"""Of the archive; 1 was a pickle."""
+"""Version of the archive; 1 was a pickle."""
 _OLD_MAGIC = b"gdfe_ros state\n"
 _DAMAGED = (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError, OSError, TreeError)
 
 
 def save_state(simulation: Simulation) -> bytes:
-    """Return the state of a simulation, which does not change."""
+    """Return the state of a simulation as bytes; the simulation is not modified."""
     arrays: dict[str, NDArray[Any]] = {}
     tree = to_tree(replace(simulation.snapshot(), scene=""), arrays)
     stream = io.BytesIO()
@@ -46,10 +46,10 @@ def save_state(simulation: Simulation) -> bytes:
 
 
 def load_state(simulation: Simulation, data: bytes) -> None:
-    """Put a simulation into a saved state.
+    """Restore a saved state into a simulation.
 
     Raises:
-        GdfeError: the data is no state, or one of another scene, policy or version; the simulation is unchanged.
+        GdfeError: the data are no state, or one of another scene, policy or version; the simulation is unchanged.
     """
     if data.startswith(_OLD_MAGIC):
         raise GdfeError("the state was written by a version that kept pickles; remedy: run to it again and save it")
@@ -76,7 +76,7 @@ def load_state(simulation: Simulation, data: bytes) -> None:
 
 
 def _difference(key: str, given: object, own: str) -> str:
-    """Say what of a state's head is another than the simulation's; the digest of a text tells nobody anything."""
+    """Return a message about an entry of a state's head that differs from the simulation's; digests are not printed."""
     if key != "scene":
         return f"its {key} is {given}, the simulation's {own}"
     remedy = "remedy: load it with the scene, the overrides and the files (meshes, skins) that it was saved with"

@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    """Build the parser; only the module of the subcommand that is asked for is imported."""
+    """Return the parser; only the module of the requested subcommand is imported."""
     parser = argparse.ArgumentParser(
         prog="gdfe", description="Soft-robot simulation by geometry-driven finite elements."
     )

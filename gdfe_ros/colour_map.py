@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The colours of fields: viridis, from dark violet over green to yellow."""
+"""Colour map of fields: viridis, from dark violet over green to yellow."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ VIRIDIS = np.array(
         [0.993, 0.906, 0.144],
     ]
 )
-"""Red, green and blue (11, 3) in sRGB, 0 to 1, at equal distances."""
+"""Red, green and blue (11, 3) in sRGB, 0 to 1, at equal intervals."""
 
 NOISE = 1e-5
 """Range of a field without a unit, and of lengths over the body's size, that gets one colour: less is no signal."""
@@ -33,7 +33,7 @@ def colour_range(low: float, high: float, *, noise: float = NOISE) -> tuple[floa
 
 
 def colour(values: NDArray[np.float64], low: float | None = None, high: float | None = None) -> NDArray[np.float64]:
-    """Give red, green and blue (m, 3), 0 to 1, of values (m,) between two bounds; None: their least, their largest."""
+    """Return red, green and blue (m, 3), 0 to 1, of values (m,) between two bounds; by default their extremes."""
     low = values.min() if low is None else low
     span = (values.max() if high is None else high) - low
     place = np.clip((values - low) / span, 0.0, 1.0) if span > 0.0 else np.zeros_like(values)

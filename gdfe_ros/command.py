@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulation is told to do, checked against its scene."""
+"""Commands to a simulation, checked against its scene."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
 
 FARTHEST = 1000.0
-"""Body lengths, and turns, beyond which a pose is refused."""
+"""Body lengths, and revolutions, beyond which a pose is rejected."""
 MOST_INFLATED = 1000.0
-"""Volume of a chamber over that at rest beyond which a command is refused: its walls would be ten times as wide."""
+"""Volume of a chamber over that at rest beyond which a command is rejected: its walls would be ten times as wide."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """Absolute targets; what is not named keeps its last target.
+    """Absolute targets; items that are not named keep their last target.
 
     Attributes:
         handles: pose of each named handle relative to its rest pose.
         actuators: command of each named actuator in the unit of its mode, e.g. a tension [N]; of a growth, 0 to 1.
-        loads: factor on each named load; 1 where it was never commanded.
-        bodies: pose relative to its rest pose at which each named rigid body is put, without velocity, before the step;
-            from there on it moves freely again.
+        loads: factor on each named load; 1 before the first command.
+        bodies: pose relative to its rest pose to which each named rigid body is teleported before the step, with zero
+            velocity; it then moves freely again.
     """
 
     handles: Mapping[str, Pose] = field(default_factory=dict)
@@ -47,14 +47,14 @@ class Command:
 
 
 class Orders:
-    """Commands of a scene: who takes them, and within which limits.
+    """The commands that a scene accepts, and their limits.
 
     Args:
         scene: its handles, actuators and loads.
-        settings: that it is solved with.
+        settings: of the solver.
 
     Attributes:
-        text: of what decides where its equilibria are: scene, policy and torsion.
+        text: text that determines the scene's equilibria: scene, policy and torsion.
     """
 
     def __init__(self, scene: Scene, settings: SolverSettings) -> None:
@@ -65,7 +65,7 @@ class Orders:
         self._loads = {load.name: load for load in scene.loads}
 
     def handle(self, name: str) -> Handle:
-        """Return a handle.
+        """Return the handle of this name.
 
         Raises:
             CommandError: no such handle.
@@ -75,7 +75,7 @@ class Orders:
         return self._handles[name]
 
     def actuator(self, name: str) -> Actuator:
-        """Return an actuator.
+        """Return the actuator of this name.
 
         Raises:
             CommandError: no such actuator.
@@ -86,7 +86,7 @@ class Orders:
         return self._actuators[name]
 
     def probes(self, names: Sequence[str] | None) -> list[Embedding]:
-        """Return probes by their names; None takes all.
+        """Return probes by their names; None: all.
 
         Raises:
             CommandError: no such probe.
@@ -101,7 +101,7 @@ class Orders:
         """Return the targets of all handles after a command.
 
         Raises:
-            CommandError: it is none; a handle is unknown or fixed, or its target is out of reach.
+            CommandError: it is no command; a handle is unknown or fixed, or its target is out of reach.
         """
         if command is not None and not isinstance(command, Command):
             raise CommandError(f"a step follows a Command, or None; got {command!r}")
@@ -119,10 +119,10 @@ class Orders:
         return targets
 
     def places(self, command: Command | None) -> dict[str, Pose]:
-        """Return where rigid bodies are to be put.
+        """Return the poses to which rigid bodies are teleported.
 
         Raises:
-            CommandError: a body is unknown, its pose is none, or out of reach.
+            CommandError: a body is unknown, its pose is no pose, or out of reach.
         """
         places = dict(command.bodies if command else {})
         known = [each.name for each in self._scene.handles if isinstance(each, RigidBody)]
@@ -135,7 +135,7 @@ class Orders:
         return places
 
     def require_own(self, snapshot: Snapshot) -> None:
-        """Refuse a snapshot of another scene, whose forces are not those of this one where it looks the same.
+        """Raise an error for a snapshot of another scene, whose forces would differ even if it looks the same.
 
         Raises:
             CommandError: materials, dynamics or anything else in its text differ, or policy or torsion.
@@ -182,7 +182,7 @@ class Orders:
         return values
 
     def _require_room(self, actuator: Actuator, value: float) -> None:
-        """Refuse a volume that no wall of the chamber could follow."""
+        """Raise CommandError for a volume that no wall of the chamber could follow."""
         if actuator.mode is not Mode.VOLUME:
             return
         rest = enclosed_volume(actuator.at(self._scene.mesh.vertices), actuator.quads)
@@ -193,7 +193,7 @@ class Orders:
             )
 
     def within_rates(self, values: Mapping[str, float], present: Mapping[str, float], dt: float) -> dict[str, float]:
-        """Return what rate limits let through of commands in ``dt`` [s]."""
+        """Return the commands after ``dt`` [s], limited by the actuators' rates."""
         limited = dict(values)
         for name, actuator in self._actuators.items():
             if np.isfinite(actuator.rate):
@@ -203,7 +203,7 @@ class Orders:
 
 
 def require_snapshot(given: object) -> None:
-    """Refuse what is no snapshot.
+    """Raise an error unless the argument is a snapshot.
 
     Raises:
         CommandError: it is something else.
@@ -213,7 +213,7 @@ def require_snapshot(given: object) -> None:
 
 
 def checked_positions(positions: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return a copy of positions [m] that somebody gave.
+    """Return a checked copy of given positions [m].
 
     Raises:
         CommandError: they have another shape, or a value is not finite.

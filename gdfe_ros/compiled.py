@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the kernels are compiled: cached on disk, without the GIL, IEEE division instead of exceptions.
+"""Compilation of the kernels: cached on disk, without the GIL, IEEE division instead of exceptions.
 
-Numba recompiles a kernel when its own file changes, not when a constant or kernel that it imports does: after editing
-one, delete the ``__pycache__`` folders (``make clean``).
+Numba recompiles a kernel when its own file changes, not when a constant or kernel that it imports does. After editing
+one of these, delete the ``__pycache__`` folders (``make clean``).
 """
 
 from __future__ import annotations
@@ -13,28 +13,29 @@ import numba
 from numba import njit
 
 _COMMON: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-# Said outright: what is not set is inherited from the first caller, and results would depend on who that is.
+# Set explicitly: unset flags are inherited from the first caller, so that results would depend on which one it is.
 _EXACT: dict[str, Any] = {**_COMMON, "fastmath": False}
 
 kernel = njit(**_EXACT, cache=True, forceinline=False)
-"""Decorator of every compiled function that needs no reassociation of sums."""
+"""Decorator of compiled functions without reassociation of sums."""
 
 internal = njit(**_EXACT, cache=True, forceinline=False, no_cpython_wrapper=True)
-"""Decorator of what only other kernels call: without an entry for Python it compiles and loads faster."""
+"""Decorator of functions that only other kernels call: without an entry for Python they compile and load faster."""
 
 inlined = njit(**_EXACT, forceinline=True, no_cpython_wrapper=True)
-"""Decorator of the pieces of an element kernel: always inlined, so that structs and tuples stay in registers."""
+"""Decorator of the parts of an element kernel: always inlined, so that structs and tuples stay in registers."""
 
 merged = njit(nogil=True, error_model="numpy", inline="always")
-"""Decorator of a function that is compiled as part of its only caller: no code of its own, which compiles faster."""
+"""Decorator of a function that is compiled as part of its only caller: it has no code of its own and compiles
+faster."""
 
 vector_kernel = njit(**_COMMON, cache=True, fastmath={"reassoc", "contract"})
 """Decorator of reductions that may be vectorised; the order of summation is fixed by the binary."""
 
 parallel_kernel = njit(**_EXACT, cache=True, forceinline=False, parallel=True)
-"""Decorator of a loop whose passes run in several threads at the same time."""
+"""Decorator of a loop whose iterations run in several threads."""
 
 
 def start_threads() -> None:
-    """Start numba's threads; one of its functions that comes from the cache as part of another does not."""
+    """Start numba's thread pool: a cached parallel function that is inlined into another one does not start it."""
     numba.get_num_threads()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What touches at the end of a step, point by point, and what sensors on parts of the surface feel of it."""
+"""Contact points at the end of a step, and contact forces on sensor patches of the surface."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ POINT = np.dtype(
     [(name, "<f4") for name in (*_PLACE, *_NORMAL, "gap", *_PUSH, *_SHEAR)]
     + [(name, "<i4") for name in ("slips", "vertex", "contact", "other")]
 )
-"""A point that touches: where it is [m], the normal out of what it touches, the gap [m], the force along the normal and
-by friction [N], 1 where it slips, its vertex, of a skin's point that which carries most of it, -1 of a rigid body's
-corner, the place of its contact's name, and the vertex that it touches, -1 where that is none of the body."""
+"""A contact point: its position [m], the normal of the touched side, the gap [m], the normal and the friction force
+[N], 1 if it slips, its vertex (for a skin point the carrier with the largest weight, -1 for a rigid body's corner),
+the index of its contact's name, and the touched vertex (-1 if that is none of the body)."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,8 +35,8 @@ class ContactSensor:
     Attributes:
         name: of the sensor.
         vertices: (k,) int32 of its faces.
-        numbers: (p,) int32 of its points among those of a skin that touch; none where faces do.
-        points: these, as cells carry them.
+        numbers: (p,) int32 indices of its points among the contact points of a skin; empty if faces touch.
+        points: these points, carried by cells.
 
     Example:
         >>> simulation = Simulation(load_scene("my_finger.yaml"))  # with sensors: {tip: {where: {face: x+}}}
@@ -50,16 +50,16 @@ class ContactSensor:
     points: Embedding | None = None
 
     def centre(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the mean (3,) [m] of its vertices and points where all vertices are at ``positions`` (n, 3) [m]."""
+        """Return the mean (3,) [m] of its vertices and points, for vertices at ``positions`` (n, 3) [m]."""
         if self.points is None:
             return positions[self.vertices].mean(axis=0)
         return np.concatenate([positions[self.vertices], self.points.at(positions)]).mean(axis=0)
 
     def wrench(self, result: StepResult) -> NDArray[np.float64]:
-        """Return force [N] and moment [N m] about the sensor's present centre (6,) that all it touches exerts on it."""
+        """Return the contact force [N] and moment [N m] on the sensor about its present centre (6,)."""
         total, centre = np.zeros(6), self.centre(result.positions)
         for touch in result.contacts.values():
-            if not len(touch.vertices):  # nothing touches, or what does is no part of the elastic body
+            if not len(touch.vertices):  # no contact, or none with the elastic body
                 continue
             mine = np.isin(touch.vertices, self.vertices)
             if len(touch.points):
@@ -71,10 +71,10 @@ class ContactSensor:
 
 
 def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = None) -> list[str]:
-    """Name what `StepResult.contacts` has of a scene's handles, in its order.
+    """Return the names in `StepResult.contacts` for a scene's handles, in their order.
 
-    The body with each obstacle and rigid body, by the name of these; then each rigid body, with its corners, on each
-    obstacle and on each other rigid body; then the body with itself, where it has ``self_contact``.
+    They are the contacts of the body with each obstacle and rigid body, by the name of these; of each rigid body's
+    corners with each obstacle and each other rigid body; and of the body with itself, with ``self_contact``.
     """
     touched = [handle for handle in handles if isinstance(handle, Obstacle)]
     rigid = [handle.name for handle in touched if isinstance(handle, RigidBody)]
@@ -86,7 +86,7 @@ def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = 
 
 
 def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
-    """Return every point that touches (k,) as `POINT`; ``contact`` is the place of its name among all of them."""
+    """Return every contact point (k,) as `POINT`; ``contact`` is the index of its name among all."""
     rows = [_points(number, touch) for number, touch in enumerate(contacts.values())]
     return np.concatenate(rows) if rows else np.zeros(0, POINT)
 

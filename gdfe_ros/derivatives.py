@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives of a scene's outputs with respect to its parameters, by their names."""
+"""Exact derivatives of a scene's outputs by its parameters, by their names."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Derivatives:
         stepper: of its body.
 
     Attributes:
-        parameters: what derivatives can be with respect to.
+        parameters: the available parameters.
 
     Raises:
         CommandError: the policy has no forces.
@@ -58,20 +58,20 @@ class Derivatives:
         *,
         interrupted: Callable[[], bool] | None = None,
     ) -> Sensitivities:
-        """Return d(output)/d(parameter) at an equilibrium; arguments as of `Simulation.sensitivities`."""
+        """Return d(output)/d(parameter) at an equilibrium; arguments as in `Simulation.sensitivities`."""
         names, chosen = self._outputs.named(outputs), self.named(parameters)
         return self._columns.found(state, self._outputs, names, chosen, interrupted=interrupted)
 
     def named(self, parameters: Sequence[str] | None) -> list[Parameter]:
-        """Return parameters by their names; None takes all actuators."""
+        """Return parameters by their names; None: all actuators."""
         return self.parameters.named(self._usual if parameters is None else parameters)
 
     def trail(self, state: State, parameters: Sequence[str] | None) -> Trail:
-        """Return what follows a motion from a state with its derivatives."""
+        """Return a trail that carries derivatives along a motion from a state."""
         return Trail(self._stepper, self.named(parameters), state, self._tangents)
 
     def along(self, trail: Trail, outputs: Sequence[str] | None, parameters: Sequence[str] | None) -> Sensitivities:
-        """Return d(output)/d(parameter) of a motion that was followed; parameters are among those of the trail.
+        """Return d(output)/d(parameter) of a motion with a trail, which must contain the parameters.
 
         Raises:
             GdfeError: a step had no derivative.

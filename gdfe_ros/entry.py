@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the console scripts call. Light, so that an interrupt while the rest is imported leaves no traceback."""
+"""Entry points of the console scripts. They import little, so that an early interrupt leaves no traceback."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from types import FrameType, ModuleType
 from gdfe_ros.errors import DependencyError
 
 INTERRUPTED = 130
-"""Exit status of an interrupted command, as shells have it; that of a node is 0."""
+"""Exit status of an interrupted command, as in shells; a node's is 0."""
 BAD_MACHINE = 2
-"""Exit status where something is missing that everything needs."""
+"""Exit status if an indispensable dependency is missing."""
 
 
 def gdfe() -> int:
@@ -28,7 +28,7 @@ def gdfe() -> int:
 
 
 def sim_node() -> int:
-    """Run the simulation node; once it spins, its own handlers take the signals."""
+    """Run the simulation node; once it spins, its own handlers process the signals."""
     with quiet_imports("sim_node", 0):
         return imported("gdfe_ros.node.sim_node").main()
 
@@ -46,7 +46,7 @@ def tip_tracking() -> int:
 
 
 def imported(name: str) -> ModuleType:
-    """Import a module `without_collection`, where it is not there yet."""
+    """Import a module `without_collection`, unless it is imported already."""
     if name in sys.modules:
         return sys.modules[name]
     with without_collection():
@@ -55,9 +55,9 @@ def imported(name: str) -> ModuleType:
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Import and build without Python's search for unused cycles, which would find none and take its time.
+    """Disable Python's cyclic garbage collection while importing and building, which would find no garbage.
 
-    Nearly all that is made meanwhile stays to the end. Later searches, which hold up every thread, leave it out.
+    Nearly all objects made meanwhile live to the end. Later collections, which stop every thread, leave them out.
     """
     before = gc.isenabled()
     gc.disable()
@@ -70,17 +70,17 @@ def without_collection() -> Iterator[None]:
 
 
 def collect() -> None:
-    """Free all that is held by cycles alone, while the interpreter is whole: at its end bindings complain of them."""
+    """Collect all cyclic garbage while the interpreter is intact; at its end, bindings print errors for it."""
     gc.unfreeze()
     gc.collect()
 
 
 @contextmanager
 def quiet_imports(name: str, status: int) -> Iterator[None]:
-    """End the process at once where SIGINT arrives inside: nothing is open yet that would have to be finished.
+    """End the process at once if SIGINT arrives inside the context: no resource is open yet that needs closing.
 
-    KeyboardInterrupt will not do: libraries catch it while they probe what is installed, and go on. A dependency that
-    is too old ends it, too, in one line.
+    KeyboardInterrupt does not suffice: libraries catch it while they probe for optional packages, and continue. A
+    dependency that is too old ends the process too, with a message of one line.
     """
 
     def end(number: int, frame: FrameType | None) -> None:

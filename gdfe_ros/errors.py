@@ -11,14 +11,14 @@ class GdfeError(Exception):
 
 
 ENDED = "the derivatives were ended before they were found"
-"""Said where somebody interrupts them."""
+"""Message if the computation of derivatives is interrupted."""
 
 
 class DefectsError(GdfeError):
-    """An input with one or more defects, all of them named at once.
+    """An input with one or more defects, all named at once.
 
     Args:
-        heading: what was examined, e.g. ``scene config/scenes/bar.yaml``.
+        heading: the input, e.g. ``scene config/scenes/bar.yaml``.
         defects: one line of text for each defect.
     """
 
@@ -34,7 +34,7 @@ class MeshError(DefectsError):
 
 
 class SceneError(DefectsError):
-    """A scene file that cannot be read or does not make sense."""
+    """A scene file that cannot be read or is inconsistent."""
 
 
 class CommandError(GdfeError):
@@ -42,11 +42,11 @@ class CommandError(GdfeError):
 
 
 class OverlapError(CommandError):
-    """A rigid body is to be put where something else is; the state is unchanged."""
+    """A rigid body that would be placed inside of something else; the state is unchanged."""
 
 
 class DependencyError(ImportError):
-    """A package that this one needs is too old."""
+    """A required package that is too old."""
 
 
 class RecordingError(GdfeError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What counts as a number where one is given."""
+"""Checks of numbers in inputs."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numbers
 
 
 def is_number(value: object, kind: type = numbers.Real) -> bool:
-    """Tell whether it is a number of a kind; True and False are none, though Python counts with them."""
+    """Return whether a value is a number of the given kind; True and False are not, contrary to Python."""
     return isinstance(value, kind) and not isinstance(value, bool)
 
 
 def is_finite(value: numbers.Real) -> bool:
-    """Tell whether a number is finite in double precision."""
+    """Return whether a number is finite in double precision."""
     try:
         return math.isfinite(value)
-    except OverflowError:  # a whole number beyond all that double precision can hold
+    except OverflowError:  # a whole number beyond the range of double precision
         return False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the files beside the code (scenes, launch files, parameters) are."""
+"""Location of the files beside the code (scenes, launch files, parameters)."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _PACKAGE = "gdfe_ros"
 
 @lru_cache(maxsize=1)
 def share_dir() -> Path:
-    """Find the directory that holds ``package.xml``, ``config/`` and ``launch/``.
+    """Return the directory that contains ``package.xml``, ``config/`` and ``launch/``.
 
-    The answer depends only on where this module lies, so that code and scenes are always of one version:
-    the source tree for a clone, ``pip install -e`` and ``colcon build --symlink-install``, otherwise
-    ``<prefix>/share/gdfe_ros`` of the prefix that the package was installed into (colcon, apt, pip, venv).
+    It depends only on the location of this module, so that code and scenes always have one version: the source tree for
+    a clone, ``pip install -e`` and ``colcon build --symlink-install``, otherwise ``<prefix>/share/gdfe_ros`` of the
+    prefix of the installation (colcon, apt, pip, venv).
 
     Returns:
         Absolute path of the directory.

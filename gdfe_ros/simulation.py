@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene that can be stepped: commands in, results out. The only door to the solver."""
+"""A scene that can be stepped: commands in, results out. The only public interface to the solver."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ if TYPE_CHECKING:
     from gdfe_ros.solver.sensitivity.result import Sensitivities
 
 WARM_UP = 1e-3
-"""Of the body's size: how far handles are moved to have every kernel compiled."""
+"""Displacement of handles, over the body's size, by which every kernel is compiled."""
 
 
 class _Step(NamedTuple):
-    """A step in motion as it was asked for, with where it began and what it found."""
+    """Inputs of a step in motion, and the states at its beginning and end."""
 
     start: State
     found: State
@@ -56,7 +56,7 @@ class _Step(NamedTuple):
     def again(
         self, stepper: MotionStepper, observer: Callable[[InternalStep], None], deadline: Deadline | None
     ) -> None:
-        """Make it again before an observer."""
+        """Repeat the step for an observer."""
         given = {"duration": self.duration, "deadline": deadline, "observer": observer}
         stepper.step(self.start, self.targets, self.commands, **given)
 
@@ -65,8 +65,8 @@ class Simulation:
     """A scene and its state.
 
     Args:
-        scene: what to simulate.
-        settings: instead of the scene's own.
+        scene: the scene to simulate.
+        settings: replace the scene's own.
         terms: makers of further terms of the potential (`docs/terms.md`); each is called with the body.
 
     Raises:
@@ -103,7 +103,7 @@ class Simulation:
 
     @property
     def policy(self) -> Policy:
-        """The policy in force."""
+        """The policy in use."""
         return self.settings.policy
 
     @property
@@ -137,10 +137,10 @@ class Simulation:
         self.result: StepResult | None = None
 
     def reset_shape(self) -> None:
-        """Go back to the rest shape and to the commands of rest; time goes on, rigid bodies stay, without velocity.
+        """Go back to the rest shape and to the rest commands; time continues, rigid bodies stay, with zero velocity.
 
         Raises:
-            OverlapError: a rigid body is where the body is at rest; the state is unchanged.
+            OverlapError: a rigid body overlaps the body's rest shape; the state is unchanged.
         """
         before, bodies = self.snapshot(), [each.name for each in self.scene.handles if isinstance(each, RigidBody)]
         places = {name: self.handle_pose(name) for name in bodies}
@@ -153,7 +153,7 @@ class Simulation:
             raise
 
     def rest_command(self) -> Command:
-        """Return the command in force at rest: no handle moved, neutral actuators, loads by their own factor."""
+        """Return the command at rest: no handle moved, neutral actuators, loads with their own factor."""
         movable = [each.name for each in self.scene.handles if not each.fixed and not isinstance(each, RigidBody)]
         return Command(
             handles=dict.fromkeys(movable, Pose()),
@@ -162,12 +162,12 @@ class Simulation:
         )
 
     def snapshot(self) -> Snapshot:
-        """Return all that changes, as a value; `restore` goes back to it."""
+        """Return the whole changing state as a value; `restore` goes back to it."""
         given = {"targets": self.targets, "commands": self.commands, "scene": self._orders.text}
         return Snapshot(state=self._state, time=self.time, **given)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go to a snapshot of a simulation of the same scene; that of another one is a `CommandError`."""
+        """Go to a snapshot of a simulation of the same scene; one of another scene raises a `CommandError`."""
         require_snapshot(snapshot)
         state = self._stepper.completed(snapshot.state)
         self._orders.require_own(snapshot)
@@ -175,7 +175,7 @@ class Simulation:
         self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)
 
     def warm_up(self) -> None:
-        """Have every kernel compiled or loaded from its cache, so that the first step takes no longer; resets."""
+        """Compile every kernel or load it from the cache, so that the first step takes no longer; then reset."""
         shift = Pose((0.0, 0.0, WARM_UP * self.mesh.size))
         self.step(Command(handles={handle.name: shift for handle in self.scene.handles if not handle.fixed}))
         self.fields()
@@ -190,15 +190,16 @@ class Simulation:
         cut_after: int | None = None,
         interrupted: Callable[[], bool] | None = None,
     ) -> StepResult:
-        """Follow a command for ``dt`` [s]: to its equilibrium or, with dynamics, as far as the body gets in that time.
+        """Follow a command for ``dt`` [s]: to its equilibrium or, with dynamics, along the motion in that time.
 
         Args:
             command: new targets; None keeps the old ones.
             dt: simulation time of the step [s], at most 1e9 s and, with dynamics, 100000 internal steps; None: none or,
                 with dynamics, one internal step.
-            deadline: wall time [s] after which the best state found so far is returned; later steps go on from it.
-            cut_after: instead of a deadline, end the solve where a recorded one was ended (``StepResult.cut_after``).
-            interrupted: asked now and then; once it tells so, the solve ends as at a deadline, and says which it was.
+            deadline: wall time [s] after which the best state so far is returned; later steps continue from it.
+            cut_after: instead of a deadline, end the solve where a recorded one ended (``StepResult.cut_after``).
+            interrupted: called repeatedly; once it returns True, the solve ends as at a deadline, and the message says
+                why.
 
         Raises:
             CommandError: a name, a value, a time or a place that is not allowed; the state is unchanged.
@@ -229,7 +230,7 @@ class Simulation:
     def _stepped(
         self, targets: Mapping[str, Pose], commands: Mapping[str, float], dt: float, limit: Deadline | None
     ) -> March:
-        """Step, and have derivatives follow where they are asked for."""
+        """Make a step, and carry derivatives along if they were requested."""
         given: dict[str, Any] = {"duration": dt, "deadline": limit}
         if self._trail is not None:
             self._trail.begin()
@@ -241,38 +242,39 @@ class Simulation:
 
     @property
     def settled(self) -> bool:
-        """Whether the state stays as it is while nothing new is commanded."""
+        """Whether the state stays constant without a new command."""
         if isinstance(self._stepper, MotionStepper):
             return self._stepper.settled(self._state, self.targets, self.commands)
         return self.result.converged if self.result else self._state.summary.converged
 
     def remarks(self) -> list[str]:
-        """Say what is doubtful about the scene: unstable materials, contrasts beyond the policy's calibration."""
+        """Return remarks on the scene: unstable materials, contrasts beyond the policy's calibration."""
         return remarks(self.scene, self.policy)
 
     def set_positions(self, positions: ArrayLike) -> None:
         """Start the next step from given vertices, e.g. those of another simulation; commands stay as they are.
 
-        Handles stay where they are commanded, sliding ones keep their first vertex's offset along free axes. Pressures,
-        captured shapes and the motion so far are forgotten; with dynamics steps go on with the velocities of the start.
-        Where elements are turned inside out, the next step to an equilibrium compares it with that from rest and keeps
-        the one with the lower energy; `StepResult.restarts` and the message tell.
+        Handles keep their commanded poses; sliding ones keep their first vertex's offset along free axes. Pressures,
+        captured shapes and the last motion are reset; with dynamics steps continue with the initial velocities. If
+        elements are inverted, the next step to an equilibrium compares it with the one from rest and keeps that of
+        lower energy; `StepResult.restarts` and the message report it.
 
         Args:
             positions: (n, 3) finite [m].
 
         Raises:
-            CommandError: the shape is another, a value is not finite, or a handle that turns freely is flattened so
-                that its rotation cannot be told; the state is unchanged.
+            CommandError: the shape differs, a value is not finite, or a freely rotating handle is flattened so that its
+                rotation is undetermined; the state is unchanged.
         """
         given = checked_positions(positions, self.mesh.vertices.shape)
         placed = np.concatenate([given - self._origin, self._state.positions[self.mesh.n_vertices :]])
         self._state = self._stepper.place(self._state, placed)
 
     def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
-        """Have every iteration of the ``energy`` policy seen: energy [J], size of its terms [J], whether it begins.
+        """Set an observer of every iteration of the policy ``energy``: energy [J], size of its terms [J], if it begins.
 
-        Inside a descent the energy must not rise; new pressures or scales begin another one. `relative` calls nothing.
+        Within a minimisation the energy must not rise; new pressures or scales begin another one. `relative` calls
+        nothing.
         """
         self._stepper.equilibrium.observe(observer)
 
@@ -282,8 +284,8 @@ class Simulation:
         """Play the scene's program from the present time on and yield the result of each step.
 
         Args:
-            steps: equal load steps; None takes the settings', and where these name none `usual_steps`.
-            progress: called with the fraction done after each step.
+            steps: number of equal load steps; None: that of the settings, or else of `usual_steps`.
+            progress: called with the completed fraction after each step.
 
         Raises:
             CommandError: the scene has no program.
@@ -305,14 +307,14 @@ class Simulation:
         return self.later_fields()()
 
     def later_fields(self) -> Callable[[], ElementFields]:
-        """Return what evaluates the element fields of the present state in any thread, also after further steps."""
+        """Return a function that evaluates the present state's fields in any thread, also after further steps."""
         state = self._state
         omega = None if state.shapes is None else state.shapes.omega
         given = {"operators": state.operators, "origin": self._origin}
         return partial(element_fields, self._stepper.body, state.positions, omega, **given)
 
     def handle_pose(self, name: str) -> Pose:
-        """Return where a handle is now: its target, but where it slides or turns, the position or rotation found.
+        """Return the present pose of a handle: its target, with the computed values along free axes.
 
         Raises:
             CommandError: no such handle.
@@ -331,15 +333,15 @@ class Simulation:
         return dict(self._state.summary.actuators)
 
     def probe_positions(self) -> dict[str, NDArray[np.float64]]:
-        """Return where each of the scene's probes is now, (3,) [m]."""
+        """Return the present position of each of the scene's probes, (3,) [m]."""
         return {name: point.at(self.positions)[0] for name, point in self.scene.probes.items()}
 
     def imus(self) -> dict[str, ImuReading]:
-        """Return what an inertial measurement unit at each probe reads; a `CommandError` without dynamics."""
+        """Return the reading of an inertial measurement unit at each probe; raises `CommandError` without dynamics."""
         return self.later_imus()()
 
     def later_imus(self) -> Callable[[], dict[str, ImuReading]]:
-        """Return what evaluates that of the present state in any thread, also after further steps."""
+        """Return a function that evaluates the present state's readings in any thread, also after further steps."""
         return later_readings(self.scene.probes, self.scene.loads, self._stepper, self._state, self.commands)
 
     def sensitivities(
@@ -349,18 +351,18 @@ class Simulation:
         *,
         interrupted: Callable[[], bool] | None = None,
     ) -> Sensitivities:
-        """Return exact derivatives d(output)/d(parameter) at the present state, which does not change.
+        """Return exact derivatives d(output)/d(parameter) at the present state, which is not modified.
 
-        At an equilibrium K dx = -dF (docs/theory/sensitivities.md), with what touches and what sticks held as they are.
+        At an equilibrium K dx = -dF (docs/theory/sensitivities.md), with the present contacts and sticking points held.
 
         Args:
-            outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None takes all probes.
-            parameters: as `parameter_names` has them; None takes all actuators.
-            interrupted: asked now and then; once it tells so, nothing is returned.
+            outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None: all probes.
+            parameters: of `parameter_names`; None: all actuators.
+            interrupted: called repeatedly; once it returns True, an error is raised.
 
         Raises:
             CommandError: no such output or parameter.
-            GdfeError: there is no derivative, as at a saddle or where a step has not converged; or interrupted.
+            GdfeError: there is no derivative, as at a saddle or after a step that has not converged; or interrupted.
         """
         derivatives, trail = self._derivatives, self._trail
         if not isinstance(self._stepper, MotionStepper):
@@ -370,7 +372,7 @@ class Simulation:
         return derivatives.along(trail, outputs, parameters)
 
     def _last_step_followed(self, parameters: Sequence[str] | None, interrupted: Callable[[], bool] | None) -> Trail:
-        """Make the last step again, with derivatives."""
+        """Repeat the last step with derivatives."""
         if self._last is None or self._last.found.positions is not self._state.positions:
             raise GdfeError("no derivative: no step in motion led here; remedy: step first")
         trail = self._derivatives.trail(self._last.start, parameters)
@@ -384,13 +386,13 @@ class Simulation:
         return trail
 
     def follow(self, parameters: Sequence[str] | None = None) -> None:
-        """Have all steps from here on carry derivatives along, for `sensitivities` of a motion.
+        """Carry derivatives along with all steps from here on, for `sensitivities` of a motion.
 
-        What a parameter did before is none of it: a modulus is another from here on, a command is offset from the next
-        step on. Without dynamics nothing is carried along: an equilibrium has its derivatives of its own.
+        Earlier effects of a parameter are not included: a modulus changes from here on, a command is offset from the
+        next step on. Without dynamics this has no effect, because an equilibrium has its own derivatives.
 
         Args:
-            parameters: as `parameter_names` has them; None takes all actuators.
+            parameters: of `parameter_names`; None: all actuators.
 
         Raises:
             CommandError: no such parameter.
@@ -402,7 +404,7 @@ class Simulation:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """What `sensitivities` can be with respect to, e.g. ``materials.silicone.young`` or ``handles.tip.x``."""
+        """Parameters of `sensitivities`, e.g. ``materials.silicone.young`` or ``handles.tip.x``."""
         return self._derivatives.parameters.names
 
     @cached_property
@@ -420,14 +422,15 @@ class Simulation:
     ) -> NDArray[np.float64]:
         """Return d(probe position)/d(command) at the present state, (probes, 3, actuators).
 
-        Of an equilibrium it is found by central differences, which also hold where there is no tangent: where a cable
-        is just slack, or a command at the end of its range, it is that of the side on which the actuator acts. Of a
-        motion it is exact, over the last step: by how much farther that would have led, had its command ended beyond.
+        At an equilibrium it is computed by central differences, which also work where there is no tangent: at a cable
+        that is just slack, or a command at the end of its range, it is one-sided, on the side on which the actuator
+        acts. For a motion it is exact, over the last step: the change of the step's end by a change of its final
+        command.
 
         Args:
-            probes: names; None takes all, in the scene's order.
-            actuators: names; None takes all, in the scene's order.
-            interrupted: asked now and then; once it tells so, nothing is returned.
+            probes: names; None: all, in the scene's order.
+            actuators: names; None: all, in the scene's order.
+            interrupted: called repeatedly; once it returns True, an error is raised.
 
         Raises:
             GdfeError: no such probe or actuator, there is no derivative, or interrupted.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The known word that a misspelt one probably meant."""
+"""Suggestion of the known word that a misspelt one probably means."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ LIKENESS = 0.5
 
 
 def closest(given: str, known: Iterable[str]) -> str | None:
-    """Return the known word most like the given one; None if none is like it."""
+    """Return the known word most similar to the given one; None if none is similar."""
     found = get_close_matches(given, list(known), n=1, cutoff=LIKENESS)
     return found[0] if found else None
 
 
 def did_you_mean(given: str, known: Iterable[str]) -> str:
-    """Return ``did you mean 'x'? ``, or an empty text if no known word is like the given one."""
+    """Return ``did you mean 'x'? ``, or an empty text if no known word is similar."""
     word = closest(given, known)
     return f"did you mean {word!r}? " if word is not None else ""

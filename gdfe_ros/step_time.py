@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a step may be, in simulation and wall time."""
+"""Limits of a step's duration, in simulation and wall time."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from gdfe_ros.errors import CommandError
 from gdfe_ros.real_number import is_finite, is_number
 
 LONGEST = 1e9
-"""Longest time of a step and longest deadline [s]."""
+"""Longest duration of a step and longest deadline [s]."""
 MOST_STEPS = 100_000
-"""Internal steps of a body with mass that one step may be cut into."""
+"""Internal steps of a body with mass into which one step may be divided."""
 
 
 def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
-    """Refuse what is no time: ``dt`` and ``deadline`` [s], or no count; None is no deadline, and no count.
+    """Return the checked duration ``dt``; ``dt`` and ``deadline`` are in s, None is no deadline and no count.
 
     Returns:
-        ``dt`` in double precision: times that are summed up in less stand still.
+        ``dt`` in double precision: a sum of times in lower precision would stand still.
 
     Raises:
-        CommandError: it is no finite number, below zero, or above `LONGEST`.
+        CommandError: a time is not finite, below zero, or above `LONGEST`, or the count is no whole number.
     """
     for name, value in (("dt", dt), ("deadline", 0.0 if deadline is None else deadline)):
         if not (is_number(value) and is_finite(value) and 0.0 <= value <= LONGEST):
@@ -32,10 +32,10 @@ def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
 
 
 def require_countable(*, dt: float, step: float) -> None:
-    """Refuse a time ``dt`` [s] that takes more than `MOST_STEPS` internal steps of at most ``step`` [s].
+    """Raise an error for a ``dt`` [s] of more than `MOST_STEPS` internal steps of at most ``step`` [s].
 
     Raises:
-        CommandError: it takes more.
+        CommandError: there are more.
     """
     if dt > MOST_STEPS * step:
         raise CommandError(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene to what steps it: equilibria, or with dynamics motion."""
+"""Choice of the stepper of a scene: equilibria, or motion with dynamics."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 
 RELATIVE_STEPS = 20
-"""Load steps of a program under the ``relative`` policy where the user names none."""
+"""Default load steps of a program under the ``relative`` policy."""
 
 
 def make_stepper(
     scene: Scene, settings: SolverSettings, body: Body, makers: Sequence[Callable[[Body], Term]] = ()
 ) -> Stepper | MotionStepper:
-    """Return what steps a body of the scene.
+    """Return the stepper of a body of the scene.
 
     Args:
-        scene: what acts on the body.
-        settings: how to solve.
+        scene: its actuators and loads.
+        settings: of the solver.
         body: the discretised body.
         makers: of further terms, each called with the body.
     """
@@ -47,9 +47,9 @@ def make_stepper(
 
 
 def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Torsion.CELL) -> Body:
-    """Return the discretised body of a scene, with positions counted from ``origin`` (3,) [m].
+    """Return the discretised body of a scene, with positions relative to ``origin`` (3,) [m].
 
-    The vertices that rigid bodies are come behind those of the mesh.
+    The vertices of rigid bodies follow those of the mesh.
     """
     handles = [handle.seen_from(origin) for handle in scene.handles]
     rigid = [handle.places for handle in handles if isinstance(handle, RigidBody)]
@@ -70,7 +70,7 @@ def scene_body(scene: Scene, origin: NDArray[np.float64], torsion: Torsion = Tor
 
 
 def usual_steps(scene: Scene, policy: Policy) -> int | None:
-    """Return the load steps of a scene's program where nobody names them; None for one at each keyframe."""
+    """Return the default number of load steps of a scene's program; None for one at each keyframe."""
     if scene.dynamics is not None:
         return math.ceil(scene.program.duration / scene.dynamics.step)
     return RELATIVE_STEPS if policy is Policy.RELATIVE else None

@@ -15,9 +15,10 @@ THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "
 
 @contextmanager
 def open_workers(count: int) -> Iterator[ProcessPoolExecutor]:
-    """Give an executor of ``count`` fresh processes with one thread each.
+    """Yield an executor of ``count`` new processes with one thread each.
 
-    The environment of this process says so while the executor is open, because processes start with their first tasks.
+    Processes start with their first tasks, so the environment of this process has the limits while the executor is
+    open.
     """
     before = {name: os.environ.get(name) for name in THREAD_COUNTS}
     os.environ.update(dict.fromkeys(THREAD_COUNTS, "1"))

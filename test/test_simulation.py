@@ -73,6 +73,7 @@ def same(first: StepResult, second: StepResult) -> bool:
 # --- commands ---
 
 
+@pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 def test_a_command_moves_the_handle_and_the_body_follows(simulate: MakeSimulation) -> None:
     """Lift the tip: the handle is there, the base stays, the middle is between."""
     simulation = simulate()
@@ -244,6 +245,7 @@ def test_fields_are_those_of_the_present_state(simulate: MakeSimulation) -> None
     assert fields.energy_density.sum() * volume == pytest.approx(result.energy, rel=1e-3)
 
 
+@pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 def test_sliding_handles_report_where_they_are(simulate: MakeSimulation) -> None:
     """Lift the tip of a bar that may slide along x: its pose has the target's z and turn, and the x found."""
     simulation = simulate()
@@ -396,6 +398,7 @@ def test_settings_may_replace_the_scenes(simulate: MakeSimulation) -> None:
 # --- determinism ---
 
 
+@pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 @pytest.mark.parametrize("policy", list(Policy))
 def test_reset_goes_back_to_the_very_beginning(simulate: MakeSimulation, policy: Policy) -> None:
     """Play, reset, play: bitwise equal results."""

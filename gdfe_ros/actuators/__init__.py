@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What moves a body besides its handles: cables, chambers, growth, loads."""
+"""Cables, chambers, growth and loads: everything that moves a body besides its handles."""
 
 from __future__ import annotations
 

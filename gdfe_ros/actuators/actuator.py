@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Actuators as a scene states them, and what they report. SI units."""
+"""Actuators of a scene, and their reported states. SI units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.actuators.embedding import Embedding
 
 
 class Mode(str, Enum):
-    """What the command of an actuator means."""
+    """Quantity that an actuator's command prescribes."""
 
     TENSION = "tension"
     LENGTH = "length"
@@ -31,11 +31,11 @@ class Mode(str, Enum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Actuator:
-    """What every actuator has.
+    """Base class of actuators.
 
     Attributes:
         name: unique in the scene among actuators and loads; part of topic names.
-        mode: what its command means.
+        mode: quantity that its command prescribes.
         low, high: range of the command, in the unit of the mode.
         rate: largest change of the command in a second of simulation time; infinite for none.
     """
@@ -48,7 +48,7 @@ class Actuator:
 
     @property
     def constrains(self) -> bool:
-        """Whether it keeps a length or a volume, whatever force that takes."""
+        """Whether it keeps a length or a volume, with whatever force that needs."""
         return self.mode is Mode.VOLUME
 
 
@@ -56,8 +56,9 @@ class Actuator:
 class Cable(Actuator):
     """A frictionless polyline through material points; it pulls and never pushes.
 
-    Its energy is T L under a commanded tension T. Under a commanded length l it is the least energy with L <= l: slack
-    where the cable is shorter anyway. With a ``stiffness`` k the cable is elastic instead: k/2 (L - l)^2 where L > l.
+    Its energy is T L under a commanded tension T. Under a commanded length l it is the least energy with L <= l: the
+    cable is slack if its path is shorter anyway. With a ``stiffness`` k the cable is elastic instead: k/2 (L - l)^2 for
+    L > l.
 
     Attributes:
         points: two or more points of the body, from end to end.
@@ -69,18 +70,18 @@ class Cable(Actuator):
 
     @property
     def constrains(self) -> bool:
-        """Whether it keeps its length; an elastic one gives way."""
+        """Whether it keeps its length; an elastic cable stretches."""
         return self.mode is not Mode.TENSION and not math.isfinite(self.stiffness)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Chamber(Actuator):
-    """A closed surface inside the body filled with a fluid: energy -p V, or a given volume V with the pressure found.
+    """A closed surface inside the body filled with a fluid: energy -p V, or a given volume V and an unknown pressure.
 
     Attributes:
-        quads: (q, 4) int32 vertices, normals out of the chamber, into the material; with ``points`` numbers of these,
-            where a triangle has its last corner twice.
-        points: that the body carries, where the surface lies between points that are no vertices.
+        quads: (q, 4) int32 vertices, normals out of the chamber, into the material; with ``points`` indices of these,
+            and a triangle repeats its last corner.
+        points: points carried by the body, if the surface does not lie between vertices.
     """
 
     quads: NDArray[np.int32]
@@ -88,19 +89,19 @@ class Chamber(Actuator):
 
     @property
     def vertices(self) -> NDArray[np.int32]:
-        """Vertices (k,) that carry the surface, some of them more than once."""
+        """Vertices (k,) that carry the surface; some occur more than once."""
         return self.quads.ravel() if self.points is None else self.points.corners[self.points.weights != 0.0]
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where that lies which ``quads`` count, as the vertices are at ``positions`` (n, 3) [m]."""
+        """Return the positions that ``quads`` index, for vertices at ``positions`` (n, 3) [m]."""
         return positions if self.points is None else self.points.at(positions)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Growth(Actuator):
-    """Cells that want another size (shape memory, swelling, fibres): F_e = F G^-1, energy det G W(F_e).
+    """Cells with another rest size (shape memory, swelling, fibres): F_e = F G^-1, energy det G W(F_e).
 
-    At command c the stretch is G = 1 + c (G_1 - 1); where several growths share a cell, their G - 1 add up.
+    At command c the stretch is G = 1 + c (G_1 - 1); if several growths share a cell, their G - 1 add up.
 
     Attributes:
         cells: (k,) int32 cells that grow.
@@ -113,11 +114,11 @@ class Growth(Actuator):
 
 @dataclass(frozen=True)
 class ActuatorState:
-    """What an actuator does at the present equilibrium.
+    """State of an actuator at the present equilibrium.
 
     Attributes:
-        mode: what the command means.
-        command: command in force, in the unit of the mode.
+        mode: quantity that the command prescribes.
+        command: present command, in the unit of the mode.
         extent: length of a cable [m], volume of a chamber [m^3], mean det G of a growth.
         effort: tension of a cable [N], pressure of a chamber over its surroundings [Pa], 0 for a growth.
     """
@@ -133,7 +134,7 @@ class ActuatorState:
         return self.mode.unit
 
     def readings(self) -> list[tuple[str, float, str]]:
-        """Return what the actuator reports, as (quantity, value, unit)."""
+        """Return the reported values of the actuator, as (quantity, value, unit)."""
         if self.mode is Mode.GROWTH:
             return [("volume over that at rest", self.extent, "")]
         if self.mode in (Mode.PRESSURE, Mode.VOLUME):

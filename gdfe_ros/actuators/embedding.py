@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Material points: fixed trilinear weights of the eight corners of the cell that each lies in."""
+"""Material points: fixed trilinear weights of the eight corners of the cell around each point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.operators import reference_coordinates, trilinear_weights
 
 SLACK = 1e-5
-"""Points this far outside of a cell, in its reference coordinates -1 .. 1, still lie on its face."""
+"""Distance outside of a cell, in its reference coordinates -1 .. 1, at which a point still counts as on its face."""
 NEIGHBOURS = 64
 
 
@@ -36,7 +36,7 @@ class Embedding:
         return cls(vertices[:, None], np.ones((len(vertices), 1)))
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where the points are (p, 3) [m] when the vertices are at ``positions`` (n, 3) [m]."""
+        """Return the positions (p, 3) [m] of the points for vertices at ``positions`` (n, 3) [m]."""
         return np.einsum("pa,pai->pi", self.weights, positions[self.corners])
 
 
@@ -46,7 +46,7 @@ def embed(mesh: HexMesh, points: ArrayLike, *, what: str) -> Embedding:
     Args:
         mesh: the body at rest.
         points: coordinates [m]; on a face shared by cells the weights are the same from either side.
-        what: what to call the points in an error.
+        what: name of the points in an error.
 
     Raises:
         MeshError: a point lies outside of the body; every such point is named with the nearest point of the body.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dead loads: forces that keep their size and direction while the body moves."""
+"""Dead loads: forces whose size and direction stay constant while the body moves."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ GAUSS = 3.0**-0.5
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttachedMass:
-    """A mass on points of the body, in equal parts.
+    """A mass attached to points of the body, in equal parts.
 
     Attributes:
         name: unique among attached masses.
-        points: where the parts sit.
+        points: positions of the parts.
         mass: in total [kg].
     """
 
@@ -48,8 +48,8 @@ class Gravity:
         name: unique in the scene among actuators and loads.
         acceleration: (3,) finite [m/s^2].
         density: (m,) of each cell [kg/m^3].
-        attached: masses that weigh, too.
-        filling: how far the cells are filled; None: wholly.
+        attached: masses that have weight too.
+        filling: filled share of the cells; None: entirely.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Gravity:
         _require_finite(self.name, "acceleration", self.acceleration)
 
     def forces(self, rest: NDArray[np.float64], cells: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Return the force at each vertex (n, 3) [N]: each corner's share of the mass is exact for trilinear cells."""
+        """Return the force at each vertex (n, 3) [N]; each corner's share of the mass is exact for trilinear cells."""
         share = corner_volumes(rest, cells, self.filling)
         forces = _collect(len(rest), cells, (self.density[:, None] * share)[..., None] * self.acceleration)
         for item in self.attached:
@@ -76,7 +76,7 @@ class PointLoad:
 
     Attributes:
         name: unique in the scene among actuators and loads.
-        point: where it acts, one point.
+        point: point of application, a single one.
         force: (3,) finite [N].
     """
 
@@ -98,9 +98,9 @@ class SurfaceLoad:
 
     Attributes:
         name: unique in the scene among actuators and loads.
-        quads: (q, 4) int32 vertices of the faces; with ``points`` numbers of these, as of a chamber.
+        quads: (q, 4) int32 vertices of the faces; with ``points`` indices of these, as for a chamber.
         traction: (3,) finite [Pa].
-        points: that the body carries, where the faces lie between points that are no vertices.
+        points: points carried by the body, if the faces do not lie between vertices.
     """
 
     name: str
@@ -133,9 +133,9 @@ def corner_volumes(
 def gauss_points(
     rest: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Yield, for each of 2 x 2 x 2 points, the volume (m,) [m^3] it stands for in each cell and its shape (1 or m, 8).
+    """Yield the volume (m,) [m^3] and the shape functions (1 or m, 8) of each of a cell's 2 x 2 x 2 Gauss points.
 
-    The points of a cell that is filled in part are those of its box, and stand for the material only.
+    For a partly filled cell they are the points of its box, and their volume is that of the material only.
     """
     corners = rest[cells]
     for point in GAUSS * CORNERS:

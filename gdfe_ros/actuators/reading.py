@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What actuators report, in the quantities that they are commanded by."""
+"""Actuator states as positions, in the quantities of their commands."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from gdfe_ros.actuators.actuator import Actuator, ActuatorState, Cable, Mode
 
 
 class Readings:
-    """Turns states into positions: each is the quantity that its actuator's command has, where it has one.
+    """Converts actuator states to positions: the quantity of each command, if it is geometric.
 
-    That is the shortening or the length of a cable [m], the volume of a chamber [m^3], the command of a growth.
+    That is the shortening or the length of a cable [m], the volume of a chamber [m^3], or the command of a growth.
 
     Args:
         actuators: of a scene.
@@ -29,7 +29,7 @@ class Readings:
         }
 
     def positions(self, states: Mapping[str, ActuatorState]) -> NDArray[np.float64]:
-        """Return a position for each of some states by name."""
+        """Return the position of each of the named states."""
         return np.array([self._position(name, state) for name, state in states.items()])
 
     def _position(self, name: str, state: ActuatorState) -> float:

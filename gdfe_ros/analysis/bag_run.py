@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run: what the bag of a node holds, as arrays."""
+"""A recorded run: the contents of a node's bag, as arrays."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class BagRun:
         path: directory of the bag, or one of its MCAP files.
 
     Raises:
-        RecordingError: no bag there, or not of this package's node.
+        RecordingError: no bag there, or not one of this package's node.
 
     Attributes:
         reader: of the bag.
-        roles: names of the topics by what they are to the node, e.g. ``handles/tip/pose``, whatever they were remapped
-            to. Where the bag does not say so, by name: topics below the node's have the rest of it, others all.
+        roles: names of the topics by their roles in the node, e.g. ``handles/tip/pose``, whatever their remapped names.
+            In bags without roles, the role is the name relative to the node's, or the whole name for other topics.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -66,16 +66,16 @@ class BagRun:
         return [StepRecord.from_json(message.data) for _, message in self.messages(f"/{RECORD}")]
 
     def topics(self, ending: str) -> list[str]:
-        """Return the names of the topics whose role, after a ``/``, ends so, sorted."""
+        """Return the names of the topics whose role ends with ``ending``, sorted; roles are preceded by ``/``."""
         return sorted(name for role, name in self.roles.items() if f"/{role}".endswith(ending))
 
     def messages(self, ending: str) -> Iterator[tuple[int, Any]]:
-        """Iterate over log time [ns] and decoded message of the topics that end so."""
+        """Yield log time [ns] and decoded message of the topics whose role ends with ``ending``."""
         for message in self.reader.messages(self.topics(ending)):
             yield message.log_time, self._decode(message.type, message.data)
 
     def clouds(self, ending: str) -> Iterator[tuple[float, NDArray[np.float32], list[str]]]:
-        """Iterate over the time [s], values (k, c) float32 and column names of the clouds of a topic."""
+        """Yield the time [s], values (k, c) float32 and column names of the clouds of a topic."""
         for _, cloud in self.messages(ending):
             stamp = cloud.header.stamp
             values = np.frombuffer(cloud.data.tobytes(), dtype="<f4").reshape(cloud.width, -1)
@@ -86,7 +86,7 @@ class BagRun:
         return _last(self.clouds("/mesh"))[1][:, :3].astype(np.float64)
 
     def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
-        """Return by handle, obstacle and sensor the last force [N] and moment [N m] on the body."""
+        """Return the last force [N] and moment [N m] of each handle, obstacle and sensor on the body."""
         wrenches = {}
         for role in sorted(role for role in self.roles if role.endswith("/wrench")):
             _, message = _last(self.messages(f"/{role}"))
@@ -98,7 +98,7 @@ class BagRun:
 
 
 def _roles(topics: Iterable[TopicInfo]) -> dict[str, str]:
-    """Name the topics by their roles."""
+    """Return the names of the topics by their roles."""
     known = {topic.name: topic.role for topic in topics}
     record = next((name for name in known if name.endswith(f"/{RECORD}")), "")
     prefix = record.removesuffix(RECORD) or "//"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run step by step: what each step consumed, and every array that was published of it."""
+"""A recorded run step by step: the commands that each step consumed, and its published arrays."""
 
 from __future__ import annotations
 
@@ -16,17 +16,15 @@ from gdfe_ros.recording.step_record import StepRecord
 
 _INPUTS = frozenset({"actuation", "commands", "trajectory"})
 _HANDLE_INPUTS = frozenset({"target", "velocity", "follow", "set"})
-"""Last parts of topics that the node listens to, those of handles apart: ``velocity`` alone is that of the body.
-
-What it made of them stands in the step record.
-"""
+"""Last parts of the names of a handle's input topics; ``velocity`` alone is an output. The consumed commands are in the
+step record."""
 CONTACTS = "contacts"
-"""Topic of the points that touch, a row for each: how many there are differs from step to step."""
+"""Topic of the contact points, with a row for each; their number differs from step to step."""
 _OTHERS = frozenset({"topology", "scene", "contact_names", "markers", "contact_markers", "jacobian", "/clock"})
-"""Topics of the node that are not published once a step."""
+"""Topics of the node that are not published once per step."""
 
 StepKey = tuple[int, int]
-"""Stamp [ns] of a step, and how many earlier steps of the run have the same stamp."""
+"""Stamp [ns] of a step, and the number of earlier steps of the run with the same stamp."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +32,9 @@ class BagStep:
     """One step of a recorded run.
 
     Attributes:
-        record: what it consumed and how it went.
-        key: names it across runs.
-        samples: arrays by topic (its role) and field; ``step_record`` among them.
+        record: consumed commands and outcome.
+        key: identifies it in several runs.
+        samples: arrays by topic (its role) and field, including ``step_record``.
     """
 
     record: StepRecord
@@ -45,12 +43,12 @@ class BagStep:
 
 
 def stamp_of(record: StepRecord) -> int:
-    """Give the stamp [ns] of everything that is published of a step."""
+    """Return the stamp [ns] of all messages of a step."""
     return round(record.time * 1e9)
 
 
 def step_keys(records: Collection[StepRecord]) -> list[StepKey]:
-    """Name the steps of a run, in order."""
+    """Return the keys of a run's steps, in order."""
     seen: Counter[int] = Counter()
     keys = []
     for record in records:
@@ -61,20 +59,20 @@ def step_keys(records: Collection[StepRecord]) -> list[StepKey]:
 
 
 class BagSteps:
-    """The steps of a bag, read one after the other: a long bag never lies in memory as a whole.
+    """The steps of a bag, read one after the other, so that a long bag is never in memory as a whole.
 
-    A step's messages stand together in the bag, around its record, with its log time. Two steps in a row may have the
-    same log time (a reset, a state that is published again): what the first has already belongs to the second.
+    The messages of a step are consecutive in the bag, around its record, and have its log time. Two successive steps
+    may have the same log time (a reset, a republished state): a repeated topic then belongs to the second one.
 
     Args:
-        run: that was recorded.
-        topics: names without the node's, e.g. ``mesh``; None: all that are published once a step.
+        run: the recorded run.
+        topics: names without the node's, e.g. ``mesh``; None: all that are published once per step.
 
     Attributes:
-        topics: that are read, name by role.
-        foreign: topics with messages of which nothing tells what they are: they cannot be compared.
-        strays: messages met so far, by topic, whose step has no record in the bag (it was dropped or lost).
-        tail: the same behind the last record: the end of the recording may have cut their step off.
+        topics: the topics read, name by role.
+        foreign: topics of unknown type, which cannot be compared.
+        strays: number of messages so far, by topic, whose step has no record in the bag (it was dropped or lost).
+        tail: the same after the last record, where the end of the recording may have truncated a step.
     """
 
     def __init__(self, run: BagRun, *, topics: Collection[str] | None = None) -> None:
@@ -117,7 +115,7 @@ class BagSteps:
         self.tail.update(short for short, _, _ in early)
 
     def _of(self, moment: int, early: list[tuple[str, int, Any]]) -> dict[str, Values]:
-        """Take what came before the record of its step; what is of another time is a stray."""
+        """Return the messages before the record of their step; those of another time are strays."""
         self.strays.update(short for short, time, _ in early if time != moment)
         return {short: message_values(content) for short, time, content in early if time == moment}
 
@@ -127,7 +125,7 @@ def _is_step_topic(role: str) -> bool:
 
 
 def _is_known(role: str) -> bool:
-    """Tell whether a topic of the node needs no comparison."""
+    """Return whether a topic of the node needs no comparison."""
     owner, _, last = role.rpartition("/")
     is_input = last in _INPUTS or ("/" in owner and last in _HANDLE_INPUTS)
     return role in _OTHERS or (is_input and not role.startswith("/"))

@@ -19,14 +19,14 @@ RATIOS = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, CALIBRATED_TO)
 
 @dataclass(frozen=True)
 class CalibrationPoint:
-    """One bar: what ratio of stiffness a ratio of shape factors amounts to.
+    """One bar: the ratio of stiffness for a ratio of shape factors.
 
     Attributes:
         geometric: R_G, ratio of the shape factors.
         published: R_M that Eq. 7 maps to it.
         strain: mean eps_eq of the right half over that of the left half.
         energy: the same of 1/2 eps_eq^2, the strain energy of two halves of equal modulus.
-        converged: every load step did.
+        converged: whether every load step converged.
     """
 
     geometric: float
@@ -42,7 +42,7 @@ def calibrate(steps: int) -> list[CalibrationPoint]:
 
 
 def published_ratio(geometric: float) -> float:
-    """Invert Eq. 7: the mechanical ratio R_M of a geometric ratio R_G >= 1; 1 below what Eq. 7 gives for R_M = 1."""
+    """Return the mechanical ratio R_M of a geometric ratio R_G >= 1 by Eq. 7; 1 below the R_G of R_M = 1."""
     if geometric <= geometric_ratio(1.0):
         return 1.0
     return float(brentq(lambda ratio: float(geometric_ratio(ratio)) - geometric, 1.0, 1e3))

@@ -16,13 +16,13 @@ from gdfe_ros.scene.document import parse_document
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What ``compare_bags`` found.
+    """Result of ``compare_bags``.
 
     Attributes:
-        differences: of the steps that both bags have.
+        differences: of the common steps.
         only: number of steps that only the first and only the second bag has.
-        foreign: topics of the first and of the second bag of which nothing tells what they are; not compared.
-        scene_changes: by dotted key what the scenes of the first and the second bag say, where that differs.
+        foreign: topics of unknown type in the first and in the second bag, which are not compared.
+        scene_changes: differing values of the first and the second scene, by dotted key.
     """
 
     differences: Differences
@@ -31,7 +31,7 @@ class Comparison:
     scene_changes: dict[str, tuple[Any, Any]]
 
     def verdict(self, factor: float = 0.0) -> Verdict:
-        """Judge as ``Differences.verdict``; runs of different steps differ, and what is not compared is no success."""
+        """Return ``Differences.verdict``; different if the steps differ, incomplete if parts were not compared."""
         if any(self.only) or not self.differences.steps:
             return Verdict.DIFFERENT
         verdict = self.differences.verdict(factor)
@@ -39,7 +39,7 @@ class Comparison:
 
 
 def compare_bags(first: str | Path, second: str | Path) -> Comparison:
-    """Compare every array of the steps that two bags have in common; steps are paired by their stamp.
+    """Compare every array of the common steps of two bags; steps are paired by their stamp.
 
     Raises:
         RecordingError: a bag cannot be read or was not recorded by this package's node.
@@ -55,7 +55,7 @@ def compare_bags(first: str | Path, second: str | Path) -> Comparison:
     steps = [BagSteps(run) for run in runs]
     pairs = zip(*(_chosen(source, common) for source in steps), strict=True)
     waiting: tuple[dict[StepKey, BagStep], dict[StepKey, BagStep]] = {}, {}
-    # A reset puts stamps back, so that equal keys may come in another order.
+    # A reset sets stamps back, so that equal keys may occur in another order.
     for pair in pairs:
         for side, step in enumerate(pair):
             waiting[side][step.key] = step
@@ -77,7 +77,7 @@ def _scene_changes(first: BagRun, second: BagRun) -> dict[str, tuple[Any, Any]]:
 
 
 def _entries(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Flatten the scene; lists of numbers stay whole."""
+    """Yield the entries of the scene by dotted key; lists of numbers are not divided."""
     if isinstance(data, dict):
         parts = data.items()
     elif isinstance(data, list) and any(isinstance(item, dict) for item in data):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How two runs differ: bit by bit, and by how much."""
+"""Differences of two runs: bit by bit, and in size."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ LENGTHS = frozenset({"x", "y", "z", "ux", "uy", "uz"})
 VELOCITIES = ("vx", "vy", "vz")
 _RATIOS = ("eps_eq", "J", "omega", "min_det")
 CUT = 100.0
-"""Tolerances that count for a step whose solve was cut: how far it was from the equilibrium is not known."""
+"""Error, in tolerances, assumed for a step whose solve was cut, because its distance to the equilibrium is unknown."""
 _COSTS = ("iterations", "substeps", "residual", "skipped")
 
 
 class Verdict(Enum):
-    """What a comparison came to."""
+    """Result of a comparison."""
 
     IDENTICAL = "bit-identical"
     WITHIN = "within the tolerance"
@@ -56,18 +56,18 @@ class Place:
 
 @dataclass(kw_only=True)
 class FieldDifference:
-    """How one field of one topic differs.
+    """Difference of one field of one topic.
 
     Attributes:
         topic: without the node's name.
         field: of its messages.
         compared: number of arrays.
-        differing: how many of them have a different bit.
-        resized: how many of them have different lengths; these have no differences in numbers.
+        differing: number of arrays with a different bit.
+        resized: number of arrays with different lengths, whose numbers are not compared.
         first: the first number that differs.
-        most: the number that differs most; NaN counts as more than anything.
+        most: the number that differs most; NaN counts as the largest difference.
         scale: largest magnitude in the first run.
-        gaps: largest difference by the tolerance that the step was solved to.
+        gaps: largest difference by the tolerance of the step's solve.
     """
 
     topic: str
@@ -82,13 +82,13 @@ class FieldDifference:
 
     @property
     def largest(self) -> float:
-        """Largest difference, in the unit of the field; infinite where one run has no number."""
+        """Largest difference, in the unit of the field; infinite if one run has NaN."""
         if self.most is None:
             return 0.0
         return _gap(*self.most.values)
 
     def add(self, key: StepKey, first: NDArray[Any], second: NDArray[Any], *, tolerance: float = 0.0) -> None:
-        """Compare two arrays of a step that was solved to a tolerance."""
+        """Compare two arrays of a step that was solved to ``tolerance``."""
         self.compared += 1
         if first.size and np.isfinite(first).any():
             self.scale = max(self.scale, float(np.nanmax(np.abs(first), where=np.isfinite(first), initial=0.0)))
@@ -112,13 +112,13 @@ class FieldDifference:
 
 
 class Differences:
-    """Differences of two runs, gathered step by step.
+    """Differences of two runs, collected step by step.
 
     Args:
-        scene: of the first run; its tolerance, size, shortest edge and stiffness say which differences are small.
+        scene: of the first run; its tolerance, size, shortest edge and stiffness define small differences.
 
     Attributes:
-        fields: by topic and field, in the order met.
+        fields: by topic and field, in the order of occurrence.
         steps: number of steps compared.
         unmatched: arrays that only one of the runs has, by topic.
     """
@@ -135,7 +135,7 @@ class Differences:
         self.unmatched: Counter[str] = Counter()
 
     def add(self, key: StepKey, first: Mapping[str, Values], second: Mapping[str, Values]) -> None:
-        """Compare everything that was published of one step."""
+        """Compare all published arrays of one step."""
         self.steps += 1
         self.unmatched.update(set(first) ^ set(second))
         tolerance = self._reached(first.get(RECORD, {}))
@@ -144,7 +144,7 @@ class Differences:
                 self._add_topic(key, topic, first[topic], second[topic], tolerance)
 
     def _reached(self, record: Values) -> float:
-        """Give what a step was solved to: the tolerance, or the largest residual since the last that converged."""
+        """Return the accuracy of a step: the tolerance, or the largest residual since the last converged step."""
         if "converged" not in record or record["converged"].item():
             self._open = self._tolerance
         else:
@@ -170,20 +170,21 @@ class Differences:
         return sum(entry.compared for entry in self.fields.values())
 
     def allowed(self, entry: FieldDifference, factor: float, tolerance: float | None = None) -> float:
-        """Give the difference that ``factor`` times the solver's tolerance explains, in the unit of the field.
+        """Return the difference that ``factor`` times the solver's tolerance explains, in the unit of the field.
 
-        Steps that did not converge in the first run, e.g. as a deadline cut them, go on from each other's errors: the
-        largest residual that one of them ended with since the last that converged counts instead of the tolerance
-        (None: the loosest that differed). Whether another run converges there is not judged.
+        Steps that did not converge in the first run, e.g. because a deadline cut them, accumulate errors. For these the
+        largest residual of a step since the last converged one replaces the tolerance (None: the largest one with a
+        difference). Whether another run converges there is not judged.
 
-        The tolerance bounds the displacement over the body's size: lengths may differ by that, strains by that
-        over the shortest edge, and moduli, energies and forces by as much of the largest value of their kind. A force
-        may differ by Young's modulus times the mean cross section times the tolerance, too: the axial force of a
-        body that is displaced by so little, however small the forces of its bending are.
-        One unit in the last place of a float32 is added for what is published as such. Iterations and residuals
-        are the cost of a solve, no part of its result, and may differ by anything; velocities of joint states are
-        differences of positions, which are compared themselves. Which points touch may differ by those whose force is
-        next to nothing, and then all rows do: wrenches, which are compared, say how they touch.
+        The tolerance bounds the displacement over the body's size. Lengths may differ by that; strains by that over the
+        shortest edge; moduli, energies and forces by the same share of the largest value of their kind. A force may
+        also differ by Young's modulus times the mean cross section times the tolerance: the axial force of such a
+        displacement, however small the forces of bending are.
+
+        One unit in the last place of a float32 is added for values published as such. Iterations and residuals are the
+        cost of a solve, not its result, and may differ by any amount; velocities of joint states are differences of
+        positions, which are compared themselves. The set of contact points may differ by points with negligible forces,
+        and then all rows do; the wrenches, which are compared, show the contact forces.
         """
         if entry.topic == CONTACTS:
             return np.inf
@@ -197,7 +198,7 @@ class Differences:
         return factor * tolerance * scale + rounding if factor > 0.0 else rounding
 
     def verdict(self, factor: float = 0.0) -> Verdict:
-        """Judge; with a ``factor`` above 0, differences up to so many times the solver's tolerance are allowed."""
+        """Return the verdict; with ``factor`` > 0, differences up to ``factor`` solver tolerances are allowed."""
         if not self.differing and not self.unmatched:
             return Verdict.IDENTICAL
         if factor <= 0.0 or self.unmatched:
@@ -206,7 +207,7 @@ class Differences:
         return Verdict.WITHIN if within else Verdict.DIFFERENT
 
     def factor_needed(self) -> float:
-        """Give the smallest factor with which all differences are allowed; infinite where there is none."""
+        """Return the smallest factor with which all differences are allowed; infinite if there is none."""
         if self.unmatched:
             return np.inf
         return max((self._factor_of(entry) for entry in self.differing), default=0.0)
@@ -240,7 +241,7 @@ class Differences:
         return max(scale, self._axial * self._size) if ".torque." in entry.field else scale
 
     def _kin(self, entry: FieldDifference) -> Iterator[FieldDifference]:
-        """Give the components of the same vector: one that is zero has no scale of its own."""
+        """Yield the components of the same vector, because a component that is zero has no scale of its own."""
         stem = entry.field.rpartition(".")[0]
         vector = VELOCITIES if entry.field in VELOCITIES else ()
         for other in self.fields.values():
@@ -256,7 +257,7 @@ def _shortest_edge(mesh: HexMesh) -> float:
 
 
 def _bits(values: NDArray[Any]) -> NDArray[np.unsignedinteger]:
-    """View numbers as their bits, widened to double: NaN equals NaN, 0 differs from -0."""
+    """Return the bits of numbers, widened to double: NaN equals NaN, 0 differs from -0."""
     return np.ascontiguousarray(values, dtype=np.float64).view(np.uint64)
 
 

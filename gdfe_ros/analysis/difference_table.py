@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Differences of two runs as a table for people."""
+"""Differences of two runs as a table for users."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _NARROW = 130
 
 
 def wide_console() -> Console:
-    """Give a console that does not squeeze tables into the 80 columns of a file or pipe."""
+    """Return a console that does not fit tables into the 80 columns of a file or pipe."""
     console = Console(soft_wrap=True)
     return console if console.is_terminal else Console(soft_wrap=True, width=_NARROW)
 
 
 def difference_table(differences: Differences, *, factor: float) -> Table:
-    """List what differs, the first to differ first; components of a vector share a row that shows the worst.
+    """Return a table of the differences, in the order of occurrence; a vector has one row, with its worst component.
 
     Args:
         differences: of two runs.
@@ -52,13 +52,13 @@ def difference_table(differences: Differences, *, factor: float) -> Table:
 
 
 def unit_of(field: str) -> str:
-    """Give the SI unit of a published field; empty where it has none."""
-    # Of wrench.force.z the word before the component tells: it is no length.
+    """Return the SI unit of a published field; empty if it has none."""
+    # For wrench.force.z the word before the component determines the unit; z alone would be a length.
     return UNITS.get(field.split(".")[-2] if "." in field else field, "")
 
 
 def where(place: Place, topic: str) -> str:
-    """Say when and in which vertex or cell."""
+    """Return the time and the vertex or cell of a difference, as text."""
     kind = {"mesh": "vertex", "velocity": "vertex", "strain": "cell", CONTACTS: "point"}.get(topic)
     repeat = f" ({place.key[1] + 1})" if place.key[1] else ""
     return f"{place.stamp:.9g} s{repeat}" + (f", {kind} {place.element}" if kind else "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a decoded message to named arrays of numbers."""
+"""Conversion of a decoded message to named arrays of numbers."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ Values = dict[str, NDArray[Any]]
 """Arrays (k,) of one message by field name, e.g. ``eps_eq`` or ``wrench.force.x``."""
 
 RECORD_FIELDS = ("converged", "iterations", "substeps", "residual", "energy", "min_det")
-"""Outcomes of a step that two equal runs share; wall times and texts are not among them."""
+"""Outcomes of a step that two equal runs have in common; wall times and texts are excluded."""
 
 _DESCRIPTION = frozenset({"header", "layout", "__msgtype__"})
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 
 
 def message_values(message: Any) -> Values:
-    """Give the numbers of a message that ``array_decoder`` decoded.
+    """Return the numbers of a message that ``array_decoder`` decoded.
 
-    Columns of a PointCloud2 come by the names of its fields, numbers of nested messages by their dotted path;
+    Columns of a PointCloud2 have the names of its fields, numbers of nested messages their dotted path;
     headers, layouts, covariances and texts are left out.
     """
     if hasattr(message, "point_step"):
@@ -33,7 +33,7 @@ def message_values(message: Any) -> Values:
 
 
 def cloud_values(cloud: Any) -> Values:
-    """Give the columns of a PointCloud2, (width,) of the type that each field has."""
+    """Return the columns of a PointCloud2, (width,) of the type of each field."""
     order = ">" if cloud.is_bigendian else "<"
     kind = np.dtype(
         {
@@ -48,7 +48,7 @@ def cloud_values(cloud: Any) -> Values:
 
 
 def record_values(record: StepRecord) -> Values:
-    """Give what a replay of a step must reproduce of its record."""
+    """Return the part of a step's record that a replay must reproduce."""
     values = {name: np.array([getattr(record, name)], dtype=float) for name in RECORD_FIELDS}
     parts = {f"skipped.{name}": count for name, count in record.skipped.items()}
     parts |= {f"energies.{name}": value for name, value in record.energies.items()}

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 _POSE = (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw"))
 AROUND, ALONG = 32, 16
-"""Faces around a round obstacle, and from pole to pole."""
+"""Numbers of faces of a drawn round obstacle: around its axis, and from pole to pole."""
 BEYOND = 0.25
-"""How far a plane is drawn beyond what lies before it, over the size of that."""
+"""Margin of a drawn plane beyond the points in front of it, as a fraction of their extent."""
 
 
 def faces_of(simulation: Simulation) -> list[NDArray[np.float64]]:
-    """Return the faces (f, k, 3) [m] of each obstacle of a simulation, where they are now."""
+    """Return the faces (f, k, 3) [m] of each obstacle of a simulation, at their present poses."""
     obstacles = [handle for handle in simulation.scene.handles if isinstance(handle, Obstacle)]
     return [obstacle_faces(each, simulation.handle_pose(each.name), simulation.positions) for each in obstacles]
 
@@ -57,9 +57,9 @@ def pose_topic(obstacle: Obstacle) -> str:
 
 
 def obstacle_faces(obstacle: Obstacle, pose: Pose, before: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the faces (f, k, 3) [m] of an obstacle that a ``pose`` has moved.
+    """Return the faces (f, k, 3) [m] of an obstacle at a ``pose``.
 
-    Of a plane it is one square, as large as the points ``before`` it (n, 3) [m] need.
+    A plane is one square, as large as the points ``before`` it (n, 3) [m] need.
     """
     origin, axes = obstacle.frame(pose)
     if isinstance(obstacle.form, Plane):
@@ -74,7 +74,7 @@ def obstacle_faces(obstacle: Obstacle, pose: Pose, before: NDArray[np.float64]) 
 
 
 def form_faces(form: Sphere | Box | Capsule | Cylinder | TriangleMesh) -> NDArray[np.float64]:
-    """Return the faces (f, k, 3) [m] of a form in its own frame."""
+    """Return the faces (f, k, 3) [m] of a shape in its own frame."""
     match form:
         case Sphere(radius):
             return _turned(radius * np.sin(_polar()), radius * np.cos(_polar()))
@@ -97,7 +97,7 @@ def _polar() -> NDArray[np.float64]:
 
 
 def _turned(radii: NDArray[np.float64], heights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the quads (q, 4, 3) of a profile that is turned about z."""
+    """Return the quads (q, 4, 3) of a profile rotated about z."""
     turn = np.linspace(0.0, 2.0 * np.pi, AROUND + 1)
     rings = np.stack(
         [np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], AROUND + 1)], axis=-1

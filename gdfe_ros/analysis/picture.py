@@ -45,14 +45,14 @@ def draw_body(
         positions: of the vertices.
         values: of the cells.
         title: above the picture.
-        label: beside the colours.
-        limits: least and largest value of the colours; None: those of ``values``. Less than `NOISE` apart, all has one
-            colour.
+        label: of the colour bar.
+        limits: least and largest value of the colours; None: those of ``values``. If they differ by less than `NOISE`,
+            the body has one colour.
         around: points (k, 3) [m] that the axes include, for pictures on one scale.
         obstacles: faces (f, k, 3) [m] of each.
 
     Raises:
-        OSError: the picture cannot be written.
+        OSError: the file cannot be written.
     """
     figure = Figure(figsize=(9.0, 5.0), dpi=150)
     axes = figure.add_axes((0.0, 0.02, 0.88, 0.9), projection="3d", computed_zorder=False)
@@ -77,14 +77,14 @@ def draw_body(
 
 
 def obstacle_collection(faces: NDArray[np.float64], *, zorder: float = 0.0) -> Poly3DCollection:
-    """Return the faces (f, k, 3) [m] of an obstacle, pale, as one sees the body through."""
+    """Return the pale, translucent faces (f, k, 3) [m] of an obstacle."""
     colours = shaded(np.tile(OBSTACLE, (len(faces), 1)), faces)
     options = {"edgecolors": (0, 0, 0, 0.08), "linewidths": 0.2, "clip_on": False, "zorder": zorder}
     return Poly3DCollection(faces, facecolors=colours, **options)
 
 
 def shaded(colours: NDArray[np.float64], faces: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return colours (q, 4) of triangles or quads (q, 3 or 4, 3) as a light from the upper left leaves them."""
+    """Return colours (q, 4) of triangles or quads (q, 3 or 4, 3) shaded by a light from the upper left."""
     normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, -1] - faces[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-300
     brightness = 1.0 - SHADE + SHADE * np.clip(normals @ LIGHT, -1.0, 1.0)

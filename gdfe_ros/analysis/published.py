@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the node would publish of a simulation's present state, as arrays, without ROS."""
+"""The arrays that the node would publish of a simulation's present state, without ROS."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _OUTCOMES = ("converged", "iterations", "substeps", "residual", "energy", "min_d
 
 
 class Publication:
-    """Gives the arrays of each step's messages, in the types that these have.
+    """Makes the arrays of each step's messages, in their published types.
 
     Args:
-        simulation: that is stepped.
+        simulation: the stepped simulation.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -36,10 +36,10 @@ class Publication:
         self._joints: tuple[float, NDArray[np.float64]] | None = None
 
     def values(self, result: StepResult, record: StepRecord, topics: Collection[str]) -> dict[str, Values]:
-        """Give arrays by topic and field.
+        """Return arrays by topic and field.
 
         Args:
-            result: of the step just made.
+            result: of the last step.
             record: of the step that it repeats.
             topics: names without the node's; those that no simulation has are left out of the answer.
         """
@@ -72,7 +72,7 @@ class Publication:
         return makers
 
     def _joint_states(self, record: StepRecord) -> Values:
-        """Velocities are over the time since the last step, as the node has them."""
+        """Return joint states; velocities are over the time since the last step, as in the node."""
         states, time = self._simulation.actuator_states(), record.time
         positions = self._readings.positions(states)
         if record.stamp is None:  # an old bag, in which a shortening cable reports its length
@@ -121,7 +121,7 @@ def _handle(simulation: Simulation, name: str) -> Values:
 
 
 def _probe(simulation: Simulation, name: str, positions: NDArray[np.float64]) -> Values:
-    """Give where a material point is, and the rotation that best fits the corners of the cell around it."""
+    """Return the position of a material point, and the rotation that best fits the corners of its cell."""
     point = simulation.scene.probes[name]
     before, now = simulation.mesh.vertices[point.corners[0]], positions[point.corners[0]]
     turn, _ = Rotation.align_vectors(now - now.mean(axis=0), before - before.mean(axis=0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run made again, without ROS, and compared with what was published of it."""
+"""Repetition of a recorded run, without ROS, and comparison with its published arrays."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from gdfe_ros.solver.result import StepResult
 
 @dataclass(frozen=True, eq=False)
 class ReplayReport:
-    """What a replay came to.
+    """Result of a replay.
 
     Attributes:
         differences: between the bag (first) and the replay (second).
         unknown: topics of the bag that the replay does not make, so that they are not compared.
-        strays: messages of the bag that belong to no step that it holds, by topic.
+        strays: messages of the bag without a record of their step, by topic.
         cuts: number of steps whose deadline had passed; they were ended at the same place.
         not_converged: number of other steps that did not converge in the replay.
         duration: simulation time that was replayed [s].
-        wall_time: that replaying it took, comparing included [s].
-        inexact: number of commands that no message expresses to the last bit; only a replay over topics has them.
-        tail: messages behind the last step, by topic: of a step that the end of the recording cut off.
-        end: where the replay ends before the bag does, and why; empty where it went to the end.
+        wall_time: of the replay, comparison included [s].
+        inexact: number of commands that no message expresses exactly; only in a replay over topics.
+        tail: messages after the last step, by topic, of a step that the end of the recording truncated.
+        end: where the replay ends before the bag does, and why; empty if it is complete.
     """
 
     differences: Differences
@@ -53,28 +53,28 @@ class ReplayReport:
     end: str = ""
 
     def verdict(self, factor: float = 0.0) -> Verdict:
-        """Judge as ``Differences.verdict``; where not all could be compared, equal parts are no success."""
+        """Return ``Differences.verdict``; if not everything could be compared, equal parts are no success."""
         verdict = self.differences.verdict(factor)
         incomplete = self.end or self.unknown or self.strays or not self.differences.compared
         return Verdict.INCOMPLETE if incomplete and verdict is not Verdict.DIFFERENT else verdict
 
 
 class Replay:
-    """Takes scene and consumed commands out of a bag and steps them through a ``Simulation``.
+    """Steps the scene and the consumed commands of a bag through a ``Simulation``.
 
     Args:
-        run: that was recorded.
-        overrides: of the scene, by dotted key; then the runs differ, and no solve is cut.
+        run: the recorded run.
+        overrides: of the scene, by dotted key; the runs then differ, and no solve is cut.
 
     Raises:
-        RecordingError: the bag does not hold what a replay needs.
+        RecordingError: the bag lacks data that a replay needs.
         SceneError: the overrides do not fit the scene.
 
     Attributes:
-        scene: that is simulated.
-        simulation: that is stepped.
-        count: number of steps that follow from what the bag holds.
-        end: where the replay ends before the bag does, and why; empty where it goes to the end.
+        scene: of the replay.
+        simulation: of the replay.
+        count: number of steps that can be replayed.
+        end: where the replay ends before the bag does, and why; empty if it is complete.
 
     Example:
         >>> report = Replay(BagRun("bags/bend5")).run()
@@ -91,10 +91,10 @@ class Replay:
         self.begin()
 
     def begin(self) -> None:
-        """Put the simulation into the state that the first step starts from: rest, or the state in the bag.
+        """Set the simulation to the initial state of the first step: rest, or the state in the bag.
 
         Raises:
-            RecordingError: the state is not of this scene and version.
+            RecordingError: the state belongs to another scene or version.
         """
         self.simulation.reset()
         if self._run.records[0].begin is not Begin.LOADED:
@@ -105,7 +105,7 @@ class Replay:
             raise RecordingError(f"bag {self._run.reader.path} begins in the middle of a run; {error}") from error
 
     def run(self) -> ReplayReport:
-        """Replay the bag, up to the first step that does not follow from what it holds."""
+        """Replay the bag, up to the first step whose initial state it does not determine."""
         started = time.perf_counter()
         differences = Differences(self._run.scene)
         steps = BagSteps(self._run)
@@ -130,7 +130,7 @@ class Replay:
         )
 
     def steps(self, steps: BagSteps) -> Iterator[tuple[BagStep, StepResult]]:
-        """Make the steps one after the other; yields each recorded step and the result of its repetition."""
+        """Make the steps one after the other; yield each recorded step and the result of its repetition."""
         self.begin()
         for number, step in enumerate(steps, start=1):
             if step.record.begin is Begin.REST:
@@ -140,13 +140,13 @@ class Replay:
                 return
 
     def _repeat(self, record: StepRecord) -> StepResult:
-        # Where a deadline ended the solve, only a replay of the very same run can end it at the same place.
+        # If a deadline ended the solve, only a replay of the identical run can end it at the same place.
         cut_after = None if self._changed else record.cut_after
         return self.simulation.step(command_of(record), dt=record.dt, cut_after=cut_after)
 
 
 def command_of(record: StepRecord) -> Command:
-    """Give what a step consumed; a record names its parts as ``Command`` does."""
+    """Return the command that a step consumed; a record has the attribute names of ``Command``."""
     parts = {
         part.name: getattr(record, part.name) for part in dataclasses.fields(Command) if hasattr(record, part.name)
     }
@@ -154,13 +154,13 @@ def command_of(record: StepRecord) -> Command:
 
 
 def replayable(run: BagRun) -> tuple[int, str]:
-    """Tell how far the states of a run follow from its bag.
+    """Return how far the states of a run can be reproduced from its bag.
 
     Returns:
-        Number of steps from the first on, and why the next one does not follow; empty where all do.
+        Number of steps from the first on, and why the next one cannot be reproduced; empty if all can.
 
     Raises:
-        RecordingError: it holds no steps, or lacks the state that the first of them went on from.
+        RecordingError: it has no steps, or lacks the initial state of the first one.
     """
     bag, records = run.reader.path, run.records
     if not records:
@@ -181,7 +181,7 @@ def replayable(run: BagRun) -> tuple[int, str]:
 
 
 def _gap(before: StepRecord, after: StepRecord) -> str:
-    """Say why a step does not follow from the one before it in the bag; empty where it does."""
+    """Return why a step does not follow from the one before it in the bag; empty if it does."""
     if after.begin is Begin.LOADED:
         return f"step {after.step} continued from a state that was loaded from a file, which the bag does not hold"
     if after.step != before.step + 1 and after.begin is not Begin.REST:

@@ -20,15 +20,16 @@ from gdfe_ros.solver.result import StepResult
 from gdfe_ros.workers import open_workers
 
 FLAT = 1e-3
-"""Thickness of a cloud, over its length, below which it is a line or a sheet and has no volume."""
+"""Thickness of a point cloud, over its length, below which it counts as a line or a sheet without volume."""
 CLOSE = 1e-3
-"""Estimated distance to the equilibrium, over the body's size, up to which a place is taken as reached."""
+"""Estimated distance to the equilibrium, over the body's size, up to which a position counts as reached."""
 RETRIES = 8
-"""Equal steps from rest to a command that was not reached from the one before it."""
+"""Equal steps from rest to a command that was not reached from the previous one."""
 LONG = 1e6
-"""Time of a step [s] in which every rate limit lets a command through."""
+"""Duration of a step [s] in which no rate limit restricts a command."""
 MOST_GRID = 2
-"""Actuators up to which the commands are a grid; beyond, corners of the ranges and points of low discrepancy."""
+"""Number of actuators up to which the commands are a grid; for more, corners of the ranges and low-discrepancy
+points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +40,9 @@ class ReachableSet:
         probe: name.
         actuators: names (a,).
         commands: (k, a) in the unit of each.
-        points: (k, 3) [m]; NaN where the body found no equilibrium.
-        rest: of the probe without a command (3,) [m].
-        messages: (k,) why a command has no equilibrium; empty where it has.
+        points: (k, 3) [m]; NaN if the body found no equilibrium.
+        rest: position of the probe without a command (3,) [m].
+        messages: (k,) why a command has no equilibrium; empty if it has.
     """
 
     probe: str
@@ -58,7 +59,7 @@ class ReachableSet:
 
     @property
     def volume(self) -> float:
-        """Volume [m^3] of the convex hull of the points; 0 where they lie on a line or a sheet."""
+        """Volume [m^3] of the convex hull of the points; 0 for points on a line or a sheet."""
         points = self.points[self.reached]
         if len(points) < 4:
             return 0.0
@@ -75,7 +76,7 @@ def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, flo
     """Return least and largest command (a, 2) of actuators.
 
     Raises:
-        GdfeError: no such actuator, or its range has no end and none is given.
+        GdfeError: no such actuator, or its range is unbounded and none is given.
     """
     known = {actuator.name: actuator for actuator in scene.actuators}
     for name in (*names, *given):
@@ -95,8 +96,8 @@ def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, flo
 def command_samples(limits: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return about ``count`` commands (k, a) that fill the ranges (a, 2).
 
-    A grid of up to `MOST_GRID` actuators; of more, the corners of the ranges and points of Sobol's sequence. Beginning
-    from one end, each is near the one before, as a solver likes it.
+    They are a grid for up to `MOST_GRID` actuators; for more, the corners of the ranges and points of Sobol's sequence.
+    Starting at one end, each is close to the previous one, for the sake of the solver.
     """
     dimensions = len(limits)
     if dimensions <= MOST_GRID:
@@ -116,7 +117,7 @@ def _to_and_fro(grid: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def _tour(unit: NDArray[np.float64]) -> list[int]:
-    """Order points (k, a) so that each is the nearest one to the one before."""
+    """Return an order of points (k, a) in which each is the nearest remaining one to the previous one."""
     left, order = set(range(1, len(unit))), [0]
     while left:
         places = np.array(sorted(left))
@@ -132,9 +133,9 @@ def find_workspace(
     """Find the equilibrium at each command, in parallel.
 
     Args:
-        scene: what is moved; of one with dynamics the equilibria are taken.
-        probe: whose points are asked for.
-        actuators: names (a,); others stay as they are at rest.
+        scene: the scene; with dynamics its equilibria are computed.
+        probe: whose positions are computed.
+        actuators: names (a,); others keep their rest commands.
         commands: (k, a).
         workers: processes; 1 stays in this one.
 
@@ -157,7 +158,7 @@ def find_workspace(
 
 
 def _reach(given: tuple[str, str, tuple[str, ...], NDArray[np.float64]]) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the probe's places at commands, one after the other, and why one has none."""
+    """Return the probe's positions at successive commands, and why one has none."""
     text, probe, names, commands = given
     simulation = Simulation(scene_from_text(text, origin="of the workspace", overrides={"dynamics": None}))
     neutral = dict(simulation.rest_command().actuators)
@@ -179,5 +180,5 @@ def _reach(given: tuple[str, str, tuple[str, ...], NDArray[np.float64]]) -> tupl
 
 
 def _near(result: StepResult) -> bool:
-    """Tell whether the probe's place is known well enough."""
+    """Return whether the probe's position is accurate enough."""
     return result.converged or (result.residual <= CLOSE and result.min_det > 0.0)

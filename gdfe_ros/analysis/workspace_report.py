@@ -15,7 +15,7 @@ _PAIRS = (("x", "z", 0, 2), ("y", "z", 1, 2), ("x", "y", 0, 1))
 
 
 def workspace_rows(found: ReachableSet) -> list[tuple[str, str]]:
-    """Return what was found, name and value."""
+    """Return the results as pairs of name and value."""
     points = found.points[found.reached]
     rows = [("commands", f"{len(found.points)} of {', '.join(found.actuators)}"), ("reached", f"{len(points)}")]
     if len(points):
@@ -30,7 +30,7 @@ def workspace_rows(found: ReachableSet) -> list[tuple[str, str]]:
 
 
 def write_workspace(path: Path, found: ReachableSet) -> None:
-    """Write a row for each command: commands, place [m], and why there is none.
+    """Write a row for each command: commands, position [m], and why there is none.
 
     Raises:
         OSError: the file cannot be written.
@@ -44,7 +44,7 @@ def write_workspace(path: Path, found: ReachableSet) -> None:
 
 
 def draw_workspace(path: Path, found: ReachableSet, *, title: str) -> None:
-    """Draw the points in space and from three sides, coloured by the first command.
+    """Draw the points in 3-D and from three sides, coloured by the first command.
 
     Raises:
         OSError: the picture cannot be written.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe calibrate``: the calibration of the paper's Sec. 4.2.1 beside Eq. 7."""
+"""``gdfe calibrate``: repeat the calibration of the paper's Sec. 4.2.1 and compare it with Eq. 7."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure and print; return 3 where a bar did not converge."""
+    """Measure and print; return 3 if a bar did not converge."""
     points = calibrate(arguments.steps)
     Console().print(_table(points))
     if arguments.picture:

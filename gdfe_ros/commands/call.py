@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe call``: call a service and print its answer as YAML."""
+"""``gdfe call``: call a service and print its response as YAML."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Call; return 0, or 1 where the answer says that it was no success."""
+    """Call the service; return 0, or 1 if the response reports a failure."""
     values = parse(arguments.request)
     service = full_name(arguments.service)
     with open_peer() as peer:

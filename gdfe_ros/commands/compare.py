@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe compare``: say whether two recorded runs differ, where and by how much."""
+"""``gdfe compare``: report whether two recorded runs differ, where, and by how much."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare; return 0 where the runs are equal, else 1."""
+    """Compare; return 0 if the runs are equal, else 1."""
     comparison = compare_bags(arguments.first, arguments.second)
     differences, console = comparison.differences, wide_console()
     verdict = comparison.verdict(arguments.within)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe compile``: compile what the shipped scenes need, once, so that nobody waits for it later."""
+"""``gdfe compile``: compile the kernels of the shipped scenes in advance."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from gdfe_ros.scene import load_scene, scene_names
 
 FIRST = "bend5"
-"""What all scenes share is compiled with this one, before others are."""
+"""Scene that is compiled before all others, because they share its kernels."""
 VARIANTS: tuple[tuple[str, dict[str, object]], ...] = (
     (FIRST, {"solver.threads": 2}),
     (FIRST, {"solver.policy": "relative"}),
 )
-"""Of shipped scenes, by what is compiled for them in addition."""
+"""Shipped scenes with overrides that need further kernels."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,12 +41,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def work() -> list[tuple[str, dict[str, object]]]:
-    """Return scenes and what is overridden in them; the first one comes before the others begin."""
+    """Return the scenes and overrides to compile; the first one must be finished before the others begin."""
     return [(FIRST, {}), *VARIANTS, *((name, {}) for name in scene_names() if name != FIRST)]
 
 
 def _compiled(jobs: int) -> Iterator[str]:
-    """Yield the name of each scene once what it needs is compiled."""
+    """Yield the name of each scene once its kernels are compiled."""
     first, *others = work()
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         yield pool.submit(_compile, *first).result()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which steps of a run did not converge, when and why, for people."""
+"""Summary of the steps of a run that did not converge: number, time and reason."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Protocol
 from rich.console import Console
 
 MOST_LINES = 3
-"""Steps that are named one by one."""
+"""Limit of steps that are listed individually."""
 
 
 class Outcome(Protocol):
-    """The outcome of a step, as results and records have it."""
+    """Outcome of a step, as in results and step records."""
 
     @property
     def converged(self) -> bool:
@@ -25,17 +25,17 @@ class Outcome(Protocol):
 
     @property
     def message(self) -> str:
-        """Why it did not converge."""
+        """Reason why the step did not converge."""
 
 
 def convergence(steps: Sequence[Outcome]) -> str:
-    """Return ``yes``, or ``no: 3 of 100 steps``."""
+    """Return ``yes``, or the number of steps that did not converge: ``no: 3 of 100 steps``."""
     failed = sum(not step.converged for step in steps)
     return f"no: {failed} of {len(steps)} steps" if failed else "yes"
 
 
 def print_failures(steps: Sequence[Outcome], *, first: int = 1) -> None:
-    """Print to stderr number, time and reason of steps that did not converge; ``first`` numbers the first step."""
+    """Print number, time and reason of steps that did not converge to stderr; ``first`` is the first step's number."""
     console = Console(stderr=True, soft_wrap=True)
     failed = [(number, step) for number, step in enumerate(steps, start=first) if not step.converged]
     for number, step in failed[:MOST_LINES]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe demo``: a node in its own process, a scene's program played to it over topics, a bag and a picture."""
+"""``gdfe demo``: run a node in its own process, command it by a scene's program, record a bag and draw a picture."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe echo``: print the latest message of a topic as YAML, and the next ones."""
+"""``gdfe echo``: print the latest message of a topic, and the following ones, as YAML."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gdfe_ros.commands.peer import full_name, matching_qos, open_peer
 from gdfe_ros.errors import GdfeError
 
 SETTLING = 0.2
-"""Time [s] in which kept messages arrive after the first of them."""
+"""Time [s] within which stored messages arrive after the first of them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print messages; return 0 once there were so many."""
+    """Print messages; return 0 after the requested number."""
     if arguments.count < 1:
         raise GdfeError(f"--count {arguments.count}; allowed: 1 or more")
     topic, received = full_name(arguments.topic), list[Any]()
@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
         for number in range(arguments.count):
             if not peer.wait(lambda: received, arguments.wait):
                 raise GdfeError(f"no message on {topic} within {arguments.wait:g} s")
-            if number == 0:  # who comes late is sent the last ten: the latest one is asked for
+            if number == 0:  # a late subscriber receives the last ten; the latest one is requested
                 peer.wait(lambda: False, SETTLING)
                 del received[:-1]
             print(show(received.pop(0)), "---", sep="\n", flush=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe export``: a recorded run for ParaView, numpy, or a table program."""
+"""``gdfe export``: export a recorded run for ParaView, numpy, or a spreadsheet."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.errors import GdfeError
 
 
 class Format(Enum):
-    """What is written, by the ending of the file; VTK is a directory."""
+    """Output format, by the suffix of the file; VTK is a directory."""
 
     VTK = "vtk"
     NPZ = "npz"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe inspect``: say what is in a mesh or surface file and what to fix, and draw it."""
+"""``gdfe inspect``: report the contents and defects of a mesh or surface file, and draw it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Inspect; return 0, or 1 where something must be fixed before the file can be used.
+    """Inspect; return 0, or 1 if the file has defects that prevent its use.
 
     Raises:
         MeshError: there is no such file.

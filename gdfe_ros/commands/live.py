@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe live``: a running scene in the browser, or a running node, seen and commanded with the mouse."""
+"""``gdfe live``: show a running scene or node in the browser, and command it with the mouse."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show the scene or the node until interrupted; return 0, or 1 where stepping or drawing ended by itself."""
+    """Show the scene or the node until interrupted; return 0, or 1 if stepping or drawing failed."""
     _require(arguments)
     ending = threading.Event()
     try:
@@ -89,7 +89,7 @@ def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
     session = None
     try:
         with without_collection():
-            # A browser needs as long to open a page as it takes to build the body.
+            # A browser needs about as long to open a page as this process to build the body.
             page.lay_out(scene, scene.name)
             _say_where(arguments, page.port)
             session = _session_of(scene, arguments, page)
@@ -108,7 +108,7 @@ def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
 
 
 def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> LiveSession:
-    """Build the body and what steps it."""
+    """Return the session of a scene, with its body and stepper."""
     from gdfe_ros.live.session import LiveSession
     from gdfe_ros.simulation import Simulation
 
@@ -121,7 +121,7 @@ def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> Live
 
 
 def _show_node(arguments: argparse.Namespace, ending: threading.Event) -> int:
-    """Show a node; where it has another scene after a while, with another page at the same address."""
+    """Show a node; if it starts another scene later, show another page at the same address."""
     _say(f"looking for the node {arguments.ros} in the ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}")
     with without_collection():
         from gdfe_ros.live.page import Page
@@ -155,7 +155,7 @@ def _end_on_signals(ending: threading.Event) -> None:
 
 
 def _require(arguments: argparse.Namespace) -> None:
-    """Refuse what cannot be, before anything slow is imported."""
+    """Raise an error for invalid arguments before anything slow is imported."""
     if find_spec("viser") is None:
         raise GdfeError("the page needs viser; install it: pip install 'gdfe_ros[live]'")
     _require_source(arguments)
@@ -168,7 +168,7 @@ def _require(arguments: argparse.Namespace) -> None:
 
 
 def _require_source(arguments: argparse.Namespace) -> None:
-    """Refuse anything but a scene or a node, and what only the other takes."""
+    """Raise an error unless a scene or a node is given, with only the options of that one."""
     if (arguments.scene is None) == (arguments.ros is None):
         given = "neither" if arguments.ros is None else f"scene {arguments.scene!r} and --ros {arguments.ros}"
         raise GdfeError(f"{given} given; allowed: a scene, or --ros with the name of a running node")
@@ -185,7 +185,7 @@ def _require_source(arguments: argparse.Namespace) -> None:
 
 
 def _say(text: str) -> None:
-    """Tell what is waited for, at once."""
+    """Print at once a text about the present wait."""
     print(text, file=sys.stderr, flush=True)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS messages as text in YAML, and back: ``{pose: {position: {z: 0.1}}}``."""
+"""Conversion of ROS messages to YAML and back: ``{pose: {position: {z: 0.1}}}``."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from gdfe_ros.node.qos import interface_class
 from gdfe_ros.spelling import did_you_mean
 
 MOST_SHOWN = 16
-"""Values of an array that are shown; of a longer one, the first of them and how many there are."""
+"""Limit of shown values of an array; of a longer one, the first values and their number are shown."""
 _ARRAY = re.compile(r"sequence<(?P<kind>[^,]+)(, \d+)?>|(?P<fixed>.+)\[(?P<count>\d+)\]")
 _TEXT = re.compile(r"w?string(<\d+>)?")
 
 
 def parse(text: str) -> object:
-    """Read YAML from the command line.
+    """Parse YAML from the command line.
 
     Raises:
-        GdfeError: it is no YAML.
+        GdfeError: the text is not YAML.
     """
     try:
         return yaml.safe_load(text)
@@ -39,10 +39,10 @@ def fill(message: Any, values: object, where: str = "") -> Any:
     Args:
         message: of any type.
         values: by field.
-        where: path of the message in that which is filled, for errors.
+        where: path of this message inside the outermost one, for errors.
 
     Raises:
-        GdfeError: no such field, or a value is not of its type.
+        GdfeError: a field does not exist, or a value has the wrong type.
     """
     fields = message.get_fields_and_field_types()
     if not isinstance(values, Mapping):
@@ -57,12 +57,12 @@ def fill(message: Any, values: object, where: str = "") -> Any:
 
 
 def show(message: Any) -> str:
-    """Return a message as YAML, with long arrays cut short."""
+    """Return a message as YAML, with long arrays truncated."""
     return yaml.safe_dump(_plain(message), sort_keys=False, allow_unicode=True, default_flow_style=None).rstrip()
 
 
 def _converted(kind: str, value: object, path: str, present: Any) -> Any:
-    """Return a value as a field of a ROS type takes it."""
+    """Return a value converted to a field's ROS type."""
     if found := _ARRAY.fullmatch(kind):
         if not isinstance(value, Sequence) or isinstance(value, str):
             raise GdfeError(f"{path} takes a list of {found['kind'] or found['fixed']}, got {value!r}")
@@ -77,7 +77,7 @@ def _converted(kind: str, value: object, path: str, present: Any) -> Any:
 
 
 def _checked(kind: str, value: object, path: str) -> Any:
-    """Return a plain value of a ROS type."""
+    """Return a value of a plain ROS type, checked."""
     convert: Callable[[Any], Any]
     if _TEXT.fullmatch(kind):
         good, convert = isinstance(value, str), str
@@ -97,7 +97,7 @@ def _checked(kind: str, value: object, path: str) -> Any:
 
 
 def _is_number(value: object) -> bool:
-    """Tell whether a value is a number; YAML reads 1e5 without a point as text."""
+    """Return whether a value is a number; YAML reads 1e5 without a point as text."""
     if isinstance(value, str):
         try:
             float(value)
@@ -108,7 +108,7 @@ def _is_number(value: object) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """Return what YAML can write."""
+    """Return a value in types that YAML can write."""
     if hasattr(value, "get_fields_and_field_types"):
         return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, bytes):

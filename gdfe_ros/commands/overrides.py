@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Overrides of a scene as they stand on the command line."""
+"""Overrides of a scene on the command line."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 
 def read_overrides(pairs: Iterable[str]) -> dict[str, str]:
-    """Read ``KEY=VALUE`` entries; values stay text, which the scene reads as YAML.
+    """Return the overrides of ``KEY=VALUE`` entries; values stay text, which the scene reads as YAML.
 
     Raises:
         argparse.ArgumentTypeError: an entry has no ``=``.

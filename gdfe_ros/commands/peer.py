@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A short-lived ROS node for the terminal, which looks topics and services up in the graph."""
+"""A short-lived ROS node for the terminal, which finds the types of topics and services in the ROS graph."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from gdfe_ros.node.qos import interface_class
 from gdfe_ros.spelling import did_you_mean
 
 PATIENCE = 10.0
-"""Time [s] in which a topic or service must be found, and a service must answer."""
+"""Time [s] within which a topic or service must be found, and a service must respond."""
 
 
 class Peer:
-    """A node and what spins it.
+    """A node and its executor.
 
     Args:
         context: of ROS.
@@ -40,22 +40,22 @@ class Peer:
         self._executor.add_node(self.node)
 
     def wait(self, done: Callable[[], Any], patience: float = PATIENCE) -> Any:
-        """Spin until ``done`` returns something true, and return that, or what it returns at the end."""
+        """Spin until ``done`` returns a true value or the patience [s] is over; return the last value."""
         end = time.monotonic() + patience
         while not (found := done()) and time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.02)
         return found
 
     def endpoints(self, topic: str, look: Callable[[str], list[TopicEndpointInfo]], whose: str) -> Any:
-        """Return who publishes or hears a topic, and the class of its messages.
+        """Return the publishers or subscriptions of a topic, and the class of its messages.
 
         Args:
             topic: its full name.
-            look: asks the graph for the endpoints.
-            whose: what they do with the topic, for errors.
+            look: returns the endpoints of a topic in the graph.
+            whose: verb for the error, e.g. ``publishes``.
 
         Raises:
-            GdfeError: nobody does.
+            GdfeError: there is no endpoint.
         """
         found = self.wait(lambda: look(topic))
         if not found:
@@ -67,7 +67,7 @@ class Peer:
         """Return the class of a service.
 
         Raises:
-            GdfeError: nobody has it.
+            GdfeError: no node offers it.
         """
 
         def kinds() -> dict[str, list[str]]:
@@ -89,7 +89,7 @@ class Peer:
 
 @contextmanager
 def open_peer() -> Iterator[Peer]:
-    """Give a peer in a context of its own."""
+    """Yield a peer in a context of its own."""
     context = rclpy.Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     peer = Peer(context)
@@ -101,12 +101,12 @@ def open_peer() -> Iterator[Peer]:
 
 
 def full_name(name: str) -> str:
-    """Return a name from the root, as the graph has it."""
+    """Return a name with a leading slash, as in the graph."""
     return f"/{name.lstrip('/')}"
 
 
 def matching_qos(others: Sequence[TopicEndpointInfo], *, offered: bool) -> QoSProfile:
-    """Return a profile that matches all others: one that is ``offered`` to them, or one that takes what they offer."""
+    """Return a profile that matches all others: a publisher's if ``offered``, else a subscription's."""
     reliable = [other.qos_profile.reliability == ReliabilityPolicy.RELIABLE for other in others]
     kept = [other.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for other in others]
     enough = any if offered else all

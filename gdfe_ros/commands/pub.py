@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe pub``: publish one message on a topic that somebody hears."""
+"""``gdfe pub``: publish one message on a topic that has a subscriber."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Publish, and return 0 once everybody has the message."""
+    """Publish the message, and return 0 once every subscriber has received it."""
     values = parse(arguments.message)
     topic = full_name(arguments.topic)
     with open_peer() as peer:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe recover``: get out of a bag that was cut off what it holds."""
+"""``gdfe recover``: recover the contents of a truncated bag."""
 
 from __future__ import annotations
 

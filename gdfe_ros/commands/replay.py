@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe replay``: make a recorded run again, with or without ROS, and compare every array that was published."""
+"""``gdfe replay``: repeat a recorded run, with or without ROS, and compare every published array."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replay; return 0 where every bag passes, 1 where one differs or could not be compared as a whole."""
+    """Replay; return 0 if every bag passes, 1 if one differs or could not be compared entirely."""
     overrides = read_overrides(arguments.set)
     overrides |= {
         f"solver.{name}": getattr(arguments, name)
@@ -116,7 +116,7 @@ def _remarks(run: BagRun, report: ReplayReport, overrides: dict[str, object]) ->
 
 
 def _machines(run: BagRun) -> list[str]:
-    """Name what differs between the machine that recorded and this one: the last bits depend on it."""
+    """Return remarks on differences between the recording machine and this one: the last bits depend on it."""
     there, here = dict(run.reader.run.machine), describe_machine()
     changes = [f"{name} {there[name]} (here {here.get(name)})" for name in there if there[name] != here.get(name)]
     return [f"recorded with {'; '.join(changes)}"] if changes else []

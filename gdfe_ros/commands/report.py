@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe report``: a recorded run as one HTML page, a picture, and on request a moving picture."""
+"""``gdfe report``: write a recorded run as an HTML page, a picture, and on request an animation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rich.console import Console
 from gdfe_ros.recording.bag_info import bag_directory
 
 BESIDE = Path()
-"""A moving picture that has no name of its own."""
+"""Value of ``--gif`` without a file name: the animation is written beside the report."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe solve``: play a scene's program and print and write the result."""
+"""``gdfe solve``: play a scene's program, print and write the result."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Solve; return 0, or 3 where a step did not converge."""
+    """Solve; return 0, or 3 if a step did not converge."""
     scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
     simulation = Simulation(scene, settings=_settings(scene, arguments))
     for remark in simulation.remarks():
@@ -100,7 +100,7 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
 
 
 def _clean(values: object) -> list[float]:
-    """Show rounding noise as zero."""
+    """Return values with rounding noise set to zero."""
     largest = max(abs(float(value)) for value in values)
     return [0.0 if abs(float(value)) < 1e-9 * largest else float(value) for value in values]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe sweep``: a scene with a grid or a list of overrides, in parallel, resumable."""
+"""``gdfe sweep``: run a scene with a grid or a list of overrides, in parallel and resumable."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Sweep; return 0, or 1 where a case failed or did not converge."""
+    """Sweep; return 0, or 1 if a case failed or did not converge."""
     from gdfe_ros.analysis.export.table import write_parquet
     from gdfe_ros.analysis.sweep.results import draw_results, flat_row
 
@@ -76,7 +76,7 @@ def _cases(arguments: argparse.Namespace) -> list[Case]:
 
 
 def _complete(arguments: argparse.Namespace, scene: str, cases: list[Case], archive: Archive) -> None:
-    """Run what is not done yet."""
+    """Run the remaining cases."""
     from gdfe_ros.analysis.sweep.runner import connect, run_cases
 
     left = [case for case in cases if _is_left(archive, case, retry=arguments.retry)]

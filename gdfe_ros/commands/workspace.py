@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``gdfe workspace``: the points that a probe reaches over the ranges of the actuators."""
+"""``gdfe workspace``: compute the points that a probe reaches over the ranges of the actuators."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Find the workspace; return 0, or 3 where some commands have no equilibrium."""
+    """Compute the workspace; return 0, or 3 if some commands have no equilibrium."""
     from gdfe_ros.analysis.workspace import command_samples, find_workspace, ranges
     from gdfe_ros.analysis.workspace_report import draw_workspace, workspace_rows, write_workspace
 

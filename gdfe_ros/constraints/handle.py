@@ -26,12 +26,12 @@ class Handle:
     Attributes:
         name: unique in the scene; part of topic names.
         vertices: sorted vertex ids (k,) int32.
-        fixed: the handle stays at rest and takes no commands.
+        fixed: the handle stays at rest and accepts no commands.
         free: world axes along which the handle slides unloaded; its position there is an unknown.
-        turning: world axes, through the handle's centre, about which it turns freely; the components of its rotation
-            vector there are unknowns. No moment is left where one or three are free; two end at the least energy.
-        noun: what it is called.
-        section: of a scene file and of topics' names that it stands in.
+        turning: world axes, through the handle's centre, about which it rotates freely; the components of its rotation
+            vector there are unknowns. With one or three free axes no moment remains; with two the energy is minimal.
+        noun: its name in messages.
+        section: its section in scene files and topic names.
     """
 
     noun: ClassVar[str] = "handle"
@@ -47,7 +47,7 @@ class Handle:
             raise ValueError(f"handle {self.name!r} is fixed and has free axes; drop one of the two")
 
     def seen_from(self, origin: NDArray[np.float64]) -> Handle:
-        """Return the handle as it is for who counts positions from ``origin`` (3,) [m]: the same."""
+        """Return the handle relative to ``origin`` (3,) [m]: the same."""
         return self
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid obstacles: like a handle they are moved by a pose, but they hold nothing and are touched instead."""
+"""Rigid obstacles: a pose moves them like a handle, but they hold no vertices and act by contact."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from gdfe_ros.mesh.solid import Solid
 NO_SAMPLES = np.zeros(0)
 
 RIM = 48
-"""Points on each rim of a cylinder that moves freely."""
+"""Points on each rim of a freely moving cylinder."""
 INSET = 0.01
-"""Share of its half width by which points of a box' face are off its rim: over the rim of an equal face it is chance
-which side of that is nearer."""
+"""Distance of the points of a box's face from its rim, over the half width. At the rim of an equal face, rounding would
+decide which side is nearer."""
 MOST_ALONG = 8
-"""Intervals between points along a rigid body, at most."""
+"""Limit of intervals between points along a rigid body."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,13 @@ class Plane:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         return 0.0, 0.0, 0.0
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball about the origin of the obstacle's frame, of a ``radius`` [m]."""
+    """A ball of a ``radius`` [m] around the origin of the obstacle's frame."""
 
     radius: float
     kind: ClassVar[int] = 1
@@ -52,13 +52,13 @@ class Sphere:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         return self.radius, 0.0, 0.0
 
 
 @dataclass(frozen=True)
 class Box:
-    """A box about the origin of the obstacle's frame, of a ``size`` (x, y, z) [m]."""
+    """A box of a ``size`` (x, y, z) [m] around the origin of the obstacle's frame."""
 
     size: tuple[float, float, float]
     kind: ClassVar[int] = 2
@@ -66,7 +66,7 @@ class Box:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         x, y, z = self.size
         return 0.5 * x, 0.5 * y, 0.5 * z
 
@@ -82,12 +82,12 @@ class Box:
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Points (k, 3) [m] that touch before any other does: its corners."""
+        """Its corners (k, 3) [m], the points that touch first."""
         return 0.5 * np.array(list(product((-1.0, 1.0), repeat=3))) * self.size
 
     @property
     def skin(self) -> NDArray[np.float64]:
-        """Points (k, 3) [m] that touch other bodies: its corners, and points of its faces, a little off their rims."""
+        """Contact points (k, 3) [m] for other bodies: its corners, and points of its faces slightly inside the rims."""
         half, found = 0.5 * np.array(self.size), [self.corners]
         for axis in range(3):
             others = [other for other in range(3) if other != axis]
@@ -104,7 +104,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Capsule:
-    """All that is nearer than ``radius`` [m] to a segment of z of a ``length`` [m], centred at the origin."""
+    """The points nearer than ``radius`` [m] to a segment of z of a ``length`` [m], centred at the origin."""
 
     radius: float
     length: float
@@ -113,13 +113,13 @@ class Capsule:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         return self.radius, 0.5 * self.length, 0.0
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder about z of a ``radius`` and a ``length`` [m], centred at the origin."""
+    """A cylinder of a ``radius`` and a ``length`` [m] around z, centred at the origin."""
 
     radius: float
     length: float
@@ -128,7 +128,7 @@ class Cylinder:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """What the kernels read."""
+        """Parameters of the shape for the kernels."""
         return self.radius, 0.5 * self.length, 0.0
 
     @property
@@ -150,7 +150,7 @@ class Cylinder:
 
     @property
     def skin(self) -> NDArray[np.float64]:
-        """Points (k, 3) [m] that touch other bodies: of its rims, and of circles between them about a radius apart."""
+        """Contact points (k, 3) [m] for other bodies: of its rims, and of circles between them about a radius apart."""
         count = 1 + min(MOST_ALONG, math.ceil(self.length / self.radius))
         rim = self.corners[:RIM] * [1.0, 1.0, 0.0]
         lifts = np.linspace(-0.5, 0.5, count)[:, None, None] * [0.0, 0.0, self.length]
@@ -159,19 +159,19 @@ class Cylinder:
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """What a closed surface bounds, in the obstacle's frame."""
+    """The solid inside a closed surface, in the obstacle's frame."""
 
     solid: Solid
     kind: ClassVar[int] = 5
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """How many samples the kernels find behind all else."""
+        """Number of samples that the kernels find after all other numbers."""
         return float(len(self.samples)), 0.0, 0.0
 
     @cached_property
     def samples(self) -> NDArray[np.float64]:
-        """The grid as the kernels read it: first point (3,) [m], spacing [m], counts (3,), distances [m]."""
+        """The grid in the layout of the kernels: first point (3,) [m], spacing [m], counts (3,), distances [m]."""
         grid = self.solid
         return np.concatenate([grid.start, [grid.cell], grid.distances.shape, grid.distances.ravel()])
 
@@ -184,7 +184,7 @@ def _no_vertices() -> NDArray[np.int32]:
 
 
 class ContactPoints(str, Enum):
-    """How gaps are taken: as the mean about each vertex over the faces there, or at the vertex alone."""
+    """Evaluation of gaps: mean over the faces around each vertex, or at the vertex alone."""
 
     FACES = "faces"
     VERTICES = "vertices"
@@ -194,7 +194,7 @@ class ContactPoints(str, Enum):
 class Obstacle(Handle):
     """A rigid shape that the body cannot enter.
 
-    What it exerts on the body is its reaction, as a handle's, with the moment about the origin of its frame.
+    Its force on the body is its reaction, as for a handle, with the moment about the origin of its frame.
 
     Attributes:
         vertices: none.
@@ -202,7 +202,7 @@ class Obstacle(Handle):
         origin: of its frame at rest [m].
         turn: of its frame at rest, a rotation vector [rad].
         friction: Coulomb's coefficient.
-        points: how gaps are taken.
+        points: evaluation of gaps.
     """
 
     noun: ClassVar[str] = "obstacle"
@@ -215,18 +215,18 @@ class Obstacle(Handle):
     points: ContactPoints = ContactPoints.FACES
 
     def seen_from(self, origin: NDArray[np.float64]) -> Obstacle:
-        """Return the obstacle for who counts positions from ``origin`` (3,) [m]."""
+        """Return the obstacle relative to ``origin`` (3,) [m]."""
         return replace(self, origin=tuple(np.subtract(self.origin, origin).tolist()))
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the origin (3,) [m] of its frame at rest, wherever the body's ``vertices`` are."""
+        """Return the origin (3,) [m] of its frame at rest, whatever the body's ``vertices``."""
         return np.array(self.origin)
 
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
-        """Return where it is, relative to rest: where it is commanded to be."""
+        """Return its pose relative to rest: the commanded one."""
         return commanded
 
     def frame(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return origin (3,) [m] and rotation (3, 3) of its frame where it is moved by ``pose``."""
+        """Return origin (3,) [m] and rotation (3, 3) of its frame at ``pose``."""
         turned = Rotation.from_rotvec(pose.rotation) * Rotation.from_rotvec(self.turn)
         return np.add(self.origin, pose.translation), turned.as_matrix()

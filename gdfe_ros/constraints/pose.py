@@ -24,7 +24,7 @@ class Pose:
 
     Attributes:
         translation: displacement of the handle's centre [m].
-        rotation: rotation vector [rad]; a vector, so that a program can turn by more than half a turn.
+        rotation: rotation vector [rad], so that a program can rotate by more than 180 degrees.
 
     Raises:
         ValueError: a component is not a finite number.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid bodies that move freely: what is pushed, grasped and lifted."""
+"""Rigid bodies that move freely: objects to push, grasp and lift."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.pose import Pose
 
 SIGNS = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-"""Of the four corners of a box, of which no two share an edge."""
+"""Signs of the four corners of a box no two of which share an edge."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RigidBody(Obstacle):
-    """An obstacle that nothing moves but forces.
+    """An obstacle that only forces move.
 
-    It is four vertices, a quarter of its mass each, at corners of a box about its centre of mass whose half edges are
-    its radii of gyration along its axes: mass, moments of inertia and every point of it follow from theirs.
+    It is represented by four vertices with a quarter of its mass each, at corners of a box around its centre of mass
+    whose half edges are its radii of gyration along its axes. Mass, moments of inertia and every point of the body
+    follow from these vertices.
 
     Attributes:
-        vertices: (4,) int32 that are it, behind those of the mesh.
-        fixed: it takes no commands.
+        vertices: (4,) int32 its vertices, which follow those of the mesh.
+        fixed: it accepts no commands.
         free, turning: all axes.
         mass: [kg].
     """
@@ -42,11 +43,11 @@ class RigidBody(Obstacle):
     mass: float
 
     def __post_init__(self) -> None:
-        """Allow what other handles may not be: it takes no commands, and all its axes are free."""
+        """Skip the check of handles: it accepts no commands, and all its axes are free."""
 
     @property
     def gyration(self) -> NDArray[np.float64]:
-        """Half edges (3,) [m] of the box whose corners its vertices are."""
+        """Half edges (3,) [m] of the box with its vertices as corners."""
         return np.sqrt(self.form.moments)
 
     @property
@@ -56,7 +57,7 @@ class RigidBody(Obstacle):
 
     @property
     def places(self) -> NDArray[np.float64]:
-        """Where its vertices are at rest (4, 3) [m]."""
+        """Rest positions of its vertices (4, 3) [m]."""
         origin, axes = self.frame(Pose())
         return origin + (SIGNS * self.gyration) @ axes.T
 
@@ -66,7 +67,7 @@ class RigidBody(Obstacle):
         return AttachedMass(name=self.name, points=Embedding.of_vertices(self.vertices), mass=self.mass)
 
     def numbered(self, first: int) -> RigidBody:
-        """Return the body with its vertices from number ``first`` on."""
+        """Return the body with vertex ids from ``first`` on."""
         return replace(self, vertices=np.arange(first, first + 4, dtype=np.int32))
 
     def found(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -75,7 +76,7 @@ class RigidBody(Obstacle):
         return own.mean(axis=0), own.T @ self.signs
 
     def pose(self, commanded: Pose, positions: NDArray[np.float64]) -> Pose:
-        """Return where it is, relative to rest, for vertices at ``positions`` (n, 3) [m]."""
+        """Return its pose relative to rest, for vertices at ``positions`` (n, 3) [m]."""
         origin, axes = self.found(positions)
         turned = Rotation.from_matrix(axes) * Rotation.from_rotvec(self.turn).inv()
         return Pose(tuple(origin - self.origin), tuple(turned.as_rotvec()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surfaces of a mesh that cannot enter each other."""
+"""Self-contact: surfaces of a mesh that cannot penetrate each other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 NAME = "(self)"
-"""Of what touches there, in `StepResult.contacts`; nothing in a scene can be called that."""
+"""Name of self-contact in `StepResult.contacts`; no item of a scene can have it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -20,8 +20,8 @@ class SelfContact:
     Attributes:
         quads: (q, 4) int32 boundary faces that take part.
         friction: Coulomb's coefficient.
-        parts: number of the first vertex of each of several meshes, by name; empty where there is one.
-        origin: (3,) [m] from which the solver counts positions.
+        parts: index of the first vertex of each of several meshes, by name; empty for one mesh.
+        origin: (3,) [m] of the solver's positions.
     """
 
     quads: NDArray[np.int32]
@@ -30,10 +30,10 @@ class SelfContact:
     origin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
     def seen_from(self, origin: NDArray[np.float64]) -> SelfContact:
-        """Return the same for a solver that counts positions from ``origin`` (3,) [m]."""
+        """Return the same for positions relative to ``origin`` (3,) [m]."""
         return replace(self, origin=origin)
 
     def owner(self, vertex: int) -> str:
-        """Name the mesh that a vertex belongs to."""
+        """Return the name of the mesh to which a vertex belongs."""
         names = [name for name, first in self.parts.items() if first <= vertex]
         return f"mesh {names[-1]!r}" if names else "the body"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a quaternion to the rotation vector that continues a handle's turn."""
+"""Conversion of a quaternion to the rotation vector that continues a handle's rotation."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ NO_TURN = 1e-9
 
 
 def nearest_turn(quaternion: Sequence[float], reference: Pose) -> tuple[float, float, float]:
-    """Return the rotation vector [rad] of a quaternion (x, y, z, w) that lies nearest to ``reference``'s.
+    """Return the rotation vector [rad] of a quaternion (x, y, z, w) that is closest to ``reference``'s.
 
-    A pose message cannot tell a turn from the same turn plus 360 degrees; the shortest way from where the handle is
-    decides, so that a handle can be turned on and on. Plain floats: for four numbers numpy takes ten times as long.
+    A pose message cannot distinguish a rotation from the same one plus 360 degrees. The closest one to the present
+    rotation is chosen, so that a handle can be rotated any number of times. The code uses plain floats: for four
+    numbers numpy takes ten times as long.
     """
     x, y, z, w = map(float, quaternion)
     sine = math.hypot(x, y, z)
-    # Both signs of a quaternion are one rotation; that with w >= 0 turns by at most half a turn.
+    # Both signs of a quaternion are one rotation; the one with w >= 0 rotates by at most 180 degrees.
     angle = 2.0 * math.atan2(sine, abs(w))
     axis = _direction(reference)
     if angle > NO_TURN:

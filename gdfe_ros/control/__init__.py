@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse control: from where probes are to be to commands of actuators."""
+"""Inverse control: from where probes are to be, and how hard contacts are to press, to commands of actuators."""
 
-from gdfe_ros.control.inverse import InverseControl, Reach, Target
+from gdfe_ros.control.inverse import InverseControl, Reach
+from gdfe_ros.control.targets import ForceTarget, OrientationTarget, Target
 
-__all__ = ["InverseControl", "Reach", "Target"]
+__all__ = ["ForceTarget", "InverseControl", "OrientationTarget", "Reach", "Target"]

@@ -10,62 +10,42 @@ with the exact Jacobians J of the probes (docs/sensitivities.md), their distance
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gdfe_ros.actuators import Cable, Mode
+from gdfe_ros.control.jacobian import KeptJacobian
+from gdfe_ros.control.limits import Limits
 from gdfe_ros.control.programme import least_squares
-from gdfe_ros.errors import CommandError
+from gdfe_ros.control.stack import Stack
+from gdfe_ros.control.targets import Aim
+from gdfe_ros.errors import CommandError, GdfeError
+from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Command, Simulation
 
 Array = NDArray[np.float64]
 LEAST = 1e-4
 """Weight of a change of the commands itself, over what it moves."""
-TRUST, SHORTER, LONGER = 0.1, 0.25, 2.0
-"""Longest way of the probes in a change, over the body's size; by how much it shrinks where a change did not lead
-nearer, and grows where it did."""
-ROUNDING = 1e-9
-"""Share of a change that is none."""
+SHORTER, LONGER = 0.25, 2.0
+"""By how much the longest change shrinks where one did not lead nearer, and grows again where one did."""
 MOST_TRIES = 60
 """Changes of the commands after which a goal counts as out of reach."""
+ENOUGH = 0.25
+"""Share of the way nearer that was foretold which a change has to lead."""
 STANDSTILL, FAINT = 0.1, 1e-3
-"""Shares of the tolerance by which a change that is worth a step moves probes, and leads them nearer."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Target:
-    """Where a probe is to be.
-
-    Attributes:
-        probe: its name.
-        axes: which of x, y, z count, by number.
-        weight: priority beside other targets: errors count by its root.
-
-    Raises:
-        ValueError: an axis is none, or the weight is not positive.
-    """
-
-    probe: str
-    axes: tuple[int, ...] = (0, 1, 2)
-    weight: float = 1.0
-
-    def __post_init__(self) -> None:
-        if not self.axes or not set(self.axes) <= {0, 1, 2}:
-            raise ValueError(f"axes of target {self.probe!r} must be some of 0, 1, 2, got {self.axes!r}")
-        if not 0.0 < self.weight < np.inf:
-            raise ValueError(f"the weight of target {self.probe!r} must be positive and finite, got {self.weight!r}")
+"""Shares of the tolerance by which a change that is worth a step moves targets, and leads them nearer."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reach:
-    """How near probes came to their goals.
+    """How near targets came to their goals.
 
     Attributes:
         commands: by actuator.
-        distances: (t,) [m] of each target from its goal, along its axes.
+        distances: (t,) of each target from its goal along its axes, in its unit: m, rad or N.
         reached: all are within the tolerance.
         message: what was in the way; empty where nothing was.
         tries: changes of the commands that were tried.
@@ -101,35 +81,24 @@ class InverseControl:
     def __init__(
         self,
         simulation: Simulation,
-        targets: Sequence[Target | str],
+        targets: Sequence[Aim | str],
         *,
         actuators: Sequence[str] | None = None,
         tolerance: float = 1e-5,
     ) -> None:
         scene = simulation.scene
-        if scene.dynamics is not None:
-            raise CommandError("inverse control goes from equilibrium to equilibrium; remedy: a scene without dynamics")
-        if not 0.0 < tolerance < np.inf:
-            raise CommandError(f"the tolerance of inverse control must be positive [m], got {tolerance!r}")
-        known = {actuator.name: actuator for actuator in scene.actuators}
-        self.names = tuple(known if actuators is None else actuators)
-        for name in self.names:
-            if name not in known:
-                raise CommandError(f"no actuator {name!r} in scene {scene.name!r}; actuators: {', '.join(known)}")
-        if not (self.names and targets):
-            raise CommandError("inverse control needs an actuator and a target")
-        self.targets = tuple(each if isinstance(each, Target) else Target(probe=each) for each in targets)
-        for target in self.targets:
-            if target.probe not in scene.probes:
-                raise CommandError(f"no probe {target.probe!r}; probes: {', '.join(scene.probes) or 'none'}")
-        self.simulation, self.tolerance = simulation, tolerance
-        chosen = [known[name] for name in self.names]
-        pulls = [isinstance(each, Cable) and each.mode is Mode.TENSION for each in chosen]
-        lows = [max(each.low, 0.0) if pull else each.low for each, pull in zip(chosen, pulls, strict=True)]
-        self._low = np.array(lows)
-        self._high = np.array([each.high for each in chosen])
-        self._rates = np.array([each.rate for each in chosen])
-        self._trust = TRUST * scene.mesh.size
+        _require_equilibria(scene)
+        _require_positive("the tolerance of inverse control", tolerance, "m")
+        self._stack = Stack(simulation, targets, tolerance)
+        self.names = tuple(simulation.actuator_names if actuators is None else actuators)
+        self._limits = Limits.of_scene(scene, self.names)
+        self.simulation, self._trust = simulation, 1.0
+        self._jacobian = KeptJacobian(self._exact)
+
+    @property
+    def targets(self) -> tuple[Aim, ...]:
+        """The targets (t,)."""
+        return self._stack.targets
 
     def reach(self, goals: ArrayLike) -> Reach:
         """Bring the probes to their goals, or as near as they get, whatever time that takes.
@@ -137,118 +106,119 @@ class InverseControl:
         Where goals are out of reach, the commands are those of the nearest point, and the message says so.
 
         Args:
-            goals: (t, 3) [m], one row for each target.
+            goals: (t, 3), one row for each target in its unit.
 
         Raises:
             CommandError: their shape is another, or a value is not finite; the state is unchanged.
+            GdfeError: a state on the way has no derivative, as at a saddle; the state is unchanged.
         """
-        wanted, tries, stuck = self._checked(goals), 0, False
-        if not self.simulation.settled:
-            self.simulation.step()
-        error = self._errors(wanted)
-        while tries < MOST_TRIES and not stuck and self._far(error):
-            moved, error, spent = self._nearer(wanted, error, np.full(len(self.names), np.inf))
-            tries, stuck = tries + spent, not moved
+        wanted, tries, stuck = self._stack.checked(goals), 0, False
+        with self._all_or_nothing():
+            error = self._errors(wanted)
+            while tries < MOST_TRIES and not stuck and not self._stack.reached(error):
+                moved, error, spent = self._nearer(wanted)
+                tries, stuck = tries + spent, not moved
         return self._told(error, tries)
 
     def move(self, goals: ArrayLike, dt: float) -> Reach:
         """Make one change of the commands towards the goals, as far as rates allow in ``dt`` [s]: a step of a loop.
 
         Args:
-            goals: (t, 3) [m], one row for each target.
+            goals: (t, 3), one row for each target in its unit.
             dt: time of the step [s].
 
         Raises:
             CommandError: goals or time are not allowed; the state is unchanged.
+            GdfeError: the present state has no derivative; the state is unchanged.
         """
-        wanted = self._checked(goals)
-        if not 0.0 < dt < np.inf:
-            raise CommandError(f"a move takes a positive time [s], got {dt!r}")
-        if not self.simulation.settled:
-            self.simulation.step()
-        error, tries = self._errors(wanted), 0
-        if self._far(error):
-            _, error, tries = self._nearer(wanted, error, self._rates * dt, dt=dt)
+        wanted, tries = self._stack.checked(goals), 0
+        _require_positive("the time of a move", dt, "s")
+        with self._all_or_nothing():
+            error = self._errors(wanted)
+            if not self._stack.reached(error):
+                _, error, tries = self._nearer(wanted, dt)
         return self._told(error, tries)
 
-    def _nearer(self, wanted: Array, error: Array, reach: Array, dt: float | None = None) -> tuple[bool, Array, int]:
-        """Change the commands once; return whether that led nearer, the errors then, and how often it was tried."""
-        here, tries = self.simulation.snapshot(), 0
-        now = np.array([self.simulation.commands[name] for name in self.names])
-        rows = self._rows()
-        low, high = np.maximum(self._low - now, -reach), np.minimum(self._high - now, reach)
+    @contextmanager
+    def _all_or_nothing(self) -> Iterator[None]:
+        """Begin at an equilibrium, and come back to the state before where an error ends what is done."""
+        before = self.simulation.snapshot()
+        try:
+            if not self.simulation.settled:
+                self.simulation.step()
+            yield
+        except GdfeError:
+            self.simulation.restore(before)
+            raise
+
+    def _nearer(self, wanted: Array, dt: float | None = None) -> tuple[bool, Array, int]:
+        """Change the commands once; return whether that led nearer, the errors then, and how often it was tried.
+
+        The change takes ``dt`` [s]; None: as long as rates want.
+        """
+        stack, now, error, tries = self._stack, self._now(), self._errors(wanted), 0
+        here, rows = self.simulation.snapshot(), self._jacobian.at(now, stack.values())
+        length, way = float(np.linalg.norm(error)), stack.length(wanted, error)
         while tries < MOST_TRIES:
-            tries += 1
-            length = float(np.linalg.norm(error))
-            goal = error * min(1.0, self._trust / length)
-            change = least_squares(rows, goal, low, high, least=LEAST)
+            tries, share = tries + 1, min(1.0, self._trust / way)
+            change = least_squares(rows, share * error, *self._limits.room(now, dt), least=LEAST)
             gain = length - float(np.linalg.norm(error - rows @ change))
-            if np.linalg.norm(rows @ change) < STANDSTILL * self.tolerance or gain < FAINT * self.tolerance:
+            worth = np.linalg.norm(rows @ change) >= STANDSTILL and gain >= FAINT
+            if worth and self._went(now, change, dt):
+                after = self._errors(wanted)
+                if length - float(np.linalg.norm(after)) > ENOUGH * gain:
+                    self._trust = min(1.0, LONGER * self._trust)
+                    self._jacobian.learn(error - after, self._now(), stack.values())
+                    return True, after, tries
+            if worth:
+                self.simulation.restore(here)
+            if not self._jacobian.fresh:
+                self._jacobian.forget()
+                moved, error, spent = self._nearer(wanted, dt)
+                return moved, error, tries + spent
+            self._trust = SHORTER * min(self._trust, way)
+            if not worth or self._trust * length < way:
                 break
-            values = self._ranged(now + change, ROUNDING * np.abs(change)).tolist()
-            result = self.simulation.step(Command(actuators=dict(zip(self.names, values, strict=True))), dt=dt)
-            after = self._errors(wanted)
-            if result.converged and length - float(np.linalg.norm(after)) > 0.25 * gain:
-                self._trust = min(TRUST * self.simulation.mesh.size, LONGER * self._trust)
-                return True, after, tries
-            self.simulation.restore(here)
-            self._trust = SHORTER * min(self._trust, length)
-            if self._trust < self.tolerance:
-                break
-        self._trust = TRUST * self.simulation.mesh.size
+        self._trust = 1.0
         return False, error, tries
 
-    def _ranged(self, commands: Array, rounding: Array) -> Array:
-        """Return commands (n,) within their ranges, and at an end of one where only rounding (n,) keeps them off it."""
-        commands = np.where(np.abs(commands - self._low) <= rounding, self._low, commands)
-        commands = np.where(np.abs(commands - self._high) <= rounding, self._high, commands)
-        return np.clip(commands, self._low, self._high)
+    def _went(self, now: Array, change: Array, dt: float | None) -> bool:
+        """Step to commands after a change (n,); tell whether an equilibrium was found."""
+        commands = dict(zip(self.names, self._limits.changed(now, change).tolist(), strict=True))
+        time = self._limits.time(change) if dt is None else dt
+        return self.simulation.step(Command(actuators=commands), dt=time).converged
 
-    def _checked(self, goals: ArrayLike) -> Array:
-        wanted = np.asarray(goals, dtype=np.float64)
-        if wanted.shape != (len(self.targets), 3) or not np.isfinite(wanted).all():
-            raise CommandError(f"goals must be finite and of shape {(len(self.targets), 3)}, got {wanted.tolist()}")
-        return wanted
+    def _now(self) -> Array:
+        """Return the commands (n,) in force; rates may have kept others back."""
+        states = self.simulation.actuator_states()
+        return np.array([states[name].command for name in self.names])
 
     def _errors(self, wanted: Array) -> Array:
-        """Return how far targets are from their goals along their axes, times the roots of their weights."""
-        places = self.simulation.probe_positions()
-        parts = []
-        for target, goal in zip(self.targets, wanted, strict=True):
-            axes = list(target.axes)
-            parts.append(np.sqrt(target.weight) * (goal - places[target.probe])[axes])
-        return np.concatenate(parts)
+        """Return how far targets are from their goals (t, 3), as `Stack` counts."""
+        return self._stack.errors(wanted, {})
 
-    def _rows(self) -> Array:
-        """Return the Jacobian in the same rows."""
-        found = self.simulation.jacobian([target.probe for target in self.targets], self.names)
-        parts = [
-            np.sqrt(target.weight) * each[list(target.axes)] for target, each in zip(self.targets, found, strict=True)
-        ]
-        return np.concatenate(parts)
-
-    def _distances(self, error: Array) -> Array:
-        ends = np.cumsum([len(target.axes) for target in self.targets])[:-1]
-        parts = zip(self.targets, np.split(error, ends), strict=True)
-        return np.array([np.linalg.norm(part) / np.sqrt(target.weight) for target, part in parts])
-
-    def _far(self, error: Array) -> bool:
-        return bool((self._distances(error) > self.tolerance).any())
+    def _exact(self) -> Array:
+        """Return the exact Jacobian, as `Stack` counts."""
+        return self._stack.jacobian(self.names)
 
     def _told(self, error: Array, tries: int) -> Reach:
-        distances, commands = self._distances(error), {name: self.simulation.commands[name] for name in self.names}
-        reached, message = bool((distances <= self.tolerance).all()), ""
-        if not reached:
-            ends = [
-                name
-                for name, low, high in zip(self.names, self._low, self._high, strict=True)
-                if not low < commands[name] < high
-            ]
-            far = ", ".join(
-                f"{target.probe} {distance:.3g} m"
-                for target, distance in zip(self.targets, distances, strict=True)
-                if distance > self.tolerance
-            )
-            message = f"nearest point so far, from the goal: {far}"
-            message += f"; at the end of their range: {', '.join(ends)}" if ends else ""
-        return Reach(commands=commands, distances=distances, reached=reached, message=message, tries=tries)
+        now = self._now()
+        return Reach(
+            commands=dict(zip(self.names, now.tolist(), strict=True)),
+            distances=self._stack.distances(error),
+            reached=self._stack.reached(error),
+            message=self._stack.message(error, self._limits.ended(now)),
+            tries=tries,
+        )
+
+
+def _require_equilibria(scene: Scene) -> None:
+    """Refuse a scene in motion."""
+    if scene.dynamics is not None:
+        raise CommandError("inverse control goes from equilibrium to equilibrium; remedy: a scene without dynamics")
+
+
+def _require_positive(what: str, value: float, unit: str) -> None:
+    """Refuse a value that is not a positive, finite number."""
+    if not 0.0 < value < np.inf:
+        raise CommandError(f"{what} must be positive and finite [{unit}], got {value!r}")

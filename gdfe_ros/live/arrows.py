@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Forces as arrows in the picture."""
+"""Forces as arrows in the 3-D view."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import viser
 from numpy.typing import NDArray
 
 _LONGEST = 0.35
-"""Of the body's size: the arrow of the largest force so far."""
+"""Length of the arrow of the largest force so far, over the body's size."""
 _LEAST_SHARE = 0.01
-"""Of the largest force so far: smaller ones have no arrow."""
+"""Share of the largest force so far below which a force has no arrow."""
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.008, 0.022, 0.05
-"""Of the body's size: radii and length."""
+"""Radii and length of the parts of an arrow, over the body's size."""
 
 
 class Arrows:
-    """Arrows that end where a force acts; their length is to the largest force so far.
+    """Arrows that end at the points of action of forces; their length is relative to the largest force so far.
 
     Args:
         space: of the page.
-        group: name of the node that they hang on.
+        group: name of the parent scene node.
         colours: red, green and blue of each kind, 0 to 255.
-        size: of the body in the units of the picture.
-        thin: over the usual thickness.
+        size: of the body in the units of the view.
+        thin: thickness over the usual one.
 
     Attributes:
         largest: the largest force so far [N].
@@ -55,7 +55,7 @@ class Arrows:
         }
 
     def draw(self, forces: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]) -> None:
-        """Draw the forces of each kind: where they end (k, 3) in the units of the picture, and what they are [N]."""
+        """Draw the forces of each kind: end points (k, 3) in the units of the view, and values [N]."""
         sizes = {kind: np.linalg.norm(vectors, axis=1) for kind, (_, vectors) in forces.items()}
         self.largest = max(self.largest, *(float(each.max(initial=0.0)) for each in sizes.values()))
         for kind, (ends, vectors) in forces.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag of a live session: what the node would record of it, written without ROS; `gdfe replay` makes it again."""
+"""Bag of a live session, with the same contents as the node's but without ROS; `gdfe replay` repeats it."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _FRAME = "base_link"
 
 
 class LiveBag:
-    """Records steps under the node's names of topics; used by the stepping thread.
+    """Records steps under the node's topic names; used by the stepping thread.
 
     Args:
         path: directory of the bag, which must not exist or be empty.
-        simulation: that is stepped, the same one as long as the bag is written.
-        state: that the first step starts from; None: rest.
+        simulation: the stepped simulation, the same one as long as the bag is written.
+        state: initial state of the first step; None: rest.
         dt: simulation time of a step [s], for the bag.
 
     Raises:
-        RecordingError: the bag cannot be begun.
+        RecordingError: the bag cannot be created.
     """
 
     def __init__(self, path: Path, simulation: Simulation, *, state: bytes | None, dt: float) -> None:
@@ -59,7 +59,7 @@ class LiveBag:
         return self._recorder.path
 
     def write(self, step: Step) -> None:
-        """Record a step that the simulation has just made; a full disk stops the recording, not the steps."""
+        """Record the last step of the simulation; a full disk stops the recording, not the steps."""
         if self._recorder.error is not None:
             return
         made = self._publication.values(step.result, step.record, self._specs)
@@ -73,14 +73,14 @@ class LiveBag:
             self._recorder.record(_full(role), data, step.log_time)
 
     def close(self) -> str:
-        """Complete the bag and say how it went."""
+        """Complete the bag and return a summary."""
         status = self._recorder.close()
         text = f"bag {self.path}: {status.written} messages, {status.dropped_total} dropped"
         return f"{text}; {status.error}; nothing later is in the bag" if status.error else text
 
     @staticmethod
     def _frame(role: str) -> str:
-        """Name the frame that a message is given in, as the node does."""
+        """Return the frame of a message, as in the node."""
         section, _, rest = role.partition("/")
         name, _, what = rest.partition("/")
         if section in topics.MOVED:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fields that colour the body, and the range of their colours."""
+"""Fields that colour the body, and their colour range."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from gdfe_ros.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Field:
-    """What a colour means.
+    """A field that colours the body.
 
     Attributes:
-        label: for people, with the unit.
-        values: gives the field at the points of the surface (k,) after a step.
-        noise: range in the unit of the field that gets one colour.
+        label: for users, with the unit.
+        values: returns the field at the points of the surface (k,) after a step.
+        noise: width of a range, in the unit of the field, below which the body has one colour.
     """
 
     label: str
@@ -31,7 +31,7 @@ class Field:
 
 
 def fields_of(scene: Scene) -> dict[str, Field]:
-    """Name the fields of a scene by label; those of the cells are averaged at the vertices."""
+    """Return the fields of a scene by label; those of the cells are averaged at the vertices."""
 
     def of_cells(label: str, name: str) -> Field:
         return Field(label, lambda view, surface: surface.at_vertices(view.fields()[name]))
@@ -54,18 +54,18 @@ def fields_of(scene: Scene) -> dict[str, Field]:
 
 
 class Range:
-    """From the least to the largest value shown; held, it stays as it is.
+    """Colour range from the least to the largest value drawn; constant while it is held.
 
     Attributes:
-        low, high: bounds, of the values shown last where it is not held.
-        held: whether later values leave it as it is.
+        low, high: bounds; unless held, those of the values drawn last.
+        held: whether the bounds stay constant.
     """
 
     def __init__(self) -> None:
         self.low, self.high, self.held = 0.0, 0.0, False
 
     def shares(self, values: NDArray[np.float64], *, noise: float = NOISE) -> NDArray[np.float64]:
-        """Give the places of values (k,) in the range, 0 to 1; a range that is not held is at least ``noise`` wide."""
+        """Return values (k,) relative to the range, 0 to 1; a range that is not held is at least ``noise`` wide."""
         if not self.held:
             self.low, self.high = colour_range(float(values.min()), float(values.max()), noise=noise)
         span = self.high - self.low
@@ -73,7 +73,7 @@ class Range:
 
 
 def legend(label: str, bounds: Range) -> str:
-    """Draw a bar of the colours with its numbers, as HTML."""
+    """Return a colour bar with its numbers, as HTML."""
     stops = ",".join("rgb({:.0f},{:.0f},{:.0f})".format(*(255 * stop)) for stop in VIRIDIS)
     numbers = "".join(f"<span>{value:.3g}</span>" for value in np.linspace(bounds.low, bounds.high, 5))
     return (

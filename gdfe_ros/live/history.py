@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is told of each step in numbers, kept for plots and traces."""
+"""Numbers of the last steps, kept for plots and traces."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from gdfe_ros.live.view import View
 from gdfe_ros.scene.scene import Scene
 
 _LENGTH = 4096
-"""Steps that are kept."""
+"""Number of steps that are kept."""
 _AXES = ("x", "y", "z")
 
 
 class History:
-    """The last steps in numbers; written by the stepping thread, read by another.
+    """Numbers of the last steps; written by the stepping thread, read by another.
 
     Args:
-        scene: that is simulated.
+        scene: of the simulation.
 
     Attributes:
-        curves: names of the curves of each plot, by what it shows and in which unit.
+        curves: names of the curves of each plot, by its quantity and unit.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -34,7 +34,7 @@ class History:
         self._count = 0
 
     def add(self, view: View) -> None:
-        """Keep a step; one at an earlier time than the last, after a reset, begins anew."""
+        """Add a step; one at an earlier time than the last, after a reset, clears the history first."""
         groups = list(self._groups(view))
         row = np.array([view.record.time, *(value for _, values in groups for value in values.values())])
         with self._lock:
@@ -47,7 +47,7 @@ class History:
             self._count += 1
 
     def table(self, plot: str, *, most: int = 600) -> NDArray[np.float64]:
-        """Give time [s] and the curves of a plot in rows (1 + c, k), thinned out to at most so many steps."""
+        """Return time [s] and the curves of a plot in rows (1 + c, k), thinned out to at most ``most`` steps."""
         with self._lock:
             names = list(self.curves)
             first = 1 + sum(len(self.curves[name]) for name in names[: names.index(plot)])

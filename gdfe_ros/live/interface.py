@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a page asks of a run: of a simulation in this process, or of a node somewhere else."""
+"""Interface of a run to a page: a simulation in this process, or a node in another."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gdfe_ros.scene.scene import Scene
 
 
 class Ability(str, Enum):
-    """What can be asked of a run beside commands; there is a button for each."""
+    """Request to a run besides commands; there is a button for each."""
 
     PLAY = "play the program"
     PAUSE = "pause"
@@ -25,11 +25,11 @@ class Ability(str, Enum):
 
 
 class Session(Protocol):
-    """A run that is shown and commanded.
+    """A run that is drawn and commanded.
 
     Attributes:
-        abilities: what can be asked of it; nothing else is.
-        failure: why it ended by itself, or None.
+        abilities: the supported requests.
+        failure: reason for an end that was not requested, or None.
     """
 
     abilities: frozenset[Ability]
@@ -37,50 +37,50 @@ class Session(Protocol):
 
     @property
     def title(self) -> str:
-        """What is shown."""
+        """Title of the page."""
 
     @property
     def scene(self) -> Scene:
-        """The scene that is simulated."""
+        """The scene of the simulation."""
 
     @property
     def commands(self) -> Mapping[str, float]:
-        """Commands in force of actuators and loads; without those that are not known."""
+        """Present commands of actuators and loads, except unknown ones."""
 
     @property
     def targets(self) -> Mapping[str, Pose]:
-        """Targets in force of handles and obstacles, relative to rest."""
+        """Present targets of handles and obstacles, relative to rest."""
 
     @property
     def moduli(self) -> Mapping[str, float]:
-        """Young's moduli in force [Pa] by material; without those that cannot be changed."""
+        """Present Young's moduli [Pa] by material, except those that cannot be changed."""
 
     @property
     def paused(self) -> bool:
-        """Whether only `ask` for a step makes one."""
+        """Whether only the request of a step makes one."""
 
     @property
     def recording(self) -> str | None:
-        """The bag that is written, or None."""
+        """Path of the bag that is being written, or None."""
 
     def watch(self, wanted: bool) -> None:
-        """Take note of whether anybody looks."""
+        """Record whether there are viewers."""
 
     def doing(self) -> tuple[str, bool]:
-        """Say what it does and whether that is bad; nothing where the last steps tell it."""
+        """Return a text about its activity and whether it is a problem; empty if the last steps show it."""
 
     def command(self, name: str, order: Order) -> None:
-        """Give an order to the next step.
+        """Queue an order for the next step.
 
         Raises:
             GdfeError: it cannot be carried out.
         """
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Do what a button asks for, but for moduli; where it pauses or records already, the opposite.
+        """Carry out the request of a button, except for moduli; if it is paused or recording already, the opposite.
 
-        The answer is a text for the user, or raises a GdfeError; None where the page shows what was done.
+        The answer is a text for the user, or raises a GdfeError; None if the page shows the effect.
         """
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[Any]:
-        """Give materials other Young's moduli [Pa]; with the ability only. The answer may raise a GdfeError."""
+        """Set Young's moduli [Pa] of materials, if that is among the abilities. The answer may raise a GdfeError."""

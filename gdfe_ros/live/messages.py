@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serialised messages of ROS 2 Jazzy made of arrays, by rosbags: no ROS has to be there."""
+"""Serialised messages of ROS 2 Jazzy from arrays, by rosbags, without ROS."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.recording.topic import TopicInfo
 
 _DATATYPES = {"f4": 7, "i4": 5}
-"""Of ``sensor_msgs/msg/PointField``."""
+"""Codes of ``sensor_msgs/msg/PointField``."""
 _CLOUD, _JOINTS, _TEXT = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/JointState", "std_msgs/msg/String"
 
 
 class Messages:
-    """Makes messages, and says of what type they are.
+    """Makes serialised messages and describes their types.
 
     Args:
         joints: names in a JointState.
@@ -29,7 +29,7 @@ class Messages:
         self._store, self._joints = get_typestore(Stores.ROS2_JAZZY), list(joints)
 
     def topic(self, name: str, kind: str, role: str) -> TopicInfo:
-        """Describe a topic for a bag, with the definition and the hash of its type."""
+        """Return the description of a topic for a bag, with the definition and the hash of its type."""
         text, _ = self._store.generate_msgdef(kind, ros_version=2)
         digest = self._store.hash_rihs01(kind)
         return TopicInfo(name=name, type=kind, definition=text, type_hash=digest, role=role)
@@ -39,7 +39,7 @@ class Messages:
         return self._bytes(self._store.types[_TEXT](data), _TEXT)
 
     def pack(self, kind: str, values: Values, stamp: int, frame_id: str) -> bytes:
-        """Serialise a message with a header.
+        """Return a serialised message with a header.
 
         Args:
             kind: type of the message.
@@ -80,7 +80,7 @@ class Messages:
         return bytes(self._store.serialize_cdr(message, kind))
 
     def _empty(self, kind: str) -> Any:
-        """Make a message of zeros, empty texts and empty sequences."""
+        """Return a message of zeros, empty texts and empty sequences."""
         _, fields = self._store.fielddefs[kind]
         return self._store.types[kind](**{name: self._zero(*what) for name, what in fields})
 

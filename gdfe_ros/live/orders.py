@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a viewer may ask of a step, checked where it is asked: a step that is being made cannot be refused any more."""
+"""Checks of viewers' orders at their entry, because a step in progress cannot be refused any more."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 
 def require_order(name: str, order: Order, size: float) -> None:
-    """Check that an order of ``name`` can be carried out by a body of this size [m].
+    """Raise an error unless a body of this size [m] can carry out an order of ``name``.
 
     Raises:
         Refusal: a number of it is not finite, or it leads too far away.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: a server that browsers look at, and the thread that draws finished steps at most so many times a second."""
+"""The page: a server for browsers, and the thread that draws finished steps at a limited frame rate."""
 
 from __future__ import annotations
 
@@ -31,32 +31,33 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.threads import VIEWER, show_name
 
 _SLOWLY = 0.2
-"""Interval of numbers, plots, traces and sliders [s]; only the body and its marks come with every frame."""
+"""Update interval of numbers, plots, traces and sliders [s]; only the body and its markers are updated in every
+frame."""
 _BUILT = "the body is being built"
 _PLAIN = "none"
 _PORTS = 65536
 _LONGEST_NOTE = 300
-"""Most characters of a text that is shown to viewers."""
+"""Limit of characters of a text for viewers."""
 
 
 class Page:
-    """Shows a session to browsers and lets them command it.
+    """Draws a session in browsers and lets viewers command it.
 
-    The solver never waits for it: the drawing thread takes the last finished step, and viewers that fall behind are
-    sent what is newest once they can take it.
+    The solver never waits for it: the drawing thread takes the last finished step, and slow viewers receive the newest
+    frame when they are ready.
 
     Args:
-        host: address to listen at, e.g. ``127.0.0.1``.
-        port: the first one to try; where it is taken, the next ones.
-        frames: most frames a second.
+        host: address of the server, e.g. ``127.0.0.1``.
+        port: first port to try; if it is in use, the next ones are tried.
+        frames: most frames per second.
 
     Raises:
         GdfeError: the host is no address of this machine, or no port is free.
 
     Attributes:
-        port: that is listened at.
+        port: of the server.
         drawn: frames drawn so far.
-        failure: why the drawing ended by itself, or None.
+        failure: reason for an end of the drawing that was not requested, or None.
     """
 
     def __init__(self, *, host: str, port: int, frames: float) -> None:
@@ -64,7 +65,7 @@ class Page:
         self._interval, self.drawn = 1.0 / frames, 0
         self.failure: Exception | None = None
         port = _free_port(host, port)
-        with contextlib.redirect_stdout(io.StringIO()):  # its own words on addresses; the command has said so
+        with contextlib.redirect_stdout(io.StringIO()):  # the command prints the address
             self._server = viser.ViserServer(host=host, port=port, verbose=False)
         self.port = self._server.get_port()
         self._changed, self._ending = threading.Event(), threading.Event()
@@ -78,11 +79,11 @@ class Page:
 
     @property
     def viewers(self) -> int:
-        """Number of browsers that look."""
+        """Number of connected browsers."""
         return len(self._server.get_clients())
 
     def lay_out(self, scene: Scene, title: str) -> None:
-        """Show the body of a scene at rest, while its run is still being built."""
+        """Draw the body of a scene at rest, while its run is still being built."""
         gui = self._server.gui
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         gui.set_panel_label(f"gdfe live: {title}")
@@ -100,7 +101,7 @@ class Page:
             self._look_again()
 
     def show(self, session: Session) -> None:
-        """Let a session be seen and commanded, and begin to draw what it tells to `take`."""
+        """Connect a session, and begin to draw the steps that it passes to `take`."""
         if self._stage is None:
             self.lay_out(session.scene, session.title)
         gui = self._server.gui
@@ -113,7 +114,7 @@ class Page:
         self._thread.start()
 
     def take(self, view: View) -> None:
-        """Take a step, in the thread that makes or hears it; it is drawn when the next frame is due."""
+        """Store a step, in the thread that makes or receives it; it is drawn with the next frame."""
         self._history.add(view)
         self._status.add(view)
         self._view = view
@@ -135,7 +136,7 @@ class Page:
             self._server.stop()
 
     def _add_looks(self) -> None:
-        """Add what decides how the body is drawn."""
+        """Add the controls for the appearance of the body."""
         gui = self._server.gui
         with gui.add_folder("Look", expand_by_default=False):
             self._colour = gui.add_dropdown("colour", (*self._fields, _PLAIN))
@@ -167,7 +168,7 @@ class Page:
             self._guarded(lambda: self._session.command(name, order))
 
     def _look_again(self) -> None:
-        """Have the present step drawn again."""
+        """Request a new drawing of the present step."""
         self._again = True
         self._changed.set()
 
@@ -186,7 +187,7 @@ class Page:
             self.say(f"the drawing ended: {error!r}")
 
     def _show_steps(self) -> None:
-        """Draw what is new, until the end."""
+        """Draw new steps until the end."""
         slow = due = 0.0
         while not self._ending.is_set():
             self._changed.wait(_SLOWLY)
@@ -199,18 +200,18 @@ class Page:
             if view is not None and (view is not self._seen or again):
                 self._seen, self._again = view, False
                 self._draw(view)
-                self._ending.wait(self._interval / 2)  # until it has been read
+                self._ending.wait(self._interval / 2)  # until the browser has read it
                 self._stage.turn()
                 self._server.flush()
                 self.drawn += 1
             if started - slow >= _SLOWLY:
                 slow = started
                 self._refresh(view)
-            due = max(due + self._interval, started)  # what it waited for a step is caught up with
+            due = max(due + self._interval, started)  # makes up for the time that it waited for a step
             self._ending.wait(max(0.0, due - monotonic()))
 
     def _draw(self, view: View) -> None:
-        """Send a frame, at once: viser would keep it back for a sixtieth of a second, for others to join it."""
+        """Send a frame at once: viser would delay it by a sixtieth of a second to join it with others."""
         shares = None
         if self._colour.value != _PLAIN:
             field = self._fields[self._colour.value]
@@ -221,7 +222,7 @@ class Page:
         self._server.flush()
 
     def _refresh(self, view: View | None) -> None:
-        """Send what need not come with every frame; before the first step that is little."""
+        """Send the parts that are not updated in every frame; few of them before the first step."""
         with self._server.atomic():
             self._panel.refresh(self._session.commands)
             self._state.content = self._status.text(view, largest=self._stage.largest(), viewers=self.viewers)
@@ -234,7 +235,7 @@ class Page:
 
 
 def _free_port(host: str, first: int) -> int:
-    """Give the first port that is free.
+    """Return the first free port.
 
     Raises:
         GdfeError: the host is no address of this machine, or no port is free.
@@ -251,7 +252,7 @@ def _free_port(host: str, first: int) -> int:
 
 
 def _shorten_complaints() -> None:
-    """Have what comes over the socket and is no viewer's told in one line, without the traceback of a library."""
+    """Log invalid connections in one line, without the traceback of a library."""
     for name in ("websockets.server", "asyncio"):
         logger = logging.getLogger(name)
         if not any(isinstance(each, _OneLine) for each in logger.filters):
@@ -259,14 +260,14 @@ def _shorten_complaints() -> None:
 
 
 class _OneLine(logging.Filter):
-    """Puts an exception's own words in the place of its traceback, and says each text once in five seconds."""
+    """Replaces an exception's traceback by its message, and passes each text once in five seconds."""
 
     def __init__(self) -> None:
         super().__init__()
         self._throttle = Throttle()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Shorten a record; False where the same was said just now."""
+        """Shorten a record; return False if the same one was logged recently."""
         error = record.exc_info[1] if record.exc_info else None
         text = record.getMessage().partition("\n")[0] + (f": {error!r}" if error else "")
         record.msg, record.args = f"gdfe live: {text[:_LONGEST_NOTE]}", ()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be pressed, slid and typed: one control for each actuator, load and modulus, and the buttons of the run."""
+"""Controls of a run: one for each actuator, load and modulus, and buttons."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
 
 _TOUCHED = 1.0
-"""Time after a move during which a slider is the user's [s]; then it shows the command in force."""
+"""Time after a move during which a slider keeps the user's value [s]; then it shows the present command."""
 _LARGEST_FACTOR = 2.0
-"""At the right end of a load's slider."""
+"""Value at the right end of a load's slider."""
 _STEPS = 1000
-"""Between the ends of a slider."""
+"""Number of steps of a slider."""
 
 
 class Panel:
-    """The controls of a run; what viewers do to them goes through the session's inbox.
+    """The controls of a run; viewers' actions are passed to the session's inbox.
 
     Args:
         gui: of the page.
         session: that is commanded.
         say: shows a text to every viewer.
-        guarded: wraps what may raise a GdfeError, which is then shown.
+        guarded: wraps an action that may raise a GdfeError, which is then shown.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Panel:
         self._add_moduli()
 
     def refresh(self, commands: Mapping[str, float]) -> None:
-        """Show the commands in force, and what the buttons would do."""
+        """Show the present commands and the effects of the buttons."""
         for name, slider in self._sliders.items():
             slider.show(commands.get(name))
         self._show_moduli()
@@ -76,7 +76,7 @@ class Panel:
             self._guarded(lambda: self._await(action()))
 
     def _await(self, answer: Future[Any] | None) -> None:
-        """Tell viewers what is answered, once it is."""
+        """Show an answer to viewers once it is complete."""
 
         def tell(done: Future[Any]) -> None:
             if text := done.result():
@@ -94,7 +94,7 @@ class Panel:
         self._add_input(actuator.name, label, actuator.low, actuator.high)
 
     def _add_input(self, name: str, label: str, low: float, high: float) -> None:
-        """Add a slider from end to end or, where a range has none, a number."""
+        """Add a slider over the range, or a number field for an unbounded range."""
         start = self._session.commands.get(name, min(max(0.0, low), high))
         if math.isfinite(high - low):
             step = (high - low) / _STEPS
@@ -108,13 +108,13 @@ class Panel:
 
         @control.on_update
         async def _(event: viser.GuiEvent) -> None:
-            if event.client is None:  # `refresh` has shown a command, nobody gave one
+            if event.client is None:  # set by `refresh`, not by a viewer
                 return
             slider.touched = monotonic()
             self._guarded(lambda: self._session.command(name, ActuatorOrder({name: float(control.value)})))
 
     def _add_moduli(self) -> None:
-        """Add a number for each modulus, and the button that has the body take them."""
+        """Add a number field for each modulus, and the button that applies them."""
         if not self._moduli or Ability.MODULI not in self._session.abilities:
             return
         with self._gui.add_folder("Young's moduli", expand_by_default=False):
@@ -125,7 +125,7 @@ class Panel:
             self._add_button(Ability.MODULI, self._change_moduli)
 
     def _show_moduli(self) -> None:
-        """Show moduli that have changed since they were shown; what a viewer has typed stays until then."""
+        """Show moduli that have changed since they were shown; values typed by a viewer stay until then."""
         present = self._session.moduli
         for name, number in self._numbers.items():
             if present[name] != self._moduli[name]:
@@ -145,9 +145,9 @@ class _Slider:
     """A control of a command.
 
     Attributes:
-        control: of viser.
-        label: of it.
-        touched: when a viewer moved it last (monotonic) [s].
+        control: element of viser's page.
+        label: text of the control.
+        touched: time of the last move by a viewer (monotonic) [s].
     """
 
     control: Any
@@ -155,12 +155,12 @@ class _Slider:
     touched: float = field(default=-math.inf)
 
     def show(self, value: float | None) -> None:
-        """Show a command in force, where no viewer is at it; None: it is not known."""
+        """Show a present command, unless a viewer is using the slider; None: it is unknown."""
         self.control.label = self.label if value is not None else f"{self.label}, not known"
         if value is None or monotonic() - self.touched <= _TOUCHED:
             return
         if isinstance(self.control, viser.GuiSliderHandle):
-            # Somebody else may command a load by a factor beyond its ends.
+            # Another client may command a load factor beyond the slider's ends.
             if value < self.control.min:
                 self.control.min = value
             if value > self.control.max:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quantities over time, chosen from a list."""
+"""Plots of selected quantities over time."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Plots:
 
     Args:
         gui: of the page.
-        history: of the run; what can be plotted is known after the first step.
-        below: panel that the plots are docked below.
+        history: of the run; the quantities are known after the first step.
+        below: panel below which the plots are docked.
     """
 
     def __init__(self, gui: viser.GuiApi, history: History, *, below: viser.PanelHandle) -> None:
@@ -28,7 +28,7 @@ class Plots:
         self._plots: list[_Plot] = []
 
     def refresh(self) -> None:
-        """Draw what is chosen."""
+        """Draw the selected quantities."""
         if not self._plots and self._history.curves:
             names = list(self._history.curves)
             with self._tab:
@@ -38,12 +38,12 @@ class Plots:
 
 
 class _Plot:
-    """A list to choose from, and the curves of what was chosen.
+    """A list of quantities, and the curves of the selected one.
 
     Args:
         gui: of the page, in the context of the plot's container.
         history: of the run.
-        name: what is shown at first.
+        name: initial selection.
     """
 
     def __init__(self, gui: viser.GuiApi, history: History, name: str) -> None:
@@ -54,7 +54,7 @@ class _Plot:
         self._chart: viser.GuiUplotHandle | None = None
 
     def refresh(self) -> None:
-        """Draw the present curves; another choice makes another chart."""
+        """Draw the present curves; another selection makes another chart."""
         name = self._choice.value
         table = tuple(self._history.table(name))
         if name == self._drawn:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene's program as one more commander: orders for the step that comes next."""
+"""Playback of the scene's program: orders for the next step."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from gdfe_ros.scene.program import Program
 
 
 def pose_order(handle: str, pose: Pose) -> PoseOrder:
-    """Command a handle to a pose relative to its rest."""
+    """Return the order that moves a handle to a pose relative to its rest."""
     quaternion = tuple(Rotation.from_rotvec(pose.rotation).as_quat().tolist())
     return PoseOrder(handle, pose.translation, quaternion)
 
 
 class Programme:
-    """Plays a program from a moment of the simulation on; what somebody else commands meanwhile leaves it.
+    """Plays a program from a given simulation time on, except for the names that others command meanwhile.
 
-    Another thread may call `leave` while this one calls `give`. Once `leave` returns, no order for those names comes.
+    Another thread may call `leave` while this one calls `give`. Once `leave` returns, no more orders for those names
+    follow.
 
     Args:
         program: of the scene.
@@ -43,16 +44,16 @@ class Programme:
         return self._program.duration
 
     def leave(self, names: Iterable[str]) -> None:
-        """Leave handles, actuators and loads to somebody else."""
+        """Stop commanding handles, actuators and loads, which others command now."""
         with self._giving:
             self._left.update(names)
 
     def over(self, time: float) -> bool:
-        """Tell whether nothing is left to command after a simulation time [s]."""
+        """Return whether the program has ended at a simulation time [s]."""
         return time - self.start >= self._program.duration
 
     def give(self, time: float, send: Callable[[str, Order], None]) -> None:
-        """Send what is commanded to a step that ends at a simulation time [s], by input."""
+        """Send the orders for a step that ends at a simulation time [s], by input."""
         with self._giving:
             for name, order in self._orders(time):
                 send(name, order)

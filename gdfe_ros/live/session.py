@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation that runs while it is looked at: stepped in a thread of its own, commanded through one inbox."""
+"""A simulation that runs while it is shown: stepped in a separate thread, commanded through one inbox."""
 
 from __future__ import annotations
 
@@ -32,39 +32,40 @@ if TYPE_CHECKING:
     from gdfe_ros.live.bag import LiveBag
 
 _LONG = 0.3
-"""Time after which it is told that a solve takes long [s]."""
+"""Duration of a solve from which on it is reported [s]."""
 
 
 class RestingPace(WallPace):
-    """Steps in real time; while there is nothing to do, time stands.
+    """Steps in real time; while idle, simulation time stands still.
 
-    So what comes first after a rest, a slider's move or a program, covers one step, however long the rest was.
+    The first command after a rest, such as a slider's move or a program, therefore covers one step, however long the
+    rest.
     """
 
     def begin(self) -> float:
-        """Cover one dt after a rest, else as `WallPace` does."""
+        """Return one dt after a rest, else the same as `WallPace`."""
         if self._idle:
             self.restart()
         return super().begin()
 
 
 class LiveSession:
-    """Steps a simulation and tells of each step; the node's `Stepper` and `Drive` see it as their host.
+    """Steps a simulation and passes on each step; it is the host of the node's `Stepper` and `Drive`.
 
     Args:
-        simulation: ready to step; touched by the stepping thread only from now on.
+        simulation: ready to step; used by the stepping thread only from now on.
         dt: simulation time of a step [s].
-        clock: ``WALL`` steps in real time where the machine keeps up, ``FAST`` as fast as it goes.
-        told: called in the stepping thread with what is shown of each step; it must be quick.
-        warn: takes the text of a refused command, or of what else a user should know.
+        clock: ``WALL`` steps in real time if the machine is fast enough, ``FAST`` as fast as possible.
+        told: called in the stepping thread with the view of each step; it must be quick.
+        warn: receives texts about refused commands and other texts for the user.
 
     Attributes:
-        simulation: another one after a change of moduli.
-        parameters: values in force, named as the node's.
+        simulation: replaced after a change of moduli.
+        parameters: present values, with the node's names.
         refusals: counts refused commands.
-        last: the step made last, or None.
+        last: the last step, or None.
         log_time: of that step, for the bag [ns].
-        stepper: the thread that steps.
+        stepper: the stepping thread.
     """
 
     def __init__(
@@ -100,17 +101,17 @@ class LiveSession:
 
     @property
     def playing(self) -> Programme | None:
-        """The program that is played, or None."""
+        """The program in progress, or None."""
         return self._programme
 
     @property
     def recording(self) -> str | None:
-        """The bag that is written, or None."""
+        """Path of the bag that is being written, or None."""
         return None if self._bag is None else str(self._bag.path)
 
     @property
     def abilities(self) -> frozenset[Ability]:
-        """All, but to play a program that the scene has not."""
+        """All requests; playback only if the scene has a program."""
         return frozenset(Ability) - ({Ability.PLAY} if self.scene.program is None else frozenset())
 
     @property
@@ -120,17 +121,17 @@ class LiveSession:
 
     @property
     def commands(self) -> Mapping[str, float]:
-        """Commands in force of actuators and loads."""
+        """Present commands of actuators and loads."""
         return self.simulation.commands
 
     @property
     def targets(self) -> Mapping[str, Pose]:
-        """Targets in force."""
+        """Present targets."""
         return self.simulation.targets
 
     @property
     def moduli(self) -> Mapping[str, float]:
-        """Young's moduli in force [Pa] by material."""
+        """Present Young's moduli [Pa] by material."""
         return moduli_of(self.scene)
 
     @property
@@ -139,10 +140,10 @@ class LiveSession:
         return self.stepper.paused
 
     def watch(self, wanted: bool) -> None:
-        """Tell of steps whether anybody looks or not: plots show what was before."""
+        """Do nothing: steps are always passed on, because plots show earlier ones."""
 
     def doing(self) -> tuple[str, bool]:
-        """Say what it does and whether that is bad; nothing where it follows commands or rests."""
+        """Return a text about its activity and whether it is a problem; empty while it follows commands or rests."""
         if self.stepper.failure:
             return f"paused: {self.stepper.failure}", True
         work, playing = self.stepper.work, self._programme
@@ -156,7 +157,7 @@ class LiveSession:
         return f"plays the program, {moment:.2f} of {playing.duration:g} s", False
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Do what a button asks for."""
+        """Carry out the request of a button."""
         match ability:
             case Ability.PLAY:
                 self.play()
@@ -172,7 +173,7 @@ class LiveSession:
         return None
 
     def start(self) -> None:
-        """Start the thread; it tells of the present state at once."""
+        """Start the thread; it passes on the present state at once."""
         dt = self.parameters["dt"]
         kind = FastPace if self._clock is ClockMode.FAST else RestingPace
         self.stepper.start(kind(lambda: Timing(1.0 / dt, dt, 0.0, False)), self._inbox)
@@ -185,14 +186,14 @@ class LiveSession:
             bag.close()
 
     def stamp(self, ending: float, early: float = 0.0) -> int:
-        """Give the stamp [ns] of a step that ends at a simulation time [s]: that time."""
+        """Return the stamp [ns] of a step that ends at a simulation time [s]: that time."""
         return to_nanoseconds(ending)
 
     def command(self, name: str, order: Order) -> None:
-        """Give an order to the next step; what it commands leaves the program that is played.
+        """Queue an order for the next step; the program stops commanding the same items.
 
         Raises:
-            Refusal: a number is not finite, or something is led too far away.
+            Refusal: a number is not finite, or a target is too far away.
         """
         require_order(name, order, self.simulation.mesh.size)
         if self._programme is not None:
@@ -217,11 +218,11 @@ class LiveSession:
         self.stepper.post(begin)
 
     def pause(self, paused: bool) -> None:
-        """Hold the stepping, or let it go on."""
+        """Pause or resume the stepping."""
         self.stepper.pause(paused)
 
     def advance(self) -> None:
-        """Make one step, whatever a pause says."""
+        """Make one step, even while paused."""
         self.stepper.post(self.stepper.advance)
 
     def reset(self) -> None:
@@ -234,16 +235,17 @@ class LiveSession:
         self.stepper.post(back, urgent=True)
 
     def record(self, path: Path | None) -> Future[str]:
-        """Begin a bag in a new directory, or with None complete the one that is written; tell how it went.
+        """Begin a bag in a new directory, or with None complete the present one; the answer is a summary.
 
-        The answer raises a GdfeError where it is so already, or the bag cannot be begun.
+        The answer raises a GdfeError if it is so already, or the bag cannot be created.
         """
         return self.stepper.post(lambda: self._end_bag() if path is None else self._begin_bag(path))
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[None]:
-        """Give materials other Young's moduli [Pa]; the body goes to its new equilibrium, or moves on from here.
+        """Set Young's moduli [Pa] of materials; the body goes to its new equilibrium, or continues its motion.
 
-        The answer raises a GdfeError while a bag is written, which a replay could not follow, or for a bad value.
+        The answer raises a GdfeError while a bag is written, because a replay could not follow, or for an invalid
+        value.
         """
 
         def swap() -> None:
@@ -256,7 +258,7 @@ class LiveSession:
         return self.stepper.post(swap, f"going to the equilibrium with {texts}")
 
     def _begin_bag(self, path: Path) -> str:
-        from gdfe_ros.live.bag import LiveBag  # a run that is not recorded starts without it
+        from gdfe_ros.live.bag import LiveBag  # imported here, so that a run without recording starts faster
 
         if self._bag is not None:
             raise GdfeError(f"{self._bag.path} is being written already")
@@ -272,14 +274,14 @@ class LiveSession:
         return bag.close()
 
     def _deliver(self, step: Step) -> None:
-        """Record a step, tell of it, and have the program command the next one."""
+        """Record a step, pass it on, and let the program command the next one."""
         if self._bag is not None:
             self._bag.write(step)
         self._told(View.of(step))
         self._feed(step.record.time)
 
     def _feed(self, time: float) -> None:
-        """Give the program's orders for the step after a simulation time [s]."""
+        """Queue the program's orders for the step after a simulation time [s]."""
         if self._programme is None:
             return
         if self._programme.over(time):
@@ -288,5 +290,5 @@ class LiveSession:
         self._programme.give(time + self.parameters["dt"], self._inbox.put)
 
     def report(self, text: str) -> None:
-        """Tell of a step that failed."""
+        """Report a failed step."""
         self._warn(text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Obstacles and rigid bodies in the picture."""
+"""Obstacles and rigid bodies in the 3-D view."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.scene.scene import Scene
 
 _SHEET = 4.0
-"""Edge of the sheet that stands for a plane, over the body's size."""
+"""Edge of the sheet that represents a plane, over the body's size."""
 _OBSTACLE, _BODY, _LINES = (140, 145, 155), (230, 140, 50), (110, 115, 125)
 _OBSTACLE_OPACITY, _BODY_OPACITY = 0.45, 0.8
-"""So that what lies behind, and the forces, are seen through them."""
+"""Opacities that let objects behind, and forces, be seen."""
 
 
 class Solids:
-    """Shapes that are sent once; then only their poses, and only of those that have moved.
+    """Shapes of obstacles that are sent once; later only changed poses are sent.
 
-    A plane is a sheet with lines a tenth of the body's size apart, which stays below the body: it moves on by whole
-    lines, so that these stand still.
+    A plane is a sheet with lines a tenth of the body's size apart, which stays below the body: it moves by whole line
+    distances, so that the lines appear fixed.
 
     Args:
         space: of the page.
-        group: name of the node that they hang on.
-        scene: whose obstacles and rigid bodies are shown.
-        scale: from metres to the units of the picture.
+        group: name of the parent scene node.
+        scene: with the obstacles and rigid bodies.
+        scale: from metres to the units of the view.
     """
 
     def __init__(self, space: viser.SceneApi, group: str, scene: Scene, *, scale: float) -> None:
@@ -42,7 +42,7 @@ class Solids:
         self._nodes = {thing.name: self._add(f"{group}/{thing.name}", thing) for thing in self._things}
 
     def move(self, poses: Mapping[str, Pose], positions: NDArray[np.floating]) -> None:
-        """Put each where it is; viser sends what has changed.
+        """Move each to its pose; viser sends the changes.
 
         Args:
             poses: of all, relative to rest.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The picture in space: body, handles to drag, probes with their traces, what it touches, forces."""
+"""The 3-D view: body, draggable handles, probes with traces, obstacles, forces."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from gdfe_ros.scene.scene import Scene
 
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
 CONTROL = 0.22
-"""Of the body's size: length of the arrows of a handle's control."""
+"""Length of the arrows of a handle's control, over the body's size."""
 _EYE = np.array([-0.55, -1.15, 0.65])
-"""Of the body's size: from its middle to the eye."""
+"""Position of the camera relative to the body's centre, over its size."""
 _TRACE = 400
 """Points of a probe's trace."""
 _GRAIN = 2e-3
-"""Of the body's size: the least way between two points of a trace."""
+"""Least distance between two points of a trace, over the body's size."""
 _TOUCHED = 0.7
-"""Time after a drag during which a handle's control is the user's [s]."""
+"""Time after a drag during which a handle's control keeps the user's pose [s]."""
 _ORANGE = (240, 140, 20)
 _HELD = {"arrows": (40, 80, 200)}
 _TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}
@@ -44,13 +44,14 @@ _TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}
 
 
 class Stage:
-    """What is seen in space, in units in which the body is about as large as 1.
+    """The 3-D view, in units in which the body's size is about 1.
 
-    Two glTFs take turns: viser shows nothing while it reads one, so the next frame is read while the last one is seen.
+    Two glTFs are used in turn: viser shows nothing while it reads one, so the next frame is read while the last one is
+    visible.
 
     Args:
         server: of the page.
-        scene: that is simulated.
+        scene: of the simulation.
         dragged: called with the name and the order of a handle, obstacle or rigid body that a viewer drags.
 
     Attributes:
@@ -104,17 +105,17 @@ class Stage:
             )
 
     def draw(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> None:
-        """Have a frame read out of sight; `turn` shows it."""
+        """Send a frame that stays hidden; `turn` shows it."""
         self._bodies[1 - self._shown].glb_data = self.surface.pack(positions, shares)
 
     def turn(self) -> None:
-        """Show the frame that was read last."""
+        """Show the frame sent last."""
         self._bodies[1 - self._shown].visible = True
         self._bodies[self._shown].visible = False
         self._shown = 1 - self._shown
 
     def mark(self, view: View) -> None:
-        """Move probes, obstacles, rigid bodies and arrows to where they are after a step."""
+        """Move probes, obstacles, rigid bodies and arrows to their places after a step."""
         if self._probes is not None:
             points = np.concatenate([point.at(view.positions) for point in self._scene.probes.values()])
             self._probes.points = (self._scale * points).astype(np.float32)
@@ -134,7 +135,7 @@ class Stage:
             self._traces.points = np.concatenate(lines).astype(np.float32)
 
     def lead(self, targets: Mapping[str, Pose]) -> None:
-        """Move the controls of handles to their targets, but for those that a viewer drags."""
+        """Move the controls of handles to their targets, except those that a viewer drags."""
         for name, target in targets.items():
             if name in self._controls and monotonic() - self._touched.get(name, -math.inf) > _TOUCHED:
                 x, y, z, w = Rotation.from_rotvec(target.rotation).as_quat()
@@ -143,11 +144,11 @@ class Stage:
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """What the scene has that can be hidden."""
+        """Groups of the scene's objects that can be hidden."""
         return tuple(self._groups)
 
     def largest(self) -> dict[str, float]:
-        """Give the largest force so far [N] of each group of arrows, that of its longest arrow."""
+        """Return the largest force so far [N] of each group of arrows, that of its longest arrow."""
         return {name: arrows.largest for name, arrows in self._arrows.items()}
 
     def show(self, group: str, wanted: bool) -> None:
@@ -155,14 +156,14 @@ class Stage:
         self._groups[group].visible = wanted
 
     def _light(self) -> None:
-        """Light the body without shadows and reflections, so that its colours are those of the legend."""
+        """Light the body without shadows and reflections, so that its colours match the legend."""
         self._space.configure_environment_map(None)
         self._space.configure_default_lights(False)
         self._space.add_light_hemisphere("/light/sky", intensity=1.6)
         self._space.add_light_directional("/light/sun", position=(-1.0, -2.0, 3.0), intensity=1.6)
 
     def _control(self, handle: Handle) -> viser.TransformControlsHandle:
-        """Add a control that leads a handle or obstacle, or puts a rigid body somewhere."""
+        """Add a control that moves a handle or obstacle, or teleports a rigid body."""
         name, kind = handle.name, PutOrder if isinstance(handle, RigidBody) else PoseOrder
         control = self._space.add_transform_controls(
             f"/handles/{name}",
@@ -183,7 +184,7 @@ class Stage:
         return control
 
     def _follow(self, time: float, points: NDArray[np.float64]) -> None:
-        """Lead the traces on to the probes; a reset begins them anew."""
+        """Extend the traces to the probes; a reset clears them."""
         for way, point in zip(self._ways.values(), points, strict=True):
             if time < self._time:
                 way.clear()
@@ -199,7 +200,7 @@ class Stage:
             self._arrows[REACTIONS].draw({"arrows": (self._scale * ends, forces)})
 
     def _draw_contacts(self, view: View) -> None:
-        """Draw what touches: the force on each point, from without; one that slips in another colour."""
+        """Draw the contact force on each point, from outside; a slipping point has another colour."""
         if self._touching:
             points = view.contacts()
             ends = self._scale * np.stack([points[name] for name in "xyz"], axis=1)
@@ -214,12 +215,12 @@ def _is_dragged(handle: Handle) -> bool:
 
 
 def scale_of(mesh: HexMesh) -> float:
-    """Give the factor from metres to the units of the picture, in which a body is about as large as 1."""
+    """Return the factor from metres to the units of the view, in which a body's size is about 1."""
     return 10.0 ** round(-math.log10(mesh.size))
 
 
 def first_view(mesh: HexMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Give what the eye looks at when a page is opened, and where it is, (3,) in the units of the picture."""
+    """Return the initial target and position of the camera, (3,) in the units of the view."""
     middle = scale_of(mesh) * mesh.bounds.mean(axis=0)
     return middle, middle + scale_of(mesh) * mesh.extent * _EYE
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the run goes, in a few lines that are always in view."""
+"""Status of the run, in a few lines that are always visible."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from gdfe_ros.live.interface import Session
 from gdfe_ros.live.view import View
 
 _WINDOW = 1.0
-"""Wall time over which rates are taken [s]."""
+"""Wall time over which rates are averaged [s]."""
 
 
 class Status:
-    """Says how a session goes.
+    """Reports the status of a session.
 
     Args:
-        session: that runs.
+        session: the running session.
     """
 
     def __init__(self, session: Session) -> None:
@@ -27,7 +27,7 @@ class Status:
         self._times: deque[tuple[float, float, int]] = deque(maxlen=10_000)
 
     def add(self, view: View) -> None:
-        """Note a step, in the stepping thread."""
+        """Add a step, in the stepping thread."""
         now = monotonic()
         if self._times and view.record.time < self._times[-1][1]:
             self._times.clear()
@@ -36,12 +36,12 @@ class Status:
             self._times.popleft()
 
     def text(self, view: View | None, *, largest: Mapping[str, float], viewers: int) -> str:
-        """Write it as HTML.
+        """Return the status as HTML.
 
         Args:
             view: the last step, or None.
             largest: force of the longest arrow [N] of each group of arrows.
-            viewers: browsers that look.
+            viewers: number of connected browsers.
         """
         rows = {"state": self._doing()} if view is None else self._rows(view, largest, viewers)
         if self._session.recording is not None:
@@ -62,7 +62,7 @@ class Status:
         }
 
     def _pace(self) -> tuple[float, float] | None:
-        """Give simulation time over wall time and steps a second of the last second; None where no steps are made."""
+        """Return simulation time over wall time, and steps per second, over the last second; None without steps."""
         times = list(self._times)
         if len(times) < 2 or times[-1][0] < monotonic() - _WINDOW:
             return None
@@ -77,7 +77,7 @@ class Status:
 
 
 def waiting(text: str) -> str:
-    """Write what a page waits for that has no run yet, as HTML."""
+    """Return the status of a page without a run yet, as HTML."""
     return _table({"state": html.escape(text)})
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The body's surface as a binary glTF: written once, then only vertices and colours are written into its bytes.
+"""The body's surface as a binary glTF: laid out once, then only vertices and colours are written into its bytes.
 
 viser's plain mesh has one colour; a glTF has one for each vertex.
 """
@@ -18,13 +18,13 @@ from gdfe_ros.mesh import HexMesh
 _FLOAT32, _UINT32 = 5126, 5125
 _ARRAY, _INDICES = 34962, 34963
 _LEAST, _LARGEST = "@least@", "@largest@"
-"""Places of the bounds, which every frame writes anew, in text of one width."""
+"""Placeholders of the bounds, which every frame overwrites, as text of constant width."""
 _BOUND = "[% .9e,% .9e,% .9e]"
 _GREY = 0.4
 
 
 def _linear(colours: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Turn sRGB into linear light, which a glTF has."""
+    """Return the linear light of sRGB colours, as glTF requires."""
     dark = colours <= 0.04045
     return np.where(dark, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
@@ -33,16 +33,16 @@ _LINEAR = _linear(colour(np.linspace(0.0, 1.0, 256)))
 
 
 class Surface:
-    """The boundary of a mesh, or its skin, as triangles, coloured by vertex.
+    """The boundary of a mesh, or its skin, as triangles coloured by vertex.
 
     Args:
         mesh: the body at rest.
-        scale: from metres to the units of the picture.
+        scale: from metres to the units of the view.
 
     Attributes:
-        outside: what is shown, with its points.
+        outside: the drawn surface, with its points.
         count: number of the points.
-        triangles: (t, 3) uint32 numbers of points.
+        triangles: (t, 3) uint32 indices of points.
     """
 
     def __init__(self, mesh: HexMesh, *, scale: float = 1.0) -> None:
@@ -58,12 +58,12 @@ class Surface:
         self._positions, self._colours = numbers[:count].reshape(-1, 3), numbers[count:].reshape(-1, 3)
 
     def at_vertices(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Average values of the cells (m,) at the points (k,), over the faces around each."""
+        """Return values of the cells (m,) averaged at the points (k,), over the faces around each."""
         total = np.bincount(self._corners, weights=values[self._owners], minlength=self.count)
         return total / self._sharing
 
     def pack(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> bytes:
-        """Write a frame.
+        """Return a frame as glTF.
 
         Args:
             positions: of all vertices of the mesh (n, 3) [m].
@@ -80,7 +80,7 @@ class Surface:
         return bytes(self._data)
 
     def _template(self) -> bytes:
-        """Lay out the file, with zeros for what each frame writes; note where these places are."""
+        """Return the file with zeros for the data of each frame, and record their offsets."""
         count, faces = self.count, self.triangles.tobytes()
         size = 12 * count
         views = [(0, size, _ARRAY), (size, size, _ARRAY), (2 * size, len(faces), _INDICES)]

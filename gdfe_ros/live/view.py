@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All that a page shows of a step, wherever that was made."""
+"""The data of a step that a page shows, from this process or a node."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ Reading = tuple[str, float, str]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class View:
-    """A step, as it is shown.
+    """The data of a step that are shown.
 
     Attributes:
         record: input and outcome.
         positions: (n, 3) of the vertices [m].
         velocities: (n, 3) [m/s]; None without dynamics.
-        fields: gives the fields of the cells (m,) by name, evaluated where it is called.
+        fields: returns the fields of the cells (m,) by name, evaluated by the caller's thread.
         poses: of handles, obstacles and rigid bodies, relative to rest.
-        wrenches: that these exert on the body (6,), force [N] then moment [N m].
-        contacts: gives what touches (k,), as `gdfe_ros.contacts.POINT`.
-        actuators: what each reports.
+        wrenches: of these on the body (6,), force [N] then moment [N m].
+        contacts: returns the contact points (k,), as `gdfe_ros.contacts.POINT`.
+        actuators: reported values of each.
     """
 
     record: StepRecord
@@ -47,7 +47,7 @@ class View:
 
     @classmethod
     def of(cls, step: Step) -> View:
-        """Show a step of this process; what costs time is evaluated when it is drawn."""
+        """Return the view of a step of this process; expensive parts are evaluated when it is drawn."""
         result = step.result
         return cls(
             record=step.record,

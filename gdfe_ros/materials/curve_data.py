@@ -18,9 +18,9 @@ _SAMPLES = 4001
 
 @dataclass(frozen=True)
 class CurveData:
-    """Uniaxial nominal stress sigma(e) [Pa] against engineering strain e.
+    """Uniaxial nominal stress sigma(e) [Pa] over engineering strain e.
 
-    Beyond ``strain_max`` the curve goes on as a straight line (C1) with the last positive tangent.
+    Beyond ``strain_max`` the curve continues as a straight line (C1) with the last positive tangent.
 
     Attributes:
         coefficients: of e, e^2, ... ascending [Pa]; empty for a table.
@@ -36,7 +36,7 @@ class CurveData:
 
     @classmethod
     def polynomial(cls, coefficients: ArrayLike, *, strain_max: float | None = None) -> CurveData:
-        """Make a polynomial curve; its data end at ``strain_max`` or where the tangent turns negative.
+        """Return a polynomial curve; its data end at ``strain_max``, or where the tangent becomes negative.
 
         Raises:
             ValueError: a coefficient is not finite or the initial modulus is not positive.
@@ -56,7 +56,7 @@ class CurveData:
 
     @classmethod
     def table(cls, strain: ArrayLike, stress: ArrayLike) -> CurveData:
-        """Make a curve through measured points (monotone cubic interpolation, Fritsch and Carlson 1980).
+        """Return a curve through measured points (monotone cubic interpolation, Fritsch and Carlson 1980).
 
         Raises:
             ValueError: fewer than two points, lengths differ, strains not ascending from 0, or not finite.
@@ -97,7 +97,7 @@ class CurveData:
         return CurveData(coefficients, self.strain, tuple(factor * value for value in self.stress), self.strain_max)
 
     def remarks(self) -> list[str]:
-        """Say where the curve is not what a stable elastic material shows."""
+        """Return remarks on parts of the curve that no stable elastic material shows."""
         grid = np.linspace(0.0, self.strain_max, _SAMPLES)
         tangent, stress = self._data_tangent(grid), self._data_stress(grid)
         notes = []
@@ -108,7 +108,7 @@ class CurveData:
         return notes
 
     def _continuation(self) -> tuple[float, float]:
-        """Return where the data end and the slope from there on."""
+        """Return the end of the data and the slope beyond it."""
         slope = float(self._data_tangent(np.array([self.strain_max]))[0])
         if slope > 0.0:
             return self.strain_max, slope
@@ -129,6 +129,6 @@ class CurveData:
         return self._interpolation().derivative()(strain)
 
     def _interpolation(self) -> PchipInterpolator:
-        from scipy.interpolate import PchipInterpolator  # a tenth of a second that most scenes do not need
+        from scipy.interpolate import PchipInterpolator  # takes a tenth of a second, and most scenes do not need it
 
         return PchipInterpolator(self.strain, self.stress)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What weighs and what resists in motion: densities of materials, as gravity and dynamics need them."""
+"""Densities of materials, as gravity and dynamics need them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from gdfe_ros.materials.material import Material
 
 
 def lacks_density(materials: Mapping[str, Material], what: str) -> str:
-    """Say that ``what`` needs a density that some of the materials, by name, do not have; empty where all do."""
+    """Return a message if materials lack the density that ``what`` needs; empty if none does."""
     light = [key for key, material in materials.items() if material.density is None]
     return f"{what} a density: give `density` [kg/m^3] to {', '.join(light)}" if light else ""
 
 
 def cell_densities(materials: Mapping[str, Material], cell_material: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the density (m,) [kg/m^3] of each cell, whose materials are given by their places (m,) among all."""
+    """Return the density (m,) [kg/m^3] of each cell from the indices (m,) of its material."""
     return np.array([material.density for material in materials.values()])[cell_material]

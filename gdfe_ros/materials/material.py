@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stress-strain laws as a user states them: immutable, validated, SI units."""
+"""Stress-strain laws for users: immutable, validated, SI units."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.materials.stability import drucker_remarks
 
 
 class Law(IntEnum):
-    """The stress-strain laws that the solver's kernels know."""
+    """Stress-strain laws of the solver's kernels."""
 
     LINEAR = 0
     NEO_HOOKEAN = 1
@@ -25,13 +25,13 @@ class Law(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """What every law has.
+    """Base class of all laws.
 
     Attributes:
         poisson: Poisson's ratio at rest, -1 < nu <= 0.5; 0.5 is incompressible.
         density: mass density [kg/m^3], needed by gravity and dynamics only.
         omega: a given shape factor for the ``relative`` policy, 0 < omega <= 1.
-        caveat: what is to be known of where the numbers come from; empty where nothing is.
+        caveat: limitation of the source of the numbers; empty for none.
 
     Raises:
         ValueError: a parameter is out of range.
@@ -78,7 +78,7 @@ class Material:
         raise AssertionError(f"{type(self).__name__} states no uniaxial curve")
 
     def remarks(self) -> list[str]:
-        """Say what is unusual or unstable about the law; empty where nothing is."""
+        """Return remarks on unusual or unstable parameters; empty if there are none."""
         return []
 
 
@@ -173,7 +173,7 @@ class Ogden(Material):
         return sum(terms, np.zeros_like(stretch))
 
     def remarks(self) -> list[str]:
-        """Say in which deformation and from which stretch on the constants are unstable."""
+        """Return remarks on the deformations and stretches at which the constants are unstable."""
         return drucker_remarks(self._stiffness)
 
     def _stiffness(self, stretch: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -222,7 +222,7 @@ class Curve(Material):
         return self.data.tangent_at(strain)
 
     def remarks(self) -> list[str]:
-        """Say where the measured curve softens or turns negative."""
+        """Return remarks on where the measured curve softens or becomes negative."""
         return self.data.remarks()
 
 

@@ -29,7 +29,7 @@ _FILAMENTS = {
     ),
 }
 LIBRARY = {**_FILAMENTS, **SILICONES}
-"""What is known of each preset, by its name."""
+"""Recipe of each preset, by its name."""
 PRESETS = tuple(LIBRARY)
 
 
@@ -47,13 +47,13 @@ def preset(
     Args:
         name: one of ``PRESETS``.
         law: ``Law.OGDEN`` or, through the measured curve, ``Law.CURVE``.
-        poisson: Poisson's ratio at rest; None takes the preset's, which filaments do not have.
-        density: mass density [kg/m^3]; None takes the preset's, if it is known.
+        poisson: Poisson's ratio at rest; None: the preset's, which filaments do not have.
+        density: mass density [kg/m^3]; None: the preset's, if it is known.
         omega: a given shape factor for the ``relative`` policy.
         scale: factor on every stress, for a batch that is stiffer or softer than the measured one.
 
     Raises:
-        ValueError: the name or the law is not one of these, or nothing tells Poisson's ratio.
+        ValueError: the name or the law is unknown, or Poisson's ratio is given nowhere.
     """
     if name not in PRESETS or law not in (Law.OGDEN, Law.CURVE):
         raise ValueError(f"no preset {name!r} with law {law!r}; presets: {', '.join(PRESETS)}; laws: ogden, curve")

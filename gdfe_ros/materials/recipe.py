@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a material of the library."""
+"""Data of a material of the library."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from gdfe_ros.materials.curve_data import CurveData
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """A material's constants and where they come from.
+    """A material's constants and their source.
 
     Attributes:
         mu: moduli of Ogden's law [Pa].
         alpha: exponents of Ogden's law.
-        curve: nominal stress against engineering strain; it ends where the data end.
-        source: who measured it, and how.
-        poisson: Poisson's ratio at rest; None where nobody told it.
-        density: mass density [kg/m^3]; None where nobody told it.
-        misfit: largest difference of Ogden's law from the data, over their stress.
-        caveat: what a user must know; empty where nothing is.
+        curve: nominal stress over engineering strain; it ends with the data.
+        source: authors and method of the measurement.
+        poisson: Poisson's ratio at rest; None if the source does not give it.
+        density: mass density [kg/m^3]; None if the source does not give it.
+        misfit: largest relative deviation of Ogden's law from the data.
+        caveat: limitation that a user must know; empty for none.
     """
 
     mu: tuple[float, ...]

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Common silicones, from tensile tests of the Soft Robotics Materials Database (Marechal et al. 2020, ODbL).
 
-The tests follow ASTM D412. Their strain is that of the machine's crosshead: the specimen slips and gives way in its
-grips, so that moduli read soft. A beam of Dragon Skin 10 swings with 235 to 264 kPa (Dubied et al. 2022), its tensile
-test gives 129 kPa. The shape of a curve serves; its scale is best fitted (`gdfe fit --vary materials.skin.scale=...`).
+The tests follow ASTM D412. Their strain is that of the machine's crosshead: the specimen slips and yields in its
+grips, so that measured moduli are too low. A beam of Dragon Skin 10 vibrates with 235 to 264 kPa (Dubied et al. 2022),
+its tensile test gives 129 kPa. The shape of a curve can be used; its scale is best fitted
+(`gdfe fit --vary materials.skin.scale=...`).
 
 Ogden's constants are the best fit of one term to these points, each weighted by its stress
 (`gdfe_ros.fitting.tensile.fit_tensile`, repeated by a test).
@@ -53,4 +54,4 @@ SILICONES = {
     ),
     "mold_star_16": _silicone((20.1, 51.4, 94.7, 186.0, 433.0, 763.0), mu=74708.0, alpha=2.9628, misfit=0.0446),
 }
-"""By name. Only the density of Dragon Skin 10 is in the sources; of the others a scene gives it where it is needed."""
+"""Silicones by name. The sources give a density only for Dragon Skin 10; a scene sets that of the others if needed."""

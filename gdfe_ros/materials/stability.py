@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drucker's stability of incompressible laws in principal stretches: more stretch must take more stress."""
+"""Drucker's stability of incompressible laws in principal stretches: stress must increase with stretch."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 STRETCHES = np.concatenate([np.geomspace(0.3, 1.0, 121), np.geomspace(1.0, 3.0, 121)[1:]])
-"""Principal stretches that are tried."""
+"""Principal stretches that are checked."""
 MODES: dict[str, Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], ...]]] = {
     "uniaxial": lambda stretch: (stretch, stretch**-0.5, stretch**-0.5),
     "equibiaxial": lambda stretch: (stretch, stretch, stretch**-2.0),
     "planar": lambda stretch: (stretch, np.ones_like(stretch), 1.0 / stretch),
 }
-"""Deformations that are tried, each in tension and in compression."""
+"""Deformations that are checked, each in tension and in compression."""
 
 
 def drucker_remarks(stiffness: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> list[str]:
-    """Say from which stretch on the tangent stiffness is not positive definite.
+    """Return remarks on the stretches from which the tangent stiffness is not positive definite.
 
     With d tau_i / d ln l_i = a_i, the Kirchhoff stresses of an incompressible body obey
     d tau_1 = (a_1 + a_3) d ln l_1 + a_3 d ln l_2 and the same with 1 and 2 exchanged; it is stable while this

@@ -2,8 +2,8 @@
 """Compiled energy densities W [J/m^3] and first Piola-Kirchhoff stresses P = dW/dF [Pa] of the laws.
 
 docs/theory/energy.md derives them. A matrix is a tuple of nine floats, row by row; ``k`` is the material's row in the
-table. Each law is continued below a least volume or stretch so that an inverted element is pulled back by a finite
-force (Stomakhin et al. 2012).
+table. Each law is extrapolated below a least volume or stretch, so that a finite force restores an inverted element
+(Stomakhin et al. 2012).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from gdfe_ros.materials.tensor import (
 )
 
 LEAST_VOLUME = 0.1
-"""J below which the logarithms of the neo-Hookean law go on as parabolas (C2)."""
+"""J below which the logarithms of the neo-Hookean law are extrapolated as parabolas (C2)."""
 LEAST_STRETCH = 0.1
-"""Principal stretch below which Ogden's law goes on to second order (C1)."""
+"""Principal stretch below which Ogden's law is extrapolated to second order (C1)."""
 CURVE_FACTOR = 1.5 / (1.5 * 1.5)
 """3 / (2 (1 + nu)^2) with nu = 0.5."""
 
@@ -86,7 +86,7 @@ def curve_state(strain, table, k):
 def neo_hookean(f, pressure, mu, lame, kappa):
     """Return W and P of mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2 + p (J - 1) + kappa/2 (J - 1)^2.
 
-    Without branches, so that it vectorises: below the least volume the logarithm's terms are parabolas (C2).
+    The code has no branches, so that it vectorises: below the least volume the logarithm's terms are parabolas (C2).
     """
     c = cofactor(f)
     j = determinant(f, c)
@@ -113,7 +113,7 @@ def ogden_powers(l0, l1, l2, table, k, term):
 
 @inlined
 def ogden_terms(l0, l1, l2, table, k):
-    """Return W and its derivatives to the three stretches."""
+    """Return W and its derivatives by the three stretches."""
     w, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0
     for term in range(int(table.parameters[k, TERMS])):
         mu, alpha, e0, e1, e2 = ogden_powers(l0, l1, l2, table, k, term)
@@ -128,7 +128,7 @@ def ogden_terms(l0, l1, l2, table, k):
 
 @kernel
 def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
-    """Return the product of the second derivatives of W with a change (d0, d1, d2) of the stretches."""
+    """Return the product of the Hessian of W and a change (d0, d1, d2) of the stretches."""
     m0, m1, m2 = 0.0, 0.0, 0.0
     u0, u1, u2 = d0 / l0, d1 / l1, d2 / l2
     for term in range(int(table.parameters[k, TERMS])):
@@ -144,9 +144,9 @@ def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
 
 @inlined
 def ogden_continued(l0, l1, l2, table, k):
-    """Return W and its derivatives to the signed stretches, continued below the least stretch.
+    """Return W and its derivatives by the signed stretches, extrapolated below the least stretch.
 
-    With d_i = min(l_i - l_min, 0) and the law taken at the clamped stretches, W + sum_i W_i d_i + k/2 d_i^2.
+    With d_i = min(l_i - l_min, 0) and the law at the clamped stretches it is W + sum_i W_i d_i + k/2 d_i^2.
     """
     c0, c1, c2 = max(l0, LEAST_STRETCH), max(l1, LEAST_STRETCH), max(l2, LEAST_STRETCH)
     w, g = ogden_terms(c0, c1, c2, table, k)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Materials packed into arrays for the compiled kernels."""
+"""Material parameters packed into arrays for the compiled kernels."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from gdfe_ros.materials.material import Law, Material, Ogden
 INTERVALS = 1024
 """Intervals of a tabulated curve; their cubic Hermite error is below 1e-9 of the modulus at rest."""
 LARGEST_STRETCH = 11.0
-"""End of the tabulated curves; beyond it Phi' goes on as a straight line in eps_eq."""
+"""End of the tabulated curves; beyond it Phi' continues as a straight line in eps_eq."""
 MODERATE_POISSON = 0.45
-"""Up to here the bulk modulus goes into the energy; beyond it a pressure per element carries the volume."""
+"""Largest Poisson's ratio with the bulk modulus in the energy; beyond it a pressure per element keeps the volume."""
 SOFTENING_POISSON = 0.475
 """Poisson's ratio of the bulk modulus beside that pressure for measured curves, whose tangent may fall far below the
-modulus at rest: pressures settle only while this part outweighs what softening takes away. Else 0.45 serves."""
+modulus at rest. Pressures converge only while this part is larger than the loss by softening. For other laws it is
+0.45."""
 
 SHEAR, YOUNG, POISSON, BULK, PENALTY, LAME, CARRIED, TERMS, OGDEN = range(9)
 """Columns of ``MaterialTable.parameters``; Ogden's mu_i and alpha_i alternate from column ``OGDEN`` on."""
@@ -32,7 +33,7 @@ class MaterialTable(NamedTuple):
         law: (k,) int32 of :class:`Law`.
         parameters: (k, 21) float64, columns named above: shear modulus mu0, Young's modulus E0, Poisson's ratio,
             bulk modulus K, the bulk modulus kappa that is part of the energy, Lame's lambda of the logarithmic
-            neo-Hookean volume term (0 where a pressure carries it), 1 where a pressure per element carries the
+            neo-Hookean volume term (0 with a pressure per element), 1 if a pressure per element keeps the
             volume, number of Ogden terms [Pa, -].
         curve: (k, intervals + 1, 5) float64: on interval i with t = eps_eq/width - i,
             Phi' = c0 + c1 t + c2 t^2 + c3 t^3 [Pa]; c4 is Phi at t = 0 [J/m^3].
@@ -60,7 +61,7 @@ def pack(materials: Sequence[Material]) -> MaterialTable:
 
 
 def carries_pressure(material: Material) -> bool:
-    """Tell whether the volume of this material is kept by a pressure per element."""
+    """Return whether a pressure per element keeps the volume of this material."""
     return material.poisson > MODERATE_POISSON
 
 
@@ -109,7 +110,7 @@ def _hermite(value: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[
 
 
 def _equivalent_strain(stretch: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Eq. 5 with nu = 0.5 for incompressible uniaxial tension."""
+    """Return eps_eq of Eq. 5 with nu = 0.5 for incompressible uniaxial tension."""
     return (stretch - stretch**-0.5) / 1.5
 
 

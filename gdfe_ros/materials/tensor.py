@@ -10,7 +10,7 @@ from gdfe_ros.compiled import inlined
 NEWTON_STEPS = 40
 DEGENERATE = 1e-9
 SMALLEST = 1e-30
-"""Keeps the rotation of a collapsed element (F = 0) finite."""
+"""Added to a denominator so that the rotation of a collapsed element (F = 0) is finite."""
 
 
 @inlined
@@ -63,7 +63,7 @@ def stretch_sum(first, second, jacobian):
 
 @inlined
 def stretch_sum_step(s, first, second, jacobian):
-    """Return what one step of Newton's method makes of s, and whether another one is to follow."""
+    """Return s after one step of Newton's method, and whether another step is needed."""
     square = s * s
     value = (square - 2.0 * first) * square - 8.0 * jacobian * s + (first * first - 4.0 * second)
     slope = 4.0 * (s * (square - first) - 2.0 * jacobian)
@@ -74,10 +74,10 @@ def stretch_sum_step(s, first, second, jacobian):
 
 @inlined
 def rotation_from_stretch_sum(f, c, first, s, jacobian):
-    """Return the proper rotation R (det +1, stretches signed) as ds/dF, and how far it is from undefined.
+    """Return the proper rotation R (det +1, stretches signed) as ds/dF, and a margin of its uniqueness.
 
     R = ((s^2 + I) F + 2 s cof F - 2 F F^T F) / (s^3 - I s - 2 J). The denominator is (l1 + l2)(l2 + l3)(l3 + l1): it
-    vanishes where two signed stretches cancel and the rotation is not unique; its ratio to I^(3/2) is returned too.
+    vanishes where two signed stretches cancel and the rotation is not unique. The margin is its ratio to I^(3/2).
     """
     denominator = s * (s * s - first) - 2.0 * jacobian
     scale = first * math.sqrt(first) + 1e-300
@@ -106,16 +106,16 @@ def rotation_from_stretch_sum(f, c, first, s, jacobian):
 
 @inlined
 def off_diagonal(a):
-    """Tell whether a symmetric matrix (00, 01, 02, 11, 12, 22) has entries off its diagonal that count."""
+    """Return whether a symmetric matrix (00, 01, 02, 11, 12, 22) has significant off-diagonal entries."""
     off = a[1] * a[1] + a[2] * a[2] + a[4] * a[4]
     return off > 1e-32 * (a[0] * a[0] + a[3] * a[3] + a[5] * a[5])
 
 
 @inlined
 def jacobi_sweep(a, v):
-    """Return a symmetric matrix (00, 01, 02, 11, 12, 22) and eigenvectors so far (9, columns) after three rotations.
+    """Return a symmetric matrix (00, 01, 02, 11, 12, 22) and its eigenvectors (9, columns) after three rotations.
 
-    Nothing turns where `off_diagonal` is false: the lanes of a block sweep as often as the slowest needs.
+    Nothing is rotated if `off_diagonal` is false: all lanes of a block sweep as often as the slowest needs.
     """
     a00, a01, a02, a11, a12, a22 = a
     v00, v01, v02, v10, v11, v12, v20, v21, v22 = v

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many cells a body is across, counted through opposite faces from one end to the other."""
+"""Number of cells across a body, counted through opposite faces from end to end."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from gdfe_ros.mesh.faces import HEX_FACES, group_quads
 def cells_across(
     cells: NDArray[np.int32], material: NDArray[np.int32], straight: NDArray[np.bool_]
 ) -> NDArray[np.int32]:
-    """Count for each cell those in a row with it, along each of its three axes.
+    """Return the number of cells in the row of each cell, along each of its three axes.
 
     Args:
         cells: (m, 8) corners, VTK order.
-        material: (m,) of each cell; a row ends where the material does.
-        straight: (m,) whether a cell is a parallelepiped; a row with one that is none is not counted.
+        material: (m,) of each cell; a row ends where the material changes.
+        straight: (m,) whether a cell is a parallelepiped; a row with a cell of another shape is not counted.
 
     Returns:
-        Lengths of the rows (m, 3), the cell itself included, and 1 where a row is not counted; where a row closes into
-        a ring, cells of the ring.
+        Lengths of the rows (m, 3), the cell itself included; 1 for rows that are not counted; for a row that closes
+        into a ring, the cells of the ring.
     """
     count = len(cells)
     group, sharing = group_quads(cells[:, HEX_FACES].reshape(-1, 4))
     inner = np.flatnonzero(sharing[group] == 2)
-    # Both faces of a pair, side by side; face 6 e + f lies across axis f // 2 of cell e.
+    # Each row has both faces of a pair; face 6 e + f lies across axis f // 2 of cell e.
     pairs = inner[np.argsort(group[inner], kind="stable")].reshape(-1, 2)
     pairs = pairs[material[pairs[:, 0] // 6] == material[pairs[:, 1] // 6]]
     first, second = (3 * (side // 6) + side % 6 // 2 for side in pairs.T)

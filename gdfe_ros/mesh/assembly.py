@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several meshes as one: whoever computes sees one mesh, whoever selects may speak of a part in its own frame."""
+"""Several meshes as one: computations use one mesh, selections may refer to a part in its own frame."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Part:
 
     Attributes:
         mesh: in its own frame, as it was made or read.
-        at: where the origin of that frame is [m], shape (3,).
+        at: origin of that frame [m], shape (3,).
         rotation: its axes, as columns, shape (3, 3).
-        first_vertex: number of its first vertex among all; the others follow in their order.
-        first_cell: number of its first cell among all.
+        first_vertex: index of its first vertex among all; the others follow in their order.
+        first_cell: index of its first cell among all.
     """
 
     mesh: HexMesh
@@ -34,7 +34,7 @@ class Part:
     first_cell: int = 0
 
     def placed(self) -> HexMesh:
-        """Return the mesh where it is; what is not turned or moved keeps its coordinates to the bit."""
+        """Return the mesh at its place; a part that is neither rotated nor moved keeps its coordinates bit by bit."""
         vertices = self.mesh.vertices
         if not np.array_equal(self.rotation, np.eye(3)):
             vertices = vertices @ self.rotation.T
@@ -44,13 +44,13 @@ class Part:
 
 
 def assemble(parts: Mapping[str, Part]) -> HexMesh:
-    """Return one mesh of all parts, in their order; vertices at the same place stay apart.
+    """Return one mesh of all parts, in their order; vertices at the same place stay separate.
 
-    Sets of one name are united, and the parts are known by name in `HexMesh.parts`. Where one has a skin, the others
-    are shown by their faces beside it.
+    Sets of one name are united, and the parts are available by name in `HexMesh.parts`. If one part has a skin, the
+    faces of the others are added to it.
 
     Args:
-        parts: meshes with their places; their numbers are given here.
+        parts: meshes with their places; their indices are set here.
     """
     meshes = [part.placed() for part in parts.values()]
     vertices = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)]).tolist()

@@ -77,9 +77,9 @@ def skin_cavities(mesh: HexMesh) -> list[Cavity]:
 
 
 def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the edges at which a surface leaks, shape (k, 2), int32; none for a closed, consistent surface.
+    """Return the edges at which a surface leaks, shape (k, 2), int32; empty for a closed, consistent surface.
 
-    In a closed surface each edge runs as often one way as the other.
+    In a closed surface each edge occurs equally often in both directions.
 
     Args:
         quads: vertex ids, shape (q, 3 or 4), oriented.
@@ -94,8 +94,8 @@ def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
 def surface_pieces(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
     """Number the connected pieces of an oriented closed surface, shape (q,), int32.
 
-    Two quads at an edge are connected. Where four or more meet, as between cells that touch at an edge only,
-    those on the two sides of one gap are: nothing passes from one gap to the other.
+    Two quads at a common edge are connected. If four or more meet at an edge, as between cells that touch only there,
+    the two quads at the sides of the same gap are connected: gaps are separate spaces.
 
     Args:
         vertices: positions [m], shape (n, 3).
@@ -120,8 +120,8 @@ def _across_gaps(
 ) -> NDArray[np.int64]:
     """Pair the half edges on the two sides of each gap around an edge.
 
-    Looking along the edge, the material lies to the one side of a quad that runs along it and to the other of
-    one that runs against it: going round, each gap begins with one kind and ends with the other.
+    Seen along the edge, the material is on one side of a quad that runs along it, and on the other side of one that
+    runs against it. Around the edge, each gap thus begins with one kind and ends with the other.
     """
     quad, corner = half_edges // 4, half_edges % 4
     begin, end = quads[quad, corner], quads[quad, (corner + 1) % 4]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of each cube of a grid lies within a closed surface: volume, centroid, second moments."""
+"""Moments of the material in each cube of a grid that a closed surface cuts: volume, centroid, second moments."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from numpy.typing import NDArray
 
 from gdfe_ros.mesh.shells import crossings
 
-#: Columns through a cube along an axis, on a lattice of two Fibonacci numbers: a wall square to one of the other axes
-#: meets no two at once. Along a column the integrals are exact.
+#: Columns through a cube along an axis, on a lattice of two Fibonacci numbers: a wall perpendicular to one of the
+#: other axes never crosses two at once. Along a column the integrals are exact.
 COLUMNS, LATTICE = 144, 89
-#: Cubes with a smaller share of material are no cells: theirs goes to the fullest cell beside them.
+#: Share of material below which a cube is no cell: its material is given to the fullest neighbouring cell.
 LEAST_SHARE = 0.1
-#: Cubes whose share differs less from 0 or 1 are empty or whole.
+#: Difference of the share from 0 or 1 below which a cube counts as empty or whole.
 EXACT = 1e-9
 
 
 def cube_moments(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int]
 ) -> NDArray[np.float64]:
-    """Integrate over what of each cube lies within a closed surface.
+    """Integrate over the part of each cube inside a closed surface.
 
     Args:
         vertices: positions in units of the cubes' edge, from the grid's first corner, shape (n, 3).
@@ -28,8 +28,8 @@ def cube_moments(
         count: number of cubes along each axis.
 
     Returns:
-        Shape (cubes, 7), x running first: means over the cube of 1, xi, eta, zeta, xi^2, eta^2, zeta^2, where there
-        is material, in reference coordinates -1 .. 1.
+        Shape (cubes, 7), x fastest: means over the cube of 1, xi, eta, zeta, xi^2, eta^2, zeta^2 times the indicator of
+        material, in reference coordinates -1 .. 1.
     """
     ways = [_along(vertices, triangles, count, axis) for axis in range(3)]
     moments, crossed = (np.stack(part) for part in zip(*ways, strict=True))
@@ -43,9 +43,9 @@ def cube_moments(
 def _along(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int], axis: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the moments (cubes, 7) by columns along an axis, and how many of these cross the surface in each cube.
+    """Return the moments (cubes, 7) by columns along an axis, and the number of columns that cross the surface.
 
-    Where a surface is crossed by most columns it is most nearly square to them, and its place is exact.
+    The surface is closest to perpendicular to the axis with most crossings, and its position is exact along it.
     """
     turn = [(axis + 1) % 3, (axis + 2) % 3, axis]
     size = tuple(count[i] for i in turn)
@@ -70,7 +70,10 @@ def _add_columns(
     place: tuple[float, float],
     size: tuple[int, int, int],
 ) -> None:
-    """Add to ``moments`` (8, cubes) the columns at a place in the cubes x, y between every two heights, and these."""
+    """Add to ``moments`` (8, cubes) the columns at a place in the cubes x, y between each pair of heights.
+
+    The last row counts crossings.
+    """
     nx, ny, nz = size
     below = np.minimum(height.astype(np.int64), nz - 1)
     moments[7] += np.bincount((below * ny + y) * nx + x, minlength=nx * ny * nz)
@@ -89,11 +92,11 @@ def _add_columns(
 
 
 def gather_slivers(moments: NDArray[np.float64], count: tuple[int, int, int]) -> NDArray[np.float64]:
-    """Give what is in nearly empty cubes to the fullest cell across one of their faces; return new moments.
+    """Move the material of nearly empty cubes to the fullest cell across one of their faces; return new moments.
 
-    Left as they are, slivers would have corners that nothing but a millionth of a cell's stiffness holds; left out, the
-    error would be of first order. Their material is moved by the field of the cell that takes it, continued.
-    A sliver that has no such cell is left out.
+    Without this, slivers would have corners with a millionth of a cell's stiffness. Leaving them out would be an error
+    of first order. Their material moves with the extrapolated field of the cell that takes it. A sliver without such a
+    cell is left out.
     """
     nx, ny, nz = count
     gathered = moments.copy()

@@ -55,9 +55,9 @@ def squared_distance(p, corners):
 
 @internal
 def nearest_ones(middle, reach, corners, among, away, out):
-    """Write to ``out`` which of ``among`` may be the nearest to a point that is up to ``reach`` [m] from ``middle``.
+    """Write to ``out`` those of ``among`` that may be nearest to a point; return their number.
 
-    ``away`` is of use for the work; returns how many they are.
+    The point is up to ``reach`` [m] away from ``middle``; ``away`` is scratch.
     """
     least = math.inf
     for m in range(len(among)):
@@ -73,16 +73,16 @@ def nearest_ones(middle, reach, corners, among, away, out):
 
 @kernel
 def grid_distances(start, cell, corners, out):
-    """Write the distance [m] of each point of a grid from the nearest triangle.
+    """Write the distance [m] of each point of a grid to the nearest triangle.
 
-    Blocks of points are halved along each axis down to points; each looks only at the triangles of the block that it is
-    part of that may be the nearest to one of its points.
+    Blocks of points are halved along each axis down to single points. Each block considers only those triangles of its
+    parent block that may be the nearest to one of its points.
 
     Args:
         start: (3,) [m] of the first point.
         cell: spacing [m].
-        corners: (t, 3, 3) [m] of triangles that have an area.
-        out: (a, b, c).
+        corners: (t, 3, 3) [m] of triangles with nonzero area.
+        out: (a, b, c), is written.
     """
     levels = 1
     while 2**levels < max(out.shape):

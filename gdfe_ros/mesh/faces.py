@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faces of hexahedra: which lie on the boundary, and which way they look."""
+"""Faces of hexahedra: the boundary and its orientation."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ HEX_FACES = np.array(
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Quads with the cell that each belongs to.
+    """Quads with the cell to which each belongs.
 
     Attributes:
         quads: vertex ids, shape (q, 4), int32, VTK quad order, normals out of the owning cell.
         cells: owning cell of each quad, shape (q,), int32.
-        crowded: cells that share a face with more than one other cell, sorted, int32: in a sound mesh none.
+        crowded: cells that share a face with more than one other cell, sorted, int32; empty for a sound mesh.
     """
 
     quads: NDArray[np.int32]
@@ -53,7 +53,7 @@ def boundary_faces(cells: NDArray[np.int32]) -> Faces:
 
 
 def group_quads(quads: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Number the quads by their vertices, whatever the order of these.
+    """Number the quads by their sets of vertices, in any order.
 
     Args:
         quads: vertex ids, shape (q, 4).
@@ -75,9 +75,9 @@ def group_quads(quads: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np
 
 
 def enclosed_volume(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> float:
-    """Return the volume within a closed surface of bilinear quads [m^3], positive for outward normals.
+    """Return the volume inside a closed surface of bilinear quads [m^3], positive for outward normals.
 
-    Half the sum over both ways to cut each quad into triangles, which is exact for a bilinear patch.
+    It is the mean over both divisions of each quad into triangles, which is exact for a bilinear patch.
 
     Args:
         vertices: positions [m], shape (n, 3).
@@ -91,7 +91,7 @@ def enclosed_volume(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> 
 
 
 def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:
-    """Return the piece of each of ``count`` vertices (n,): what cells or faces (m, c) connect, numbered from 0."""
+    """Return the connected piece of each of ``count`` vertices (n,) by cells or faces (m, c), numbered from 0."""
     row, column = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
     graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int32)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import meshio
 
 Sets = dict[str, NDArray[np.int32]]
-#: Cell or point data with more different values than this number things rather than group them.
+#: Number of different values above which cell or point data are numbers of items and define no groups.
 MOST_GROUPS = 256
 
 _PHYSICAL = "gmsh:physical"
@@ -26,16 +26,16 @@ def named_sets(raw: meshio.Mesh, starts: dict[int, int], heading: str) -> tuple[
     """Return the cell sets and the vertex sets of a file.
 
     Args:
-        raw: what meshio read.
-        starts: number of the first cell of each block of hexahedra, by the number of the block.
-        heading: what to call the file in an error.
+        raw: mesh as read by meshio.
+        starts: index of the first cell of each block of hexahedra, by the index of the block.
+        heading: name of the file in an error.
 
     Returns:
-        Cell ids (hexahedra only) and vertex ids by name. A group of faces, edges or points gives its
-        vertices; data ``name`` gives the sets ``name_1``, ``name_2``, ... of its values, zero left out.
+        Cell ids (hexahedra only) and vertex ids by name. A group of faces, edges or points gives its vertices; data
+        ``name`` give the sets ``name_1``, ``name_2``, ... of their values, except zero.
 
     Raises:
-        MeshError: a set names blocks in a way that cannot be resolved.
+        MeshError: a set refers to blocks in an ambiguous manner.
     """
     cells: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
     vertices: dict[str, list[NDArray[np.int64]]] = defaultdict(list)
@@ -76,7 +76,7 @@ def _block_groups(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, ND
 
 
 def _groups(data: NDArray[np.generic]) -> list[int]:
-    """Return the values that group things: whole numbers, not too many, zero left out."""
+    """Return the values that define groups: whole numbers, not too many, except zero."""
     if data.ndim != 1 or not np.issubdtype(data.dtype, np.integer):
         return []
     values = [int(value) for value in np.unique(data) if value]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far cells are filled with material: a box in each that has the moments of what is in it.
+"""Filled share of cells: a box in each cell with the moments of its material.
 
-The material of a cut cell is a piece of it of any form. What bends and weighs it to second order are its volume, its
-centroid and its second moments, and a box has as many: an element on that box, hung on the cell's corners by
-trilinear weights, stands for the cell (docs/theory/cut_cells.md).
+The material of a cut cell has any shape. Its stiffness and weight follow, to second order, from its volume, its
+centroid and its second moments, and a box has the same number of parameters. An element on that box, carried by the
+cell's corners with trilinear weights, represents the cell (docs/theory/cut_cells.md).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Filling:
     """The material in each cell.
 
     Attributes:
-        share: (m,) its volume over that of the cell; above 1 where a cell stands for slivers beside it.
+        share: (m,) its volume over that of the cell; above 1 for a cell that includes neighbouring slivers.
         centre: (m, 3) its centroid in reference coordinates -1 .. 1.
         spread: (m, 3) half the edges of the box with its second moments, in reference coordinates.
     """
@@ -34,7 +34,7 @@ class Filling:
 
     @classmethod
     def of_moments(cls, moments: NDArray[np.float64]) -> Filling:
-        """Return it from the means over cells (m, 7) of 1, xi, eta, zeta and their squares, each times the share."""
+        """Return the filling from the means over cells (m, 7) of 1, xi, eta, zeta and their squares in the material."""
         share = moments[:, 0]
         centre = moments[:, 1:4] / share[:, None]
         variance = moments[:, 4:] / share[:, None] - centre**2
@@ -42,17 +42,17 @@ class Filling:
 
     @classmethod
     def whole(cls, count: int) -> Filling:
-        """Return that of cells without a cut."""
+        """Return the filling of ``count`` uncut cells."""
         return cls(np.ones(count), np.zeros((count, 3)), np.ones((count, 3)))
 
     @classmethod
     def joined(cls, fillings: Sequence[Filling]) -> Filling:
-        """Return that of all cells in a row."""
+        """Return the concatenation of several fillings."""
         return cls(*(np.concatenate([getattr(each, item.name) for each in fillings]) for item in fields(cls)))
 
     @cached_property
     def cut(self) -> NDArray[np.intp]:
-        """The cells that are not filled wholly (k,)."""
+        """The cells (k,) that are not entirely filled."""
         return np.flatnonzero((self.share != 1.0) | (self.centre != 0.0).any(axis=1) | (self.spread != 1.0).any(axis=1))
 
     @cached_property
@@ -61,9 +61,9 @@ class Filling:
         return trilinear_weights(self.points(CORNERS)[self.cut])
 
     def points(self, reference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where points (p, 3) of the boxes are in their cells, (m, p, 3)."""
+        """Return the reference coordinates (m, p, 3) in the cells of points (p, 3) of their boxes."""
         return self.centre[:, None] + self.spread[:, None] * reference
 
     def of(self, cells: NDArray[np.bool_] | NDArray[np.intp]) -> Filling:
-        """Return it for some of the cells."""
+        """Return the filling of some of the cells."""
         return Filling(*(getattr(self, item.name)[cells] for item in fields(self)))

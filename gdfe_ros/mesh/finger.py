@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A finger: stiff links joined by thin webs, to be bent by a tendon below them."""
+"""Mesh of a finger: stiff links joined by thin webs, to be bent by a tendon below them."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meshes made from a few numbers."""
+"""Meshes generated from a few parameters."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ def grid(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> HexMesh:
 
 
 def cut(mesh: HexMesh, holes: Sequence[Where]) -> HexMesh:
-    """Take cells out of a mesh: a cavity, a notch, a window.
+    """Remove cells from a mesh: a cavity, a notch, a window.
 
     Args:
         mesh: the mesh.
-        holes: the cells of each (by their centroids) go.
+        holes: selections of the cells to remove, by their centroids.
 
     Raises:
-        MeshError: a hole takes no cell or nothing is left; all such holes are named.
+        MeshError: a hole selects no cell, or nothing is left; all such holes are named.
     """
     keep = np.ones(mesh.n_cells, dtype=bool)
     defects = []

@@ -31,13 +31,12 @@ class HexMesh:
             the bottom counter-clockwise seen from the top, then the four of the top above them).
         cell_sets: named sorted cell ids, int32 (physical groups, element sets of an imported file).
         vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
-        filling: how far the cells are filled with material; None: wholly.
-        skin: what is shown instead of the cells' outer faces; None: these.
-        touching: points of skins that touch instead of the faces of the cells under them; None: faces do everywhere.
-        parts: the meshes that this one was put together from, by name; empty where it is one.
+        filling: filled share of the cells; None: entirely.
+        skin: surface that is drawn instead of the cells' outer faces; None: these faces.
+        touching: contact points of skins, used instead of the faces of the cells under them; None: faces everywhere.
+        parts: the meshes of which this one was assembled, by name; empty for a single mesh.
 
-    Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` looks at
-    the content.
+    Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` checks the content.
 
     Raises:
         MeshError: `vertices` is not (n, 3) or `cells` is not (m, 8).
@@ -99,14 +98,14 @@ class HexMesh:
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box [m]; of several meshes that of the largest, however far they are apart."""
+        """Diagonal of the bounding box [m]; for several meshes that of the largest one, whatever their distance."""
         if self.parts:
             return max(part.mesh.size for part in self.parts.values())
         return self.extent
 
     @property
     def extent(self) -> float:
-        """Diagonal of the box around everything [m]: with several meshes more than `size`."""
+        """Diagonal of the bounding box of everything [m]; for several meshes more than `size`."""
         return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
 
     @cached_property
@@ -116,7 +115,7 @@ class HexMesh:
 
     @cached_property
     def outside(self) -> Outside:
-        """What the body is shown by: its skin, or its boundary."""
+        """Surface that is drawn: the skin, or the boundary."""
         return self.skin or Outside.of_faces(self.boundary)
 
     def surface(self) -> NDArray[np.int32]:

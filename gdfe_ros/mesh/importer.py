@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hexahedral meshes from files: Gmsh, VTK, Abaqus and what else meshio reads."""
+"""Import of hexahedral meshes from files: Gmsh, VTK, Abaqus and other formats that meshio reads."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")
 
 _VOXELS = "voxelise its surface with `mesh: {voxels: {surface: FILE.stl, cell: SIZE}}`"
-#: What to do about cells that are no 8-vertex hexahedra, by the start of meshio's name for them.
+#: Remedies for cells that are no 8-vertex hexahedra, by the beginning of meshio's name for them.
 _REMEDIES = {
     "hexahedron": "mesh it in first order (Gmsh: -order 1, Abaqus: C3D8), or give `first_order: true`",
     "tetra": f"mesh it with hexahedra (Gmsh: transfinite volumes and Recombine), or {_VOXELS}",
@@ -50,10 +50,10 @@ def read_mesh(
 
     Args:
         path: a file that meshio reads, e.g. .msh, .vtk, .vtu, .inp.
-        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None takes metres and refuses
-            bodies that cannot be meant so.
-        merge: make vertices at the same place one.
-        first_order: of second-order hexahedra take the eight corners.
+        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None assumes metres and rejects
+            bodies of implausible size.
+        merge: whether to merge vertices at the same place.
+        first_order: whether to reduce second-order hexahedra to their eight corners.
 
     Raises:
         MeshError: with every defect and its remedy.
@@ -67,7 +67,7 @@ def read_mesh(
 def examine_mesh(
     path: str | Path, *, scale: float | None = None, merge: bool = False, first_order: bool = False
 ) -> tuple[HexMesh, list[str]]:
-    """Read a mesh like `read_mesh`, and return it with its defects, none if it is sound.
+    """Read a mesh like `read_mesh`, and return it with its defects; the list is empty for a sound mesh.
 
     Raises:
         MeshError: there is no mesh of hexahedra to return, with every reason.

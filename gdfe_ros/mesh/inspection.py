@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in a mesh or surface file, and what to do about it."""
+"""Inspection of a mesh or surface file: its contents, its defects and their remedies."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gdfe_ros.mesh.shells import Shells, shells
 from gdfe_ros.mesh.units import guess_unit
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 
-#: Cells along the longest side that a first voxel mesh may have.
+#: Cells along the longest side of a suggested first voxel mesh.
 _FIRST_GRID = 40
 
 
@@ -29,8 +29,8 @@ class Inspection:
 
     Attributes:
         path: the file.
-        facts: what is there, as (name, value) in words, for a table.
-        defects: what to fix, each with its remedy; empty if the file can be used as it is.
+        facts: contents as (name, value) in words, for a table.
+        defects: defects, each with its remedy; empty for a usable file.
         mesh: the hexahedra, or None for a surface or an unreadable file.
         cavities: cavities of the hexahedra, the largest first.
     """
@@ -43,11 +43,11 @@ class Inspection:
 
 
 def inspect_file(path: str | Path, *, scale: float | None = None) -> Inspection:
-    """Look into a file of hexahedra or of a surface; defects of the file are findings and raise nothing.
+    """Inspect a file of hexahedra or of a surface; its defects are findings and raise no error.
 
     Args:
         path: the file.
-        scale: metres for each unit of the file; None takes metres and judges whether that can be meant.
+        scale: metres for each unit of the file; None assumes metres and checks whether that is plausible.
     """
     path = Path(path)
     try:
@@ -64,7 +64,7 @@ def inspect_mesh(mesh: HexMesh, *, path: Path | None = None, defects: list[str] 
 
     Args:
         mesh: the mesh.
-        path: where it comes from.
+        path: its file.
         defects: its defects if they are known already.
     """
     quality = check_mesh(mesh)

@@ -28,9 +28,9 @@ MODES = np.stack(
 """Corner values (4, 8) of the fields eta zeta, xi zeta, xi eta and xi eta zeta: mode i < 3 lacks axis i."""
 
 NEWTON_STEPS = 25
-"""To find a point's place in a cell; on a parallelepiped the first is exact."""
+"""Limit of Newton steps for a point's reference coordinates; on a parallelepiped the first step is exact."""
 SETTLED = 1e-8
-"""Last change of a point's reference coordinates: the error is its square, below what doubles resolve."""
+"""Last change of a point's reference coordinates: the error is its square, below double precision."""
 PARALLEL = 1e-9
 """Largest hourglass amplitude, over the shortest edge, of an element that counts as a parallelepiped."""
 
@@ -49,9 +49,9 @@ class ShapeOperators(NamedTuple):
         reference: (m, 3, 3) float64 [1/m], inverse of dX/dxi at the element's centre.
         parallel: (m,) bool, the element is a parallelepiped: its operators are sums and differences of corners.
         corner_ratio: (m, 8) float64 [1/m^3], one over the triple product of the three edges at each corner.
-        cut: (m,) bool, the element is a box within its cell, and the corners of `corner_ratio` are the box's.
-        box: (m, 3, 2) float64, where that box begins and ends along each edge of its cell, 0 .. 1 in whole cells.
-        across: (m,) int32 cells across the section that the element twists with; 1 where it twists by itself.
+        cut: (m,) bool, the element is a box inside its cell, and the corners of `corner_ratio` are the box's.
+        box: (m, 3, 2) float64, ends of that box along each edge of its cell, 0 .. 1 in whole cells.
+        across: (m,) int32 cells across the section with which the element twists; 1 if it twists alone.
     """
 
     cells: NDArray[np.int32]
@@ -78,7 +78,7 @@ def reference_coordinates(
 ) -> NDArray[np.float64]:
     """Invert the trilinear map of cells (k, 8, 3) at points (k, 3), or at one (3,), by Newton's method.
 
-    It ends for a point when no coordinate of it changes by more than ``within``.
+    The iteration ends for a point when none of its coordinates changes by more than ``within``.
 
     Returns:
         Reference coordinates (k, 3), within -3 .. 3.
@@ -102,10 +102,10 @@ def reference_coordinates(
 def shape_operators(
     vertices: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
 ) -> ShapeOperators:
-    """Compute the operators of all elements from rest vertices (n, 3) [m] and cells (m, 8).
+    """Return the operators of all elements from rest vertices (n, 3) [m] and cells (m, 8).
 
     The volume and the mean gradient are integrated with 2 x 2 x 2 Gauss points, exact for trilinear shapes. A cut
-    cell has the operators of the box that its ``filling`` is, carried by the cell's corners.
+    cell has the operators of its ``filling``'s box, carried by the cell's corners.
     """
     corners = vertices[cells]
     shape = _operators(corners, cells)
@@ -125,7 +125,7 @@ def shape_operators(
 
 
 def _operators(corners: NDArray[np.float64], cells: NDArray[np.int32]) -> ShapeOperators:
-    """Compute the operators of whole elements with ``corners`` (m, 8, 3) [m]."""
+    """Return the operators of whole elements with ``corners`` (m, 8, 3) [m]."""
     volume = np.zeros(len(cells))
     weighted = np.zeros((len(cells), 8, 3))
     for point in CORNERS / np.sqrt(3.0):
@@ -174,7 +174,7 @@ def _local_gradients(point: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _hourglass_vectors(corners: NDArray[np.float64], gradient: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Remove from each mode its linear part and scale it to unit length (Flanagan and Belytschko 1981)."""
+    """Return the modes without their linear parts, scaled to unit length (Flanagan and Belytschko 1981)."""
     slopes = np.einsum("ka,eai->eki", MODES, corners)
     vectors = MODES - np.einsum("eki,eai->eka", slopes, gradient)
     return np.ascontiguousarray(vectors / np.linalg.norm(vectors, axis=2, keepdims=True))

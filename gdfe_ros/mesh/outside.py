@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a body is shown by: the outer faces of its cells, or a skin that they carry."""
+"""Surface by which a body is drawn: the outer faces of its cells, or a skin that they carry."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from gdfe_ros.mesh.operators import SETTLED, reference_coordinates, trilinear_we
 from gdfe_ros.mesh.refinement import refine
 
 NEAR = 12
-"""Cells about a point of a skin of which one carries it."""
+"""Number of cells nearest to a skin point among which its carrier is searched."""
 WITHIN = 1.0 - 1e-9
-"""Place in a cell's reference coordinates up to which a point lies in it for sure, and in no other one."""
+"""Reference coordinate up to which a point certainly lies in a cell, and in no other."""
 REACH = 2.5
-"""Farthest place of a carried point in its cell's reference coordinates: three quarters of an edge outside."""
+"""Largest reference coordinate of a carried point in its cell: three quarters of an edge outside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Outside:
     """Faces between points that move with a body.
 
     Attributes:
-        faces: (f, 3 or 4) int32 numbers of points.
+        faces: (f, 3 or 4) int32 indices of points.
         cells: (f,) int32 cell whose value each face shows.
         corners: (k, 1 or 8) int32 vertices of the mesh that carry each point.
         weights: (k, 1 or 8) their weights, which sum to one.
@@ -41,19 +41,19 @@ class Outside:
 
     @classmethod
     def of_faces(cls, faces: Faces) -> Outside:
-        """Return the faces themselves, between vertices of the mesh."""
+        """Return the boundary faces as a surface between vertices of the mesh."""
         ids, local = np.unique(faces.quads, return_inverse=True)
         weights = np.ones((len(ids), 1))
         return cls(local.reshape(-1, 4).astype(np.int32), faces.cells, ids[:, None].astype(np.int32), weights)
 
     @classmethod
     def joined(cls, outsides: Sequence[Outside], vertices: Sequence[int], cells: Sequence[int]) -> Outside:
-        """Return several as one, of triangles between points that cells carry.
+        """Return several surfaces as one, of triangles between points that cells carry.
 
         Args:
             outsides: of meshes that become one.
-            vertices: number of each mesh' first vertex among all.
-            cells: number of each mesh' first cell among all.
+            vertices: index of each mesh' first vertex among all.
+            cells: index of each mesh' first cell among all.
         """
         found, points = [], 0
         for each, first_vertex, first_cell in zip(outsides, vertices, cells, strict=False):
@@ -73,11 +73,11 @@ class Outside:
 
     @property
     def triangles(self) -> NDArray[np.int32]:
-        """The faces as triangles, those of one face in a row (t, 3)."""
+        """The faces as triangles (t, 3); those of one face are consecutive."""
         return self.faces if self.skin else self.faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
 
     def at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what vertices have, as positions (n, 3) [m], at the points (k, 3)."""
+        """Return vertex values, such as positions (n, 3) [m], at the points (k, 3)."""
         if not self.skin:
             return values[self.corners[:, 0]]
         return np.einsum("ka,ka...->k...", self.weights, values[self.corners])
@@ -89,9 +89,9 @@ def carry_skin(
     points: NDArray[np.float64],
     triangles: NDArray[np.int64],
 ) -> Outside:
-    """Hang a triangle surface on the cells: each of its points on the cell that it lies in, or is nearest to.
+    """Attach a triangle surface to the cells: each of its points to the cell that contains it, or to the nearest one.
 
-    Triangles with longer edges than the cells are divided, lest they stay flat where the cells bend.
+    Triangles with longer edges than the cells are divided, because they would stay flat where the cells bend.
 
     Args:
         vertices: of the mesh at rest (n, 3) [m].
@@ -100,7 +100,7 @@ def carry_skin(
         triangles: between the points (t, 3).
 
     Raises:
-        MeshError: points lie too far outside of the cells to move with them sensibly.
+        MeshError: points are too far outside of the cells to move with them sensibly.
     """
     corners = vertices[cells]
     edge = float(np.linalg.norm(corners[:, [1, 3, 4]] - corners[:, :1], axis=2).mean())
@@ -116,13 +116,13 @@ def carry_skin(
 def hang(
     vertices: NDArray[np.float64], cells: NDArray[np.int32], points: NDArray[np.float64], *, within: float = SETTLED
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the cell (k,) that carries each of some points (k, 3) [m], and the weights (k, 8) of its corners.
+    """Return the cell (k,) that carries each of ``points`` (k, 3) [m], and the weights (k, 8) of its corners.
 
-    That is the cell that a point lies in, or is nearest to. Of a mesh as of `carry_skin`; ``within`` as of
-    `reference_coordinates`.
+    It is the cell that contains the point, or the nearest one. ``vertices`` and ``cells`` are as for `carry_skin`,
+    ``within`` as for `reference_coordinates`.
 
     Raises:
-        MeshError: points lie too far outside of the cells.
+        MeshError: points are too far outside of the cells.
     """
     corners = vertices[cells]
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(cells)))
@@ -145,7 +145,10 @@ def hang(
 def _too_far(
     points: NDArray[np.float64], far: NDArray[np.bool_], corners: NDArray[np.float64], place: NDArray[np.float64]
 ) -> str:
-    """Say which of the points are ``far`` from the cells (k, 8, 3) that are nearest, by their ``place`` in these."""
+    """Return a message about the points that are ``far`` from their nearest cells (k, 8, 3).
+
+    ``place`` are their reference coordinates in these.
+    """
     nearest = np.einsum("ka,kai->ki", trilinear_weights(np.clip(place, -1.0, 1.0)), corners)
     away = np.where(far, np.linalg.norm(points - nearest, axis=1), 0.0)
     worst = int(np.argmax(away))

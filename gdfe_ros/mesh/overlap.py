@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Do two meshes lie in each other? Cells as convex bodies, by the axes that could separate them."""
+"""Overlap of two meshes: cells as convex bodies, tested by separating axes."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from gdfe_ros.mesh.faces import HEX_FACES
 from gdfe_ros.mesh.hexmesh import HexMesh
 
 TOUCHING = 0.1
-"""Depth, over the shortest edge of two cells, up to which they touch: hulls of the cells of a ball that fits its socket
-are that deep in each other. What is less is pushed out by contact in the first step."""
+"""Depth, over the shortest edge of two cells, up to which they count as touching. The hulls of the cells of a ball in a
+fitting socket overlap by that much; contact resolves less in the first step."""
 _EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]])
 _BLOCK = 512
-"""Pairs of cells that are looked at together."""
+"""Pairs of cells that are tested together."""
 
 
 class Overlap(NamedTuple):
-    """Where two meshes are in each other: how deep at least [m], and near which point (3,) [m]."""
+    """Overlap of two meshes: its least depth [m], and a nearby point (3,) [m]."""
 
     depth: float
     point: NDArray[np.float64]
 
 
 def find_overlap(first: HexMesh, second: HexMesh) -> Overlap | None:
-    """Return where cells of two meshes are in each other; None where they are apart, or touch.
+    """Return the overlap of two meshes; None if they are apart or touch.
 
     Args:
         first: a sound mesh.
@@ -53,7 +53,7 @@ def find_overlap(first: HexMesh, second: HexMesh) -> Overlap | None:
 
 
 def _within(corners: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cells (m, 8, 3) whose bounds meet a box."""
+    """Return the cells (m, 8, 3) whose bounding boxes meet a box."""
     meet = (corners.min(axis=1) <= high).all(axis=1) & (corners.max(axis=1) >= low).all(axis=1)
     return corners[meet]
 
@@ -61,7 +61,7 @@ def _within(corners: NDArray[np.float64], low: NDArray[np.float64], high: NDArra
 def _blocks(
     ours: NDArray[np.float64], theirs: NDArray[np.float64]
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Yield pairs of cells, by number, whose bounds meet."""
+    """Yield index pairs of cells whose bounding boxes meet."""
     if not len(ours) or not len(theirs):
         return
     centre, radius = ours.mean(axis=1), np.linalg.norm(ours - ours.mean(axis=1, keepdims=True), axis=2).max()
@@ -81,7 +81,7 @@ def _blocks(
 
 
 def _depths(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far cells (k, 8, 3) must move to be apart [m], negative where they are (Gottschalk 1996)."""
+    """Return the penetration depth [m] of pairs of cells (k, 8, 3), negative if they are apart (Gottschalk 1996)."""
     edges = [corners[:, _EDGES[:, 1]] - corners[:, _EDGES[:, 0]] for corners in (a, b)]
     across = np.cross(edges[0][:, :, None], edges[1][:, None]).reshape(len(a), -1, 3)
     axes = np.concatenate([_normals(a), _normals(b), across], axis=1)
@@ -94,7 +94,7 @@ def _depths(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what stands on the faces of cells (k, 8, 3): their areas as vectors, twice (k, 6, 3)."""
+    """Return twice the area vectors (k, 6, 3) of the faces of cells (k, 8, 3)."""
     p, q, r, s = np.moveaxis(corners[:, HEX_FACES], 2, 0)
     return np.cross(r - p, s - q)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A mesh as one line of text, so that a scene and a bag carry it whole."""
+"""A mesh as one line of text, so that scenes and bags can contain it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FILLED = tuple(item.name for item in fields(Filling))
 
 
 def pack_mesh(mesh: HexMesh) -> str:
-    """Return the mesh as base64 of a compressed npz archive; exact to the last bit."""
+    """Return the mesh as base64 of a compressed npz archive; exact bit by bit."""
     arrays = {"vertices": mesh.vertices, "cells": mesh.cells}
     arrays |= {_CELL_SET + name: ids for name, ids in mesh.cell_sets.items()}
     arrays |= {_VERTEX_SET + name: ids for name, ids in mesh.vertex_sets.items()}
@@ -34,7 +34,7 @@ def pack_mesh(mesh: HexMesh) -> str:
 
 
 def pack_surface(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> str:
-    """Return a surface of triangles in the same way."""
+    """Return a surface of triangles in the same format."""
     return _pack({"vertices": vertices, "triangles": triangles})
 
 
@@ -82,7 +82,7 @@ def _unpack(text: str) -> dict[str, NDArray]:
 
 @contextmanager
 def _undamaged(what: str) -> Iterator[None]:
-    """Tell of a text that is not what it should be."""
+    """Raise MeshError for any error in a damaged text."""
     try:
         yield
     except (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is this mesh fit to be simulated? Every defect, with the ids of the cells and vertices concerned."""
+"""Quality check of a mesh: every defect, with the ids of its cells and vertices."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LISTED = 10
 
 @dataclass(frozen=True, eq=False)
 class QualityReport:
-    """What `check_mesh` found.
+    """Result of `check_mesh`.
 
     Attributes:
         scaled_jacobian: per cell the least of its eight corners, in [-1, 1], 1 for a box; shape (m,).
@@ -33,7 +33,7 @@ class QualityReport:
         vertex_part: piece of each vertex, shape (n,), int32, pieces numbered from 0.
         defects: one line for each kind of defect, empty for a sound mesh.
 
-    The arrays are empty when the cells name vertices that do not exist.
+    The arrays are empty if the cells refer to vertices that do not exist.
     """
 
     scaled_jacobian: NDArray[np.float64]
@@ -90,7 +90,7 @@ def require_sound(mesh: HexMesh, where: str = "mesh") -> QualityReport:
 
     Args:
         mesh: the mesh.
-        where: what to call the mesh in the error, e.g. a file name.
+        where: name of the mesh in the error, e.g. a file name.
 
     Raises:
         MeshError: with every defect.
@@ -153,10 +153,10 @@ def _vertex_defects(mesh: HexMesh) -> list[str]:
 
 
 def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
-    """Find pairs of points closer than a tolerance.
+    """Return the pairs of points closer than a tolerance.
 
-    Sorted along a generic direction, partners are near neighbours: compared with the next, the one after it,
-    and so on until no gap along the direction is small enough.
+    The points are sorted along a generic direction, so that partners are close in the order. Each point is compared
+    with the next one, the one after it, and so on, until no difference along the direction is small enough.
 
     Args:
         points: finite positions [m], shape (n, 3).

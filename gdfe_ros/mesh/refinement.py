@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surfaces of triangles with shorter edges: neighbours stay connected, slender triangles become strips."""
+"""Refinement of triangle surfaces: neighbours stay connected, slender triangles become strips."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 Levels = tuple[int, int, int]
-"""How often each edge of a triangle is halved; edge j lies opposite of corner j."""
+"""How often each edge of a triangle is halved; edge j is opposite to corner j."""
 
 
 def refine(
     points: NDArray[np.float64], triangles: NDArray[np.int64], longest: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Divide triangles until the edges that were given are cut into parts of at most ``longest`` [m].
+    """Divide triangles until the given edges are cut into parts of at most ``longest`` [m].
 
-    Each edge falls into equal parts, a power of two. A triangle of which all edges are cut falls into four of its own
-    form, again and again; one with an edge that is short enough, as long thin facets have, becomes a strip across its
-    other edges. Lines inside of a strip are at most that short edge longer than ``longest``.
+    Each edge is divided into equal parts, a power of two. A triangle with all edges to be cut is divided into four
+    similar ones, repeatedly. One with an edge that is short enough, such as a long thin facet, is divided into a strip
+    across its other edges. Lines inside of a strip exceed ``longest`` by at most that short edge.
 
     Args:
         points: (k, 3) [m].
@@ -27,7 +27,7 @@ def refine(
         longest: [m].
 
     Returns:
-        Points, the given ones first, and triangles that face the same way.
+        Points, the given ones first, and triangles with the same orientation.
     """
     ends = np.sort(np.stack([triangles[:, [1, 2, 0]], triangles[:, [2, 0, 1]]], axis=2), axis=2)
     edges, which = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
@@ -62,7 +62,7 @@ def refine(
 
 @lru_cache(maxsize=256)
 def _template(cut: Levels) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return how a triangle is divided: points (p, 3) in barycentric coordinates, exactly, and triangles (t, 3)."""
+    """Return the division of a triangle: points (p, 3) in exact barycentric coordinates, and triangles (t, 3)."""
     count = 2 ** min(cut)
     small = _four_by_four(count)
     strip = _strip(tuple(level - min(cut) for level in cut))
@@ -72,7 +72,7 @@ def _template(cut: Levels) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
 
 def _four_by_four(count: int) -> NDArray[np.float64]:
-    """Return the corners (t, 3, 3) of ``count`` squared triangles, each of the form of the whole."""
+    """Return the corners (t, 3, 3) of ``count`` squared triangles similar to the whole."""
     found = []
     for i in range(count):
         for j in range(count - i):
@@ -84,7 +84,7 @@ def _four_by_four(count: int) -> NDArray[np.float64]:
 
 
 def _strip(cut: Levels) -> NDArray[np.float64]:
-    """Return the corners (t, 3, 3) of a strip, from the corner opposite to an edge that stays whole down to it."""
+    """Return the corners (t, 3, 3) of a strip, from the corner opposite to the uncut edge to that edge."""
     turn = cut.index(0)
     ends = 2 ** cut[(turn + 2) % 3], 2 ** cut[(turn + 1) % 3]
     at, found = [1, 1], [((0, 0.0), (0, 1.0 / ends[0]), (1, 1.0 / ends[1]))]

@@ -152,7 +152,7 @@ def _plug(radius: float, around: int, planes: NDArray[np.float64]) -> HexMesh:
 
 
 def _full_turn(around: int) -> NDArray[np.float64]:
-    """Return angles from one corner of a square (-45 degrees) all the way round to it."""
+    """Return angles around a full circle, from one corner of a square (-45 degrees) back to it."""
     return np.linspace(-np.pi / 4, 7 * np.pi / 4, around + 1)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Selections: which vertices or cells a `where` of a scene means."""
+"""Selections: the vertices or cells that a scene's `where` refers to."""
 
 from __future__ import annotations
 
@@ -74,14 +74,14 @@ class Cells:
 
 @dataclass(frozen=True)
 class NamedSet:
-    """A vertex or cell set of the mesh by name; one kind is turned into the other if need be."""
+    """A vertex or cell set of the mesh by name; it is converted to the other kind if needed."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Within:
-    """What a selection means in one of several meshes, in the frame and numbers of that mesh; all of it without one."""
+    """A selection in one of several meshes, in the frame and ids of that mesh; the whole mesh without ``where``."""
 
     part: str
     where: Where | None = None
@@ -91,7 +91,7 @@ Where = Face | Box | Sphere | Vertices | Cells | NamedSet | Within
 
 
 def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
-    """Return the sorted vertex ids that a selection means (perhaps none).
+    """Return the sorted vertex ids of a selection (perhaps none).
 
     Args:
         mesh: the mesh.
@@ -125,9 +125,9 @@ def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
 
 
 def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
-    """Return the sorted cell ids that a selection means (perhaps none).
+    """Return the sorted cell ids of a selection (perhaps none).
 
-    Boxes and spheres test the cell centroids; see the selection classes for the rest.
+    Boxes and spheres test the cell centroids; see the selection classes for the others.
 
     Args:
         mesh: the mesh.
@@ -161,7 +161,7 @@ def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
 
 
 def select_faces(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
-    """Return the boundary quads of which all four vertices are selected (perhaps none).
+    """Return the boundary quads whose four vertices are all selected (perhaps none).
 
     Args:
         mesh: the mesh.
@@ -180,7 +180,7 @@ def select_faces(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
 
 
 def part_of(mesh: HexMesh, name: str) -> Part:
-    """Return one of the meshes that a mesh was put together from.
+    """Return one of the meshes of which a mesh was assembled.
 
     Raises:
         MeshError: there is none of that name.
@@ -192,12 +192,12 @@ def part_of(mesh: HexMesh, name: str) -> Part:
 
 
 def select_skin(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
-    """Return the triangles of a mesh's skin of which all three points are selected (perhaps none), (t, 3) int32.
+    """Return the triangles (t, 3) int32 of a mesh's skin whose three points are all selected (perhaps none).
 
     A face is a side of the skin's own bounding box.
 
     Raises:
-        MeshError: ids and sets are of the mesh, and select nothing of a skin.
+        MeshError: the selection is by ids or sets, which belong to the mesh and not to its skin.
     """
     points = mesh.skin.at(mesh.vertices)
     match where:
@@ -211,12 +211,12 @@ def select_skin(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
 
 
 def select_touching(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
-    """Return which of the points that touch for a mesh's skin are selected (perhaps none), sorted.
+    """Return the indices of the selected contact points of a mesh's skin (perhaps none), sorted.
 
     A face is a side of the skin's own bounding box.
 
     Raises:
-        MeshError: as of `select_skin`.
+        MeshError: as for `select_skin`.
     """
     if isinstance(where, Within):
         part = part_of(mesh, where.part)
@@ -241,7 +241,7 @@ def _on_side(mesh: HexMesh, side: Side) -> NDArray[np.bool_]:
 
 
 def _at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np.bool_]:
-    """Tell which points lie on a side of their bounding box."""
+    """Return which points lie on a side of their bounding box."""
     coordinate = points[:, "xyz".index(side.value[0])]
     if side.value[1] == "-":
         return coordinate <= coordinate.min() + slack

@@ -22,9 +22,9 @@ EDGES = np.array(
 def scaled_jacobians(mesh: HexMesh) -> NDArray[np.float64]:
     """Return the least scaled Jacobian over the eight corners of each cell, shape (m,).
 
-    At a corner with edge vectors a, b, c: a . (b x c) / (|a| |b| |c|), in [-1, 1]; 1 for a box, <= 0 when the
-    corner is flat or turned inside out (Knupp 2000; the Verdict library's `scaled jacobian` without the
-    centre). A corner with an edge of no length counts as 0.
+    At a corner with edge vectors a, b, c: a . (b x c) / (|a| |b| |c|), in [-1, 1]; 1 for a box, <= 0 for a flat or
+    inverted corner (Knupp 2000; the Verdict library's `scaled jacobian` without the centre). A corner with an edge of
+    zero length counts as 0.
     """
     corners = mesh.vertices[mesh.cells]
     edges = corners[:, CORNERS] - corners[:, :, None]
@@ -33,7 +33,7 @@ def scaled_jacobians(mesh: HexMesh) -> NDArray[np.float64]:
 
 
 def aspect_ratios(mesh: HexMesh) -> NDArray[np.float64]:
-    """Return longest over shortest edge of each cell, shape (m,), >= 1, inf with an edge of no length."""
+    """Return longest over shortest edge of each cell, shape (m,), >= 1; inf with an edge of zero length."""
     corners = mesh.vertices[mesh.cells]
     lengths = np.linalg.norm(corners[:, EDGES[:, 1]] - corners[:, EDGES[:, 0]], axis=2)
     shortest, longest = lengths.min(axis=1), lengths.max(axis=1)
@@ -41,7 +41,7 @@ def aspect_ratios(mesh: HexMesh) -> NDArray[np.float64]:
 
 
 def cell_volumes(mesh: HexMesh) -> NDArray[np.float64]:
-    """Return the exact volume of each trilinear cell [m^3], shape (m,), negative when inside out.
+    """Return the exact volume of each trilinear cell [m^3], shape (m,), negative for an inverted cell.
 
     The Jacobian determinant of the trilinear map is quadratic in each reference coordinate, so 2 x 2 x 2
     Gauss points integrate it exactly.

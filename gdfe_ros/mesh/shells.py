@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closed triangle surfaces made of nested shells: what is inside by the even-odd rule."""
+"""Closed triangle surfaces made of nested shells; the inside follows from the even-odd rule."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.mesh.faces import vertex_pieces
 
-#: Pairs of a triangle and a column of the grid that are looked at together.
+#: Pairs of a triangle and a column of the grid that are tested together.
 _CHUNK = 2_000_000
 
 
@@ -21,7 +21,7 @@ class Shells:
 
     Attributes:
         depths: number of other shells around each shell; odd for a cavity.
-        volumes: volume within each shell [m^3], whatever way its triangles face.
+        volumes: volume inside each shell [m^3], whatever the orientation of its triangles.
     """
 
     depths: tuple[int, ...]
@@ -39,11 +39,11 @@ class Shells:
 
 
 def shells(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Shells:
-    """Take a closed surface apart.
+    """Divide a closed surface into its shells.
 
     Args:
         vertices: positions [m], shape (n, 3).
-        triangles: vertex ids, shape (t, 3); shells do not cut each other.
+        triangles: vertex ids, shape (t, 3); shells do not intersect each other.
     """
     shell = shell_numbers(len(vertices), triangles)
     _, first = np.unique(shell, return_index=True)
@@ -69,10 +69,10 @@ def shell_numbers(n: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
 def points_inside(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int]
 ) -> NDArray[np.bool_]:
-    """Tell which of the points (i, j, k) lie inside a closed surface.
+    """Return which of the points (i, j, k) lie inside a closed surface.
 
     Each triangle toggles the points above it in the columns along z that pierce it. An edge of two triangles
-    is evaluated alike in both and belongs to one side of it, so that a column through an edge or a corner
+    is evaluated identically in both and belongs to one side of it, so that a column through an edge or a corner
     crosses the surface once.
 
     Args:
@@ -93,9 +93,9 @@ def points_inside(
 def inside(
     points: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Tell which of points (k, 3) lie within a closed surface by the even-odd rule, whatever way its triangles face.
+    """Return which points (k, 3) lie inside a closed surface by the even-odd rule, whatever its orientation.
 
-    The shells that wind about a point are counted by their solid angles (van Oosterom and Strackee 1983).
+    The shells that wind around a point are counted by their solid angles (van Oosterom and Strackee 1983).
     """
     shell = shell_numbers(len(vertices), triangles)
     found = np.zeros(len(points), dtype=np.int64)
@@ -112,7 +112,7 @@ def inside(
 def crossings(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return where columns along z cross a surface: x, y of the column and the height, each (k,).
+    """Return the crossings of columns along z with a surface: x, y of the column and the height, each (k,).
 
     A column crosses a closed surface an even number of times; the arguments are those of `points_inside`.
     """
@@ -148,7 +148,7 @@ def _columns(
 
 
 def _pierced(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell whether the column (x, y) pierces its triangle: a ray to +x crosses its outline once."""
+    """Return whether the column (x, y) pierces its triangle: a ray to +x crosses the triangle's outline once."""
     hit = np.zeros(len(corners), dtype=bool)
     for first, second in ((0, 1), (1, 2), (2, 0)):
         a, b = corners[:, first, :2], corners[:, second, :2]
@@ -161,7 +161,7 @@ def _pierced(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.i
 
 
 def _heights(corners: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the height of each triangle at its column, within its corners' heights."""
+    """Return the height of each triangle at its column, clamped to its corners' heights."""
     a = corners[:, 0]
     normal = np.cross(corners[:, 1] - a, corners[:, 2] - a)
     fall = (x - a[:, 0]) * normal[:, 0] + (y - a[:, 1]) * normal[:, 1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which points of a skin touch: of each vertex of the cells' boundary the one that it carries most of."""
+"""Choice of the skin points that touch: for each boundary vertex of the cells, the point with its largest weight."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ if TYPE_CHECKING:
     from gdfe_ros.mesh.hexmesh import HexMesh
 
 FINE, SMALL = 0.25, 0.1
-"""Longest edge of the pieces in which a skin is looked at, over the size of cells of which so many are smaller."""
+"""Longest edge of a refined skin's triangles, over a quantile of the sizes of boundary cells, and that quantile."""
 CREASE = np.cos(np.radians(30.0))
-"""Cosine between the normals of neighbours beyond which their common edge is a crease."""
+"""Cosine between the normals of neighbouring triangles below which their common edge is a crease."""
 FARTHEST = np.array([0.5, 0.75, 1.0])
-"""Distance to the nearest point that touches, over the size of its cell, beyond which a corner, a point of a crease
-and any other point of a skin touches, too."""
+"""Distance to the nearest chosen point, over the size of its cell, beyond which a corner, a crease point, and any other
+point of a skin is chosen too."""
 NEAR = 8
-"""Points about one of a skin of which one touches for it: the nearest on its side of a wall."""
+"""Number of nearest chosen points searched for one on the same side of a wall."""
 ALIKE = -1e-9
-"""Cosine between two directions, beyond which they lie on one side of a wall: those at right angles do."""
+"""Cosine between two directions above which they count as on the same side of a wall; perpendicular ones do."""
 PLACE = 1e-12
-"""Error of places in cells, in reference coordinates."""
+"""Tolerance of reference coordinates in cells."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
-    """A surface as points that cells carry.
+    """Points of a skin with the cells that carry them.
 
     Attributes:
-        places: (k, 3) [m].
+        places: (k, 3) positions [m].
         normals: (k, 3) unit vectors out of the material.
-        kinds: (k,) 0 for a corner, 1 for a point of a crease, 2 for any other one.
-        corners: (k, 8) vertices of the cell that carries each.
-        weights: (k, 8) of these.
-        sizes: (k,) [m] edge of a cube with that cell's volume.
+        kinds: (k,) 0 for a corner, 1 for a crease point, 2 for any other point.
+        corners: (k, 8) vertices of the cell that carries each point.
+        weights: (k, 8) weights of these vertices.
+        sizes: (k,) edge of a cube with that cell's volume [m].
     """
 
     places: NDArray[np.float64]
@@ -54,7 +54,7 @@ class SkinPoints:
 
     @classmethod
     def of(cls, mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> SkinPoints:
-        """Return the points of a closed surface of triangles (t, 3), which face out of the material."""
+        """Return the points of a closed surface of triangles (t, 3), which are oriented out of the material."""
         sizes = np.cbrt(cell_volumes(mesh))
         points, triangles = refine(points, triangles, FINE * float(np.quantile(sizes[mesh.boundary.cells], SMALL)))
         areas = 0.5 * np.cross(*(points[triangles[:, i]] - points[triangles[:, 0]] for i in (1, 2)))
@@ -67,11 +67,11 @@ class SkinPoints:
         return cls(points[used], _unit(slopes[used]), kinds, mesh.cells[cells], weights, sizes[cells])
 
     def touching(self, mesh: HexMesh) -> NDArray[np.intp]:
-        """Return which of the points (p,) touch for all.
+        """Return the indices (p,) of the contact points.
 
-        A vertex of the boundary that had none would be held by the material of its cells alone, which may be little,
-        and take the skin along into what is touched. Where the cells are too coarse for the surface, further points
-        are those of it that are far from the others.
+        A boundary vertex without a contact point would be held only by the material of its cells, which may be little,
+        and would pull the skin into the obstacle. If the cells are too coarse for the surface, points far from the
+        chosen ones are added.
         """
         vertices, normals = _boundary(mesh)
         own = np.full(mesh.n_vertices, -1)
@@ -85,7 +85,7 @@ class SkinPoints:
         return self._completed(self._cornered(np.unique(point[first])))
 
     def _cornered(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the points that were chosen, each corner beside them in the place of the one that is nearest to it."""
+        """Return the chosen points, with each nearby corner instead of the chosen point nearest to it."""
         tree, found = cKDTree(self.places[chosen]), chosen.copy()
         for corner in np.setdiff1d(np.flatnonzero(self.kinds == 0), chosen):
             limit = FARTHEST[0] * self.sizes[corner]
@@ -98,7 +98,7 @@ class SkinPoints:
         return np.unique(found)
 
     def _completed(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the points that were chosen, and so many others that none is far from all of these."""
+        """Return the chosen points and further ones, so that every point is within `FARTHEST` of one of them."""
         limits = FARTHEST[self.kinds] * self.sizes
         near = cKDTree(self.places[chosen]).query(self.places, k=min(NEAR, len(chosen)))[1]
         near = chosen[near.reshape(len(self.places), -1)]
@@ -115,7 +115,7 @@ class SkinPoints:
 
 
 def _kinds(triangles: NDArray[np.int64], normals: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Return what points are, as `SkinPoints.kinds`, by how many creases meet in each."""
+    """Return the kinds of points, as `SkinPoints.kinds`, by the number of creases that meet in each."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges, owner = edges[order], order // 3
@@ -126,7 +126,7 @@ def _kinds(triangles: NDArray[np.int64], normals: NDArray[np.float64], count: in
 
 
 def _boundary(mesh: HexMesh) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Return the vertices of a mesh' boundary (v,) and unit vectors (v, 3) out of it; none where faces cancel."""
+    """Return the boundary vertices (v,) of a mesh and outward unit vectors (v, 3), zero where faces cancel."""
     quads, vectors = mesh.boundary.quads, np.zeros_like(mesh.vertices)
     corners = mesh.vertices[quads]
     each = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])

@@ -15,18 +15,18 @@ from gdfe_ros.mesh.shells import points_inside, shells
 from gdfe_ros.mesh.voxels import examine_surface
 
 CELLS = 64
-"""Cells along the longest edge of a solid's bounding box where nobody says how large they are."""
+"""Default number of grid cells along the longest edge of a solid's bounding box."""
 MARGIN = 4
 """Cells of the grid beyond the bounding box, on each side."""
 MOST_POINTS = 4_000_000
-"""More points of a grid than this take minutes to find and gigabytes to work with."""
+"""Limit of the grid's points; more take minutes and gigabytes."""
 VOLUME_ERROR = 0.3
-"""The grid's volume may differ from the surface's by this share before the grid counts as too coarse."""
+"""Relative difference of the grid's and the surface's volumes above which the grid counts as too coarse."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """What a closed surface bounds.
+    """The solid inside a closed surface.
 
     Attributes:
         vertices: (n, 3) float64 [m].
@@ -53,8 +53,8 @@ def read_solid(surface: str | Path, *, scale: float | None = None, cell: float |
 
     Args:
         surface: an STL, OBJ, PLY or OFF file; nested shells are cavities.
-        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None takes metres and refuses what cannot
-            be meant so.
+        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None assumes metres and rejects implausible
+            sizes.
         cell: spacing of the grid [m]; None for a 64th of the longest edge of the bounding box.
 
     Raises:
@@ -70,13 +70,13 @@ def read_solid(surface: str | Path, *, scale: float | None = None, cell: float |
 def make_solid(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, cell: float | None = None, where: str = "surface"
 ) -> Solid:
-    """Return the solid that a closed surface bounds; a grid that is known already is not made again.
+    """Return the solid inside a closed surface; recent grids are cached.
 
     Args:
         vertices: (n, 3) [m].
-        triangles: (t, 3) vertex ids of a closed surface; they face outwards.
+        triangles: (t, 3) vertex ids of a closed surface with outward orientation.
         cell: as for `read_solid`.
-        where: what to call the surface in an error.
+        where: name of the surface in an error.
 
     Raises:
         MeshError: the surface is inside out, or the grid too fine or too coarse for it.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of a mesh, and meshes made tight: unused vertices dropped, coincident ones merged."""
+"""Parts of a mesh, removal of unused vertices and merging of coincident ones."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from gdfe_ros.mesh.quality import COINCIDENT, coincident_pairs
 
 
 def keep_cells(mesh: HexMesh, keep: NDArray[np.bool_]) -> HexMesh:
-    """Return the mesh of some cells and the vertices that they use, both in their old order.
+    """Return the mesh of some cells and their vertices, both in their old order.
 
     Args:
         mesh: the mesh.
-        keep: which cells stay, shape (m,).
+        keep: cells that stay, shape (m,).
     """
     cells = mesh.cells[keep]
     used = np.zeros(mesh.n_vertices, dtype=bool)
@@ -36,11 +36,11 @@ def keep_cells(mesh: HexMesh, keep: NDArray[np.bool_]) -> HexMesh:
 
 
 def merge_vertices(mesh: HexMesh, tolerance: float | None = None) -> HexMesh:
-    """Return the mesh with coincident vertices made one; the first of each group stays.
+    """Return the mesh with coincident vertices merged; the first of each group stays.
 
     Args:
         mesh: a mesh with finite vertices.
-        tolerance: distance [m] up to which vertices coincide; 1e-7 of the mesh size if left out.
+        tolerance: distance [m] up to which vertices coincide; 1e-7 of the mesh size by default.
     """
     limit = COINCIDENT * mesh.size if tolerance is None else tolerance
     first, second = coincident_pairs(mesh.vertices, limit).T
@@ -62,7 +62,7 @@ def merge_vertices(mesh: HexMesh, tolerance: float | None = None) -> HexMesh:
 
 
 def join(*meshes: HexMesh) -> HexMesh:
-    """Put meshes into one, in order; sets of one name are united, vertices stay apart (`merge_vertices`)."""
+    """Return several meshes as one, in order; sets of one name are united, vertices stay separate."""
     filled = any(mesh.filling is not None for mesh in meshes)
     vertex_start = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
     cell_start = np.cumsum([0, *(mesh.n_cells for mesh in meshes)])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Points of a skin at which contact acts in the place of the vertices of the cells' faces."""
+"""Contact points of a skin, used instead of the vertices of the cells' faces."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     from gdfe_ros.mesh.hexmesh import HexMesh
 
 BARE, SHORT = 2.0 * 3.0**0.5, 1.0
-"""Distance of a boundary cell's material from the skin, over the cell's edge, beyond which the skin misses it: within
-the skin, as about a hole that it leaves out, and outside of it."""
+"""Distance of a boundary cell's material from the skin, over the cell's edge, above which the skin does not cover the
+cell: the first value for material inside the skin, as at a hole that the skin lacks, the second outside."""
 
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """What of a body touches by its skin.
+    """The part of a body that touches by its skin.
 
     Attributes:
-        corners: (p, 8) int32 vertices of the cell that carries each point.
+        corners: (p, 8) int32 vertices of the cell that carries each contact point.
         weights: (p, 8) their weights, which sum to one.
-        vertices: (v,) int32 of the meshes that have such a skin: their faces touch nothing.
+        vertices: (v,) int32 of the meshes with such a skin: their faces do not touch.
         surface: these skins.
     """
 
@@ -44,7 +44,7 @@ class Touching:
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[Touching, int, int]]) -> Touching:
-        """Return several as one; each with the numbers of its mesh' first vertex and cell among all."""
+        """Return several as one; each with the indices of its mesh' first vertex and cell among all."""
         each, vertices, cells = zip(*parts, strict=True)
         return cls(
             np.concatenate([one.corners + np.int32(first) for one, first in zip(each, vertices, strict=True)]),
@@ -54,16 +54,16 @@ class Touching:
         )
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where the points are (p, 3) [m] when the vertices are at ``positions`` (n, 3) [m]."""
+        """Return the positions (p, 3) [m] of the points for vertices at ``positions`` (n, 3) [m]."""
         return np.einsum("pa,pai->pi", self.weights, positions[self.corners])
 
 
 def outline(
     quads: NDArray[np.int32], touching: Touching | None, positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return the surface that touches where vertices are at ``positions`` (n, 3) [m]: points [m], and quads of them.
+    """Return the surface that touches for vertices at ``positions`` (n, 3) [m]: points [m], and quads of them.
 
-    ``quads`` (q, 4) are the faces of all cells; a triangle of a skin has its last corner twice.
+    ``quads`` (q, 4) are the faces of all cells; a triangle of a skin repeats its last corner.
     """
     if touching is None:
         return positions, quads
@@ -73,18 +73,18 @@ def outline(
 
 
 def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> HexMesh:
-    """Return a mesh with a skin that touches in the place of the faces of its cells.
+    """Return a mesh whose skin touches instead of the faces of its cells.
 
-    There are as many points as the cells can resolve: for each vertex of the boundary the point of the skin that it
-    carries most of. On a flat face that is the one beside it, at an edge one of the edge.
+    There are as many contact points as the cells can resolve: for each boundary vertex, the skin point with its largest
+    weight. On a flat face this is the nearest point, at an edge a point of the edge.
 
     Args:
         mesh: with its skin.
-        points: of the skin's surface as it was given (k, 3) [m].
+        points: of the original surface of the skin (k, 3) [m].
         triangles: between these (t, 3).
 
     Raises:
-        MeshError: the surface is open, or cells at the boundary have none of it near them.
+        MeshError: the surface is open, or does not cover some boundary cells.
     """
     _require_closed(points, triangles)
     lined = SkinPoints.of(mesh, points, _out_of_material(points, triangles))
@@ -96,7 +96,7 @@ def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray
 
 
 def is_closed(triangles: NDArray[np.int64]) -> bool:
-    """Tell whether each edge of a surface runs as often one way as the other."""
+    """Return whether each edge of a surface occurs equally often in both directions."""
     return len(open_edges(triangles)) == 0
 
 
@@ -113,7 +113,7 @@ def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -
 
 
 def _out_of_material(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the triangles of nested shells, each shell turned so that it faces out of the material between them."""
+    """Return the triangles of nested shells, oriented out of the material between the shells."""
     a, b, c = (points[triangles[:, i]] - points.mean(axis=0) for i in range(3))
     number = shell_numbers(len(points), triangles)
     volumes = np.bincount(number, np.einsum("ti,ti->t", a, np.cross(b, c)))
@@ -124,7 +124,7 @@ def _out_of_material(points: NDArray[np.float64], triangles: NDArray[np.int64]) 
 def _require_covered(
     mesh: HexMesh, lined: SkinPoints, points: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> None:
-    """Refuse a skin that leaves out cells at the boundary: what touches these would enter them."""
+    """Raise MeshError if a skin leaves out cells at the boundary, which obstacles would penetrate."""
     cells = np.unique(mesh.boundary.cells)
     corners = mesh.vertices[mesh.cells[cells]]
     centres = mesh.centroids[cells]

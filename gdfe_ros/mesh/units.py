@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files seldom say their unit of length: a guess, and an error where metres are out of the question."""
+"""Units of length of mesh files: a guess, and an error if metres are implausible."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 
-#: A soft body longer than this [m] was meant in another unit, unless the scene states a scale.
+#: Length [m] above which a soft body counts as given in another unit, unless the scene states a scale.
 LONGEST = 3.0
-#: A soft body shorter than this [m] was scaled down once too often, unless the scene states a scale.
+#: Length [m] below which a soft body counts as scaled twice, unless the scene states a scale.
 SHORTEST = 1e-4
 #: Usual units of mesh files and their size in metres.
 UNITS: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "inch": 0.0254, "mm": 0.001, "um": 1e-6}
@@ -24,11 +24,11 @@ def guess_unit(size: float) -> str:
 
 
 def unit_defects(size: float, scale: float | None) -> list[str]:
-    """Return a defect if a body cannot be meant in metres and no scale was stated.
+    """Return a defect if a size in metres is implausible and no scale was stated.
 
     Args:
         size: bounding-box diagonal in the file's own unit.
-        scale: metres for each unit of the file as the user states it; None if not stated.
+        scale: metres for each unit of the file as stated by the user; None if not stated.
     """
     if scale is not None or not math.isfinite(size) or size == 0.0 or SHORTEST <= size <= LONGEST:
         return []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies from closed surfaces: the cubes of a grid whose centres lie inside, or cut ones, cavities kept."""
+"""Meshes from closed surfaces: cubes of a grid whose centres lie inside, or cut cubes; cavities are kept."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from gdfe_ros.mesh.units import unit_defects
 
 #: Suffixes of surface files.
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
-#: More cubes in the bounding box than this would not fit into memory.
+#: Limit of cubes in the bounding box; more would not fit into memory.
 MOST_CUBES = 50_000_000
-#: The cubes' volume may differ from the surface's by this share before the grid counts as too coarse.
+#: Relative difference of the cubes' and the surface's volumes above which the grid counts as too coarse.
 VOLUME_ERROR = 0.3
 
 
 class Cells(str, Enum):
-    """What becomes of the cubes that a surface cuts."""
+    """Treatment of the cubes that a surface cuts."""
 
     WHOLE = "whole"
     CUT = "cut"
@@ -42,14 +42,14 @@ def read_voxels(surface: str | Path, *, cell: float, scale: float | None = None,
     """Fill a closed surface with cubes.
 
     Args:
-        surface: an STL, OBJ, PLY or OFF file; nested shells are cavities, whatever way their triangles face.
+        surface: an STL, OBJ, PLY or OFF file; nested shells are cavities, whatever their orientation.
         cell: edge of the cubes [m].
-        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None takes metres and refuses
-            bodies that cannot be meant so.
-        cells: whole cubes whose centres lie inside, or cubes that count as far as they are filled.
+        scale: metres for each unit of the file, e.g. 0.001 for millimetres; None assumes metres and rejects bodies of
+            implausible size.
+        cells: whole cubes whose centres lie inside, or cut cubes that count by their filled share.
 
     Returns:
-        The mesh, its grid centred on the bounding box of the surface; vertices and cells run along x first.
+        The mesh, its grid centred on the bounding box of the surface; x is the fastest index of vertices and cells.
 
     Raises:
         MeshError: with every defect and its remedy.
@@ -66,8 +66,8 @@ def examine_surface(
     """Read a surface file.
 
     Returns:
-        Vertices [m], shape (n, 3), triangles, shape (t, 3), and the defects that keep it from being filled or, where
-        it need not be ``closed``, from being shown.
+        Vertices [m], shape (n, 3), triangles, shape (t, 3), and the defects that prevent filling it or, if it need not
+        be ``closed``, showing it.
 
     Raises:
         MeshError: there is no surface to return, with the reason.
@@ -87,14 +87,14 @@ def fill_surface(
     cells: Cells = Cells.WHOLE,
     where: str = "surface",
 ) -> HexMesh:
-    """Fill a closed surface with cubes; what is inside is told by the even-odd rule.
+    """Fill a closed surface with cubes; its inside follows from the even-odd rule.
 
     Args:
         vertices: positions [m], shape (n, 3).
         triangles: vertex ids of a closed surface, shape (t, 3).
         cell: edge of the cubes [m].
-        cells: whole cubes whose centres lie inside, or cubes that count as far as they are filled.
-        where: what to call the surface in an error.
+        cells: whole cubes whose centres lie inside, or cut cubes that count by their filled share.
+        where: name of the surface in an error.
 
     Raises:
         MeshError: too many cubes, or the grid is too coarse for the surface.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``python -m gdfe_ros.node`` is ``sim_node``."""
+"""``python -m gdfe_ros.node`` runs ``sim_node``."""
 
 import sys
 

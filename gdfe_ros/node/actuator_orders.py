@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a message that commands actuators and loads to an order, or a refusal that says why not."""
+"""Conversion of messages that command actuators and loads to orders, or refusals with a reason."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from gdfe_ros.node.orders import ActuatorOrder, TrajectoryOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
 EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command stands in ``effort`` of a JointState; the others' stands in ``position``."""
+"""Modes whose command is in ``effort`` of a JointState; those of other modes are in ``position``."""
 
 LATEST_START = 60.0
-"""How far ahead a trajectory may start [s]: until then, time has to go on, and a node that is idle steps."""
+"""Longest time [s] from now to the start of a trajectory. Until then an idle node must keep stepping."""
 
 
 class ActuatorOrders:
     """Checks messages against the actuators and loads of a scene.
 
     Args:
-        actuators: in the order that ``~/commands`` has.
-        loads: names of the loads, commanded by a factor.
+        actuators: in the order of ``~/commands``.
+        loads: names of the loads, which are commanded by a factor.
     """
 
     def __init__(self, actuators: Iterable[Actuator], loads: Iterable[str] = ()) -> None:
@@ -35,7 +35,7 @@ class ActuatorOrders:
         self._loads = tuple(loads)
 
     def from_joint_state(self, message: JointState) -> ActuatorOrder:
-        """Take commands by name: tension [N] and pressure [Pa] from ``effort``, all others from ``position``.
+        """Return the commands by name: tension [N] and pressure [Pa] from ``effort``, all others from ``position``.
 
         A load's ``position`` is the factor on it. NaN commands nothing.
 
@@ -58,7 +58,7 @@ class ActuatorOrders:
         return ActuatorOrder(values)
 
     def from_array(self, message: Float64MultiArray) -> ActuatorOrder:
-        """Take one command for each actuator, in the scene's order.
+        """Return the commands of an array with one value for each actuator, in the scene's order.
 
         Raises:
             Refusal: the array has the wrong size, or a value is not finite or out of range.
@@ -73,15 +73,15 @@ class ActuatorOrders:
     def from_trajectory(
         self, message: JointTrajectory, *, now: float, convert: Callable[[int], float]
     ) -> TrajectoryOrder:
-        """Take the points of a trajectory; only ``positions`` count, whatever the mode.
+        """Return the order of a trajectory; only ``positions`` count, whatever the mode.
 
-        Without points it ends the running trajectories of the named actuators and loads, or of all where none is
-        named: they stay where they are commanded, as with joint_trajectory_controller.
+        Without points it ends the running trajectories of the named actuators and loads, or all if none is
+        named: they stay at their present commands, as with joint_trajectory_controller.
 
         Args:
             message: with a stamp of its start; 0: when it is consumed.
             now: simulation time [s].
-            convert: gives the simulation time [s] of a stamp [ns].
+            convert: returns the simulation time [s] of a stamp [ns].
 
         Raises:
             Refusal: an unknown or repeated name, a point of the wrong size, times that do not ascend, an
@@ -136,5 +136,5 @@ class ActuatorOrders:
 
 
 def _seconds(time: object) -> float:
-    """Convert a Duration message to seconds."""
+    """Return the seconds of a Duration message."""
     return time.sec + 1e-9 * time.nanosec

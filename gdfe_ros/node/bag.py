@@ -23,9 +23,9 @@ class Bags:
     """Records every topic of a session.
 
     Args:
-        run: that is recorded; its parameters name the next bag.
-        inputs: are recorded as they came.
-        outputs: are recorded as they are published.
+        run: the recorded run; its parameters name the next bag.
+        inputs: recorded as received.
+        outputs: recorded as published.
 
     Attributes:
         recorder: of the bag in progress, or of the last one; None before the first.
@@ -39,15 +39,16 @@ class Bags:
         self.active = False
 
     def begin(self, *, state: bytes | None) -> str:
-        """Begin a bag and say where it is: at the parameter ``bag_path``, or at ``runs/<scene>_<time>``.
+        """Begin a bag at the parameter ``bag_path``, or at ``runs/<scene>_<time>``; return its path as a message.
 
-        Under the wall clock a disk that is too slow costs messages (counted, told); otherwise it slows the steps.
+        Under the wall clock a slow disk causes dropped messages, which are counted; under other clocks it slows the
+        steps.
 
         Args:
-            state: that the first step starts from; None: rest.
+            state: initial state of the first step; None: rest.
 
         Raises:
-            RecordingError: the bag cannot be begun.
+            RecordingError: the bag cannot be created.
         """
         topics = [*self._inputs.infos, *(channel.info for channel in self._outputs.channels if channel.recorded)]
         scene, parameters = self._run.scene, self._run.parameters.as_dict()
@@ -66,11 +67,11 @@ class Bags:
         return text
 
     def finish(self) -> str:
-        """Finish the bag and say how it went; ``failed`` tells whether it ended early."""
+        """Finish the bag and return a summary; ``failed`` says whether it ended early."""
         self._attach(None)
         status = self.recorder.close()
         text = _outcome(self.recorder, status)
-        # In lines of their own: rclpy takes a severity for that of the line that logs, for good.
+        # On separate lines: rclpy binds a severity permanently to the line that logs.
         if status.error is None:
             self._logger.info(text)
         else:
@@ -83,7 +84,7 @@ class Bags:
         return self.recorder is not None and self.recorder.error is not None
 
     def _say_failed(self, status: RecorderStatus) -> None:
-        """Tell at once, from the recorder's thread; the simulation goes on."""
+        """Log a failure at once, from the recorder's thread; the simulation continues."""
         self._logger.error(f"recording ended, the simulation goes on: {_outcome(self.recorder, status)}")
 
     def _attach(self, recorder: Recorder | None) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The way out: topics, published to whoever listens and recorded where asked, and the thread that does it."""
+"""Publishers with their recordings, and the thread that publishes steps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from gdfe_ros.recording.topic import Qos, TopicInfo
 from gdfe_ros.threads import COURIER, show_name
 
 _WAITING = 2
-"""Steps that may wait to be published before the stepping is held back."""
+"""Steps that may wait to be published before the stepping blocks."""
 
 
 class Channel:
@@ -32,14 +32,14 @@ class Channel:
     Args:
         node: that publishes.
         spec: of the topic.
-        matched: called when somebody begins to listen.
-        own: subscriptions of this very node, which count for nobody.
+        matched: called when a subscriber appears.
+        own: number of subscriptions of this node itself, which do not count.
         names: for the braces in the topic's name, e.g. ``handle="tip"``.
 
     Attributes:
         latest: number of the step that was published last; -1 before the first.
-        info: describes the topic for a bag.
-        recorded: whether bags hold it.
+        info: description of the topic for a bag.
+        recorded: whether bags contain it.
         recorder: of the bag in progress, or None.
     """
 
@@ -53,7 +53,7 @@ class Channel:
     ) -> None:
         self._node, self.recorded, self.latest, self._own = node, spec.recorded, -1, own
         profile = qos_profile(spec.delivery)
-        # Latched topics, events and diagnostics speak while the node is not active, too.
+        # Latched topics, events and diagnostics publish while the node is not active, too.
         managed = spec.name.startswith("~") and spec.delivery not in (Delivery.LATCHED, Delivery.EVENT)
         make = node.create_lifecycle_publisher if managed else node.create_publisher
         topic = spec.name.format(**names)
@@ -69,7 +69,7 @@ class Channel:
 
             events = PublisherEventCallbacks(matched=node.guarded(tell, f"who listens to {topic}"))
         self._publisher = make(interface_class(spec.type), topic, profile, event_callbacks=events)
-        # Held for good where each step asks for listeners: rclpy would enter and leave it in every call.
+        # The handle stays entered, because each step counts subscribers: rclpy would enter and leave it in every call.
         self._held, self._count = ExitStack(), self._publisher.get_subscription_count
         if matched is not None:
             self._held.enter_context(self._publisher.handle)
@@ -80,7 +80,7 @@ class Channel:
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody listens or a bag is written; otherwise no message need be built."""
+        """Whether there is a subscriber or a bag; otherwise no message has to be built."""
         return self.recorder is not None or self._listened
 
     @property
@@ -88,20 +88,20 @@ class Channel:
         return self._count() > self._own
 
     def due(self, step: Step) -> bool:
-        """Tell whether a step is to be published: one that is told again only where somebody has not been told."""
+        """Return whether a step is to be published; a repeated one only if a new subscriber has not received it."""
         if step.again:
             untold = self._newcomers or self.latest < step.record.step
             return untold and self._listened
         return step.first or self.wanted
 
     def missed(self) -> bool:
-        """Look again for who has begun to listen, where the graph did not show it at once; tell whether one has."""
+        """Search again for subscribers that the graph did not show at first; return whether there are new ones."""
         if self._unsure:
             self._greet()
         return self._newcomers
 
     def _greet(self) -> None:
-        """Note who has begun to listen. What was published last reaches them by itself, but for volatile ones."""
+        """Record the present subscribers. The last message reaches them by itself, except volatile ones."""
         listeners = self._node.get_subscriptions_info_by_topic(self.info.name)
         self._unsure = len(listeners) < self._count()
         volatile = (each for each in listeners if each.qos_profile.durability is DurabilityPolicy.VOLATILE)
@@ -109,7 +109,7 @@ class Channel:
         self._newcomers |= bool(self._greeted - before)
 
     def send_step(self, step: Step, message: Any) -> None:
-        """Send a message of a step; one that is told again is in the bag, or was made before it was begun."""
+        """Send a message of a step; a repeated one is not recorded again."""
         self._newcomers, self.latest = False, step.record.step
         self.send(message, step.log_time, recorded=not step.again)
 
@@ -117,9 +117,9 @@ class Channel:
         """Serialise, publish and record a message.
 
         Args:
-            message: of the topic's type, or bytes that are serialised already.
+            message: of the topic's type, or serialised bytes.
             log_time: for the bag [ns].
-            recorded: whether the bag in progress takes it.
+            recorded: whether it is recorded in the bag in progress.
         """
         data = message if isinstance(message, bytes) else serialize_message(message)
         self._publisher.publish(data)
@@ -127,14 +127,14 @@ class Channel:
             self.recorder.record(self.info.name, data, log_time)
 
     def destroy(self) -> None:
-        """Take the topic off the graph."""
+        """Remove the topic from the graph."""
         self._held.close()
         self._count = lambda: 0
         self._node.destroy_lifecycle_publisher(self._publisher)
 
 
 class Courier:
-    """Hands steps on in order, in a thread of its own.
+    """Publishes steps in order, in a separate thread.
 
     Args:
         handle: publishes and records one step; it raises nothing.
@@ -151,15 +151,15 @@ class Courier:
         self._thread.start()
 
     def put(self, step: Step) -> None:
-        """Hand over a step; waits while two others wait."""
+        """Queue a step; blocks while two others wait."""
         self._steps.put(step)
 
     def flush(self) -> None:
-        """Wait until every step that was handed over is published."""
+        """Wait until every queued step is published."""
         self._steps.join()
 
     def stop(self) -> None:
-        """Publish what waits and end the thread."""
+        """Publish the queued steps and end the thread."""
         self._steps.put(None)
         self._thread.join()
 

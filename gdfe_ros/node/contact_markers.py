@@ -20,9 +20,9 @@ from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.scene.scene import Scene
 
 SHEET = (4.0, 0.005)
-"""Edge and thickness of the sheet that stands for a plane, over the body's size."""
+"""Edge and thickness of the sheet that represents a plane, over the body's size."""
 MOST_TRIANGLES = 4000
-"""Of a mesh in one message; of a finer one vertices that are close together are drawn as one."""
+"""Limit of a mesh's triangles in one message; in a finer mesh, close vertices are merged."""
 LONGEST = 0.3
 """Length of the arrow of the largest force so far, over the body's size."""
 _OBSTACLE, _BODY = (0.55, 0.57, 0.6, 0.6), (0.9, 0.55, 0.2, 1.0)
@@ -34,8 +34,8 @@ _SHAFT, _HEAD = 0.01, 0.02
 class ContactMarkers:
     """Makes the markers of a step: namespaces ``obstacles``, ``bodies`` and ``forces``.
 
-    A plane is a sheet around the foot of the body's middle at rest. Arrows begin where a point touches; those that
-    stick are green, those that slip red.
+    A plane is a sheet around the projection of the body's centre at rest. Arrows begin at the contact points; those of
+    sticking points are green, those of slipping points red.
 
     Args:
         scene: whose obstacles and rigid bodies are shown.
@@ -50,14 +50,14 @@ class ContactMarkers:
         self._triangles = {thing.name: _corners(thing.form.solid) for thing in meshes}
 
     def message(self, head: Header, poses: Mapping[str, Pose], points: NDArray[np.void]) -> MarkerArray:
-        """Make the markers.
+        """Return the markers.
 
         Args:
-            head: of all; the node's frame.
+            head: header of all markers, in the node's frame.
             poses: of obstacles and rigid bodies, relative to rest.
-            points: that touch, as `gdfe_ros.contacts.POINT`.
+            points: contact points, as `gdfe_ros.contacts.POINT`.
         """
-        # All of the last message go: arrows of points that touch no more, too.
+        # Delete all markers of the last message, including arrows of points that no longer touch.
         markers = [Marker(header=head, action=Marker.DELETEALL)]
         counts: dict[str, int] = {}
         for thing in self._things:
@@ -72,7 +72,7 @@ class ContactMarkers:
         return MarkerArray(markers=[*markers, *self._arrows(head, points)])
 
     def _parts(self, thing: Obstacle, pose: Pose) -> Iterator[tuple[int, tuple[float, ...], NDArray[np.float64]]]:
-        """Give kind, extent (3,) [m] and place in the thing's frame (3,) [m] of the markers that make up its shape."""
+        """Yield kind, extent (3,) [m] and place in the obstacle's frame (3,) [m] of the markers of its shape."""
         match thing.form:
             case Sphere(radius):
                 yield Marker.SPHERE, (2.0 * radius,) * 3, np.zeros(3)
@@ -105,7 +105,7 @@ class ContactMarkers:
 
 
 def _corners(solid: Solid) -> list[Point]:
-    """Return the corners of a solid's triangles, three by three, of at most `MOST_TRIANGLES`."""
+    """Return the corners of a solid's triangles, three for each, of at most `MOST_TRIANGLES`."""
     corners, cell = solid.vertices[solid.triangles], solid.size / 512.0
     while len(corners) > MOST_TRIANGLES:
         near, place = np.unique(np.round(solid.vertices / cell), axis=0, return_inverse=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics of contact: points for scenes where anything can touch, and what contact sensors feel."""
+"""Contact topics: contact points of scenes with contact, and the wrenches of contact sensors."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from gdfe_ros.node.step import Step
 
 
 class ContactOutputs:
-    """Publishes what touches; no message is built for a topic that nobody wants.
+    """Publishes contacts; no message is built for a topic without subscriber or bag.
 
     Args:
-        run: whose simulation is published.
+        run: the published run.
         channel: makes the channel of a topic that each step publishes.
     """
 
@@ -47,7 +47,7 @@ class ContactOutputs:
 
     @property
     def wanted(self) -> bool:
-        """Whether anything is wanted of the next step."""
+        """Whether any of these topics is wanted from the next step."""
         touch = self._points is not None and (self._points.wanted or self._marker_due())
         return touch or any(channel.wanted for channel in self._wrenches.values())
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""/diagnostics: how the node is doing, once a second, as a whole and in parts."""
+"""/diagnostics: status of the node, once a second, as a whole and by parts."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from gdfe_ros.node.session import Session
 from gdfe_ros.node.strays import Doubles
 
 _LONG = 0.5
-"""Time from which on work is told of [s]."""
+"""Duration from which on a task is reported [s]."""
 _OK, _WARN, _ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 @dataclass(frozen=True)
 class _Part:
-    """What is reported of one part of the node; the reason is that of the level."""
+    """Status of one part of the node; the reason belongs to the level."""
 
     values: Mapping[str, object]
     level: bytes = _OK
@@ -56,10 +56,10 @@ class _Mark:
 class Diagnostics:
     """Publishes a status of the node and one of each part: solver, commands, recording, clock.
 
-    The first status has the worst level of all and its reason; nothing is built while nobody listens.
+    The first status has the worst level of all and its reason; nothing is built without a subscriber.
 
     Args:
-        node: that it is about.
+        node: the reporting node.
         refusals: counts of commands.
     """
 
@@ -73,11 +73,11 @@ class Diagnostics:
         """Publish the statuses.
 
         Args:
-            session: what runs, or None.
+            session: the running session, or None.
             state: of the lifecycle.
             problem: why configuring, activating or stepping failed last; empty: nothing did.
         """
-        # Before anything is read: who waits for a later stamp than now reads nothing that is older.
+        # Stamped before anything is read, so that no status is older than its stamp.
         now = self._node.get_clock().now()
         self._doubles.look()
         parts = self._parts(session)
@@ -123,7 +123,7 @@ class Diagnostics:
         return parts
 
     def _commands(self, session: Session | None) -> _Part:
-        """Tell of refusals and exceptions since the last report, and what a step in lockstep waits for."""
+        """Return the refusals and exceptions since the last report, and the inputs that a lockstep step waits for."""
         counts: dict[str, object] = dict(self._refusals.counts())
         refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
         self._refused, self._faults = self._refused + refused, self._faults + faults
@@ -150,7 +150,7 @@ class Diagnostics:
 
 
 def _on_their_way(session: Session) -> str:
-    """Say which commands are followed at a limited rate, and at how much of it."""
+    """Return the commands that are followed at a limited rate, and the rate."""
     slew, present = session.stepper.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
     if slew.stopped:
@@ -159,7 +159,7 @@ def _on_their_way(session: Session) -> str:
 
 
 def _work(session: Session) -> dict[str, object]:
-    """Tell what takes long at the moment."""
+    """Return a description of the present task if it takes long."""
     stepper, walk = session.stepper, session.walk
     work, rounds = stepper.work, stepper.rounds
     if work is not None and (spent := time.monotonic() - work[1]) > _LONG:
@@ -211,7 +211,7 @@ def _recording(session: Session) -> _Part:
 
 
 def _clock(session: Session, last: _Mark, mark: _Mark) -> _Part:
-    """Tell of the pace; rates are over the time since the last report."""
+    """Return the status of the pace; rates are over the time since the last report."""
     span, steps = max(mark.wall - last.wall, 1e-9), mark.steps - last.steps
     values: dict[str, object] = {
         "clock": "paused" if session.stepper.paused else session.mode.value,
@@ -231,9 +231,9 @@ def _clock(session: Session, last: _Mark, mark: _Mark) -> _Part:
 
 
 def _figures(session: Session, last: _Mark, mark: _Mark) -> dict[str, str]:
-    """Give the rate that is asked for, the one that the steps reach, and how late they end.
+    """Return the requested rate, the achieved rate, and the delay per step.
 
-    Under the wall clock the rate reached is that of steps one after the other: with nothing to do, none need be made.
+    Under the wall clock the achieved rate is that of steps in succession: an idle node makes none.
     """
     steps, late, span = max(0, mark.steps - last.steps), mark.late - last.late, max(mark.wall - last.wall, 1e-9)
     timing = session.run.timing()
@@ -245,7 +245,7 @@ def _figures(session: Session, last: _Mark, mark: _Mark) -> dict[str, str]:
         }
         return _told(asked[session.mode], steps / span, late / max(steps, 1))
     work = session.stepper.work
-    if work is not None and not steps:  # a step that takes longer than a report
+    if work is not None and not steps:  # a step that takes longer than the report interval
         steps, late = 1, max(0.0, mark.wall - work[1] - 1.0 / timing.rate)
     reached = timing.rate if not steps else steps / (steps / timing.rate + late)
     return _told(f"{timing.rate:.4g}", reached, late / max(steps, 1))

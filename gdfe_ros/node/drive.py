@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From orders to the command of each step: targets, velocities and trajectories in force."""
+"""Assembly of the command of each step from orders, velocities and trajectories."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from gdfe_ros.simulation import Command
 
 
 class Drive:
-    """Turns orders into one command a step; used by the stepping thread only.
+    """Assembles one command per step from orders; used by the stepping thread only.
 
-    A pose ends the velocity of its handle, a command of an actuator ends that actuator's trajectory and no other's.
+    A pose ends the velocity of its handle; a command of an actuator ends the trajectory of that actuator only.
 
     Args:
-        run: whose simulation is driven.
+        run: the run that is commanded.
     """
 
     def __init__(self, run: Host) -> None:
@@ -30,18 +30,18 @@ class Drive:
         self.clear()
 
     def clear(self) -> None:
-        """Forget every velocity and trajectory."""
+        """Drop every velocity and trajectory."""
         self._twists: dict[str, tuple[TwistOrder, float]] = {}
         self._courses: dict[str, _Course] = {}
         self._resting: Command | None = None
 
     def place(self, bodies: Mapping[str, Pose]) -> None:
-        """Put rigid bodies somewhere with the next command."""
+        """Teleport rigid bodies with the next command."""
         resting = self._resting or Command()
         self._resting = replace(resting, bodies={**resting.bodies, **bodies})
 
     def rest(self) -> None:
-        """Forget every velocity and trajectory; the next command goes back to rest, but for what is ordered then."""
+        """Drop every velocity and trajectory; the next command goes back to rest, except for new orders."""
         self.clear()
         self._resting = self._run.simulation.rest_command()
 
@@ -51,7 +51,7 @@ class Drive:
         return bool(self._twists or self._courses) or self._resting is not None
 
     def command(self, orders: Iterable[Order], *, time: float, dt: float) -> Command:
-        """Give what a step consumes.
+        """Return the command of a step.
 
         Args:
             orders: new ones.
@@ -95,11 +95,11 @@ class Drive:
         )
 
     def _target(self, name: str, poses: Mapping[str, Pose]) -> Pose:
-        """Give the target before an order: one of this step's, or else the one in force."""
+        """Return the target of a handle before an order: the one of this step, or else the present one."""
         return poses.get(name) or self._run.simulation.targets[name]
 
     def _moved(self, dt: float, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Give where velocities lead; each acts for its timeout, also where a body in motion does not keep up."""
+        """Return the targets moved by velocities. Each acts for its timeout, even if a body in motion lags behind."""
         poses = {}
         for name, (twist, left) in list(self._twists.items()):
             if twist.still or left - dt < -1e-9:
@@ -117,7 +117,7 @@ class Drive:
         return poses
 
     def _followed(self, time: float) -> dict[str, float]:
-        """Give what the trajectories say; those that are over say it once more."""
+        """Return the commands of the trajectories; a finished trajectory gives its last command once."""
         begun = {name: course for name, course in self._courses.items() if time >= course.start}
         for name, course in begun.items():
             if time - course.start >= course.times[-1]:
@@ -131,7 +131,7 @@ class _Course:
 
     Attributes:
         start: simulation time of its time 0 [s].
-        before: command in force then.
+        before: command at that time.
         times: (k,) of the points, from the start [s].
         values: (k,) commands.
     """
@@ -142,7 +142,7 @@ class _Course:
     values: NDArray[np.float64]
 
     def at(self, time: float) -> float:
-        """Interpolate; before the first point from the command that was in force."""
+        """Return the interpolated command; before the first point, interpolated from the command at the start."""
         elapsed = time - self.start
         if elapsed < self.times[0]:
             return float(self.before + (self.values[0] - self.before) * elapsed / self.times[0])

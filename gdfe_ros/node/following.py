@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Handles and obstacles that are held where something else is: a topic's pose, or a frame on /tf."""
+"""Handles and obstacles that follow a leader: the pose on a topic, or a frame on /tf."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gdfe_ros.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Leader:
-    """What a handle follows: a topic or a frame; the other is empty."""
+    """The leader of a handle: a topic or a frame; the other is empty."""
 
     handle: Handle
     topic: str = ""
@@ -36,15 +36,15 @@ class Leader:
 
 
 def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict[str, Leader]:
-    """Read the parameter ``follow``; return leaders by handle or obstacle.
+    """Return the leaders in the parameter ``follow``, by handle or obstacle.
 
     Args:
         entries: of the parameter.
-        scene: whose handles and obstacles follow.
-        listening: whether /tf can be listened to.
+        scene: its handles and obstacles follow.
+        listening: whether /tf is available.
 
     Raises:
-        GdfeError: an entry is malformed, names nothing that can move, or a frame where tf2_msgs is not installed.
+        GdfeError: an entry is malformed, names nothing movable, or a frame although tf2_msgs is not installed.
     """
     handles, found = {handle.name: handle for handle in scene.handles}, {}
     for entry in entries:
@@ -69,17 +69,17 @@ def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict
 
 
 def refuse_followed(message: object, leader: Leader) -> PoseOrder:
-    """Refuse a command to a handle that follows."""
+    """Raise a Refusal of a command to a handle that follows a leader."""
     handle = leader.handle
     raise Refusal(Reason.FOLLOWS, f"{handle.noun} {handle.name!r} follows {leader} and takes no commands")
 
 
 def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames: Frames) -> PoseOrder:
-    """Check where a topic says that a handle is to be; ``size`` of the body [m].
+    """Return the order for a handle by a message on its leader's topic; ``size`` is that of the body [m].
 
     Raises:
         Refusal: no transforms lead to the header's frame, a number is not finite, the quaternion is not of unit
-            length, or the place is over ten times the body's size away.
+            length, or the place is farther away than ten times the body's size.
     """
     place = frames.place(message.header.frame_id)
     if place is None:
@@ -94,8 +94,8 @@ class Followers:
         leaders: frames, of the handles.
         size: of the body [m].
         frames: finds them.
-        put: takes an order of an input.
-        refuse: takes the refusal of one.
+        put: receives an order of an input.
+        refuse: receives the refusal of one.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Followers:
         self._last: dict[str, PoseOrder] = {}
 
     def look(self, *, anew: bool = False) -> None:
-        """Command each handle whose frame has moved since the last time; ``anew``: each whose frame is known."""
+        """Command each handle whose frame has moved since the last call; with ``anew``, each whose frame is known."""
         if anew:
             self._last.clear()
         for leader in self._leaders:

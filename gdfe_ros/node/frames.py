@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames: those of a body, by name and place, and the way from others' to them."""
+"""Names and places of a body's frames, and transforms from other frames to them."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from gdfe_ros.solver.motion.imu import ImuReading
 
 
 class Frames:
-    """The frames of a body, and the way from others' to them.
+    """The frames of a body, and transforms from other frames to them.
 
-    All but the node's own begin with what stands before the last slash of its name, so that robots do not meet:
-    ``left/base_link`` has the handle ``left/tip``.
+    All except the node's own begin with the part of its name before the last slash, so that frames of several robots
+    differ: ``left/base_link`` has the handle ``left/tip``.
 
     Args:
-        frame_id: the node's own: that of the rest shape.
-        scene: of the body; None: only names are asked for.
-        transforms: of others; None: none are known.
+        frame_id: the node's own frame, that of the rest shape.
+        scene: of the body; None if only names are needed.
+        transforms: of other frames; None: none are known.
 
     Attributes:
         frame_id: as given.
-        positions: gives the present vertices (n, 3) [m].
-        poses: gives the present poses of the obstacles, relative to rest, by name.
+        positions: returns the present vertices (n, 3) [m].
+        poses: returns the present poses of the obstacles, relative to rest, by name.
     """
 
     def __init__(self, frame_id: str, scene: Scene | None = None, transforms: Transforms | None = None) -> None:
@@ -42,38 +42,38 @@ class Frames:
         self.poses: Callable[[], Mapping[str, Pose]] = dict
 
     def rest(self, handle: str) -> str:
-        """Name the frame at the centre of a handle or obstacle at rest, in which its pose and target are given."""
+        """Return the name of the frame at the rest centre of a handle or obstacle, of its pose and target."""
         return f"{self._prefix}{handle}_rest"
 
     def centre(self, handle: str) -> str:
-        """Name the frame at the present centre of one, with the axes of the node's frame: that of its wrench."""
+        """Return the name of the frame at the present centre of a handle, with the node's axes: that of its wrench."""
         return f"{self._prefix}{handle}_centre"
 
     def handle(self, handle: str) -> str:
-        """Name the frame that moves and turns with a handle or obstacle, at its centre."""
+        """Return the name of the frame that moves and rotates with a handle or obstacle, at its centre."""
         return f"{self._prefix}{handle}"
 
     def probe(self, probe: str) -> str:
-        """Name the frame that moves and turns with a material point."""
+        """Return the name of the frame that moves and rotates with a material point."""
         return f"{self._prefix}{probe}_probe"
 
     def imu(self, probe: str) -> str:
-        """Name the frame that moves with a material point and turns with the mean deformation of its cell."""
+        """Return the name of the frame that moves with a material point and rotates with the cell around it."""
         return f"{self._prefix}{probe}_imu"
 
     def sensor(self, sensor: str) -> str:
-        """Name the frame at the present centre of a contact sensor, with the axes of the node's frame."""
+        """Return the name of the frame at the present centre of a contact sensor, with the node's axes."""
         return f"{self._prefix}{sensor}_sensor"
 
     @property
     def moving(self) -> list[str]:
-        """Name the frames that ``places`` gives, in its order."""
+        """Names of the frames that ``places`` returns, in its order."""
         units = map(self.imu, self._scene.probes if self._scene.dynamics else ())
         handles = [name(handle.name) for handle in self._scene.handles for name in (self.centre, self.handle)]
         return [*handles, *map(self.probe, self._scene.probes), *units, *map(self.sensor, self._scene.sensors)]
 
     def rests(self) -> dict[str, Placement]:
-        """Give where the centres of handles and obstacles are at rest, by frame."""
+        """Return the rest centres of handles and obstacles, by frame."""
         vertices = self._scene.mesh.vertices
         return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._scene.handles}
 
@@ -84,12 +84,12 @@ class Frames:
         units: Mapping[str, ImuReading],
         positions: NDArray[np.float64],
     ) -> list[Placement]:
-        """Give where the moving frames are.
+        """Return the places of the moving frames.
 
         Args:
             poses: of handles and obstacles, relative to rest.
             probes: of the material points.
-            units: what inertial units at these read; empty without dynamics.
+            units: readings of the inertial units at these; empty without dynamics.
             positions: of the vertices (n, 3) [m].
         """
         found = []
@@ -102,13 +102,13 @@ class Frames:
         return found + [Placement(sensor.centre(positions)) for sensor in self._scene.sensors.values()]
 
     def place(self, frame: str) -> Placement | None:
-        """Give where any frame is in the node's; None where no transforms lead there."""
+        """Return the place of any frame in the node's; None if no transforms lead there."""
         if frame in ("", self.frame_id):
             return Placement()
         return self.transforms and self.transforms.find(frame, self.frame_id, self._own())
 
     def relative(self, frame: str, handle: str) -> Placement | None:
-        """Give where the frame of a command is in that of a handle at rest; None where it is the same, or an alias.
+        """Return the place of a command's frame in a handle's rest frame; None if it is the same, or an alias.
 
         Raises:
             Refusal: no transforms lead there.
@@ -132,7 +132,7 @@ class Frames:
         return found
 
     def _own(self) -> dict[str, tuple[str, Placement]]:
-        """Give what the node knows by itself; handles turn as their vertices did."""
+        """Return the frames that the node computes itself; those of handles rotate as their vertices did."""
         now, poses = self.positions(), self.poses()
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
         for handle in self._scene.handles:
@@ -144,12 +144,12 @@ class Frames:
         return own | {self.sensor(name): (self.frame_id, Placement(centre)) for name, centre in centres.items()}
 
     def _moved(self, handle: Handle, pose: Pose) -> Placement:
-        """Give where the frame of a handle or obstacle is that was moved from rest by a pose."""
+        """Return the place of the frame of a handle or obstacle at a pose relative to rest."""
         origin = handle.centre(self._scene.mesh.vertices) + pose.translation
         return Placement(origin, Rotation.from_rotvec(pose.rotation))
 
     def _turned(self, handle: Handle, now: NDArray[np.float64]) -> Placement:
-        """Give where the frame of a handle is whose vertices are ``now`` (n, 3) [m]."""
+        """Return the place of the frame of a handle with vertices ``now`` (n, 3) [m]."""
         rest, centre = self._scene.mesh.vertices, handle.centre(now)
         arms = now[handle.vertices] - centre, rest[handle.vertices] - handle.centre(rest)
         return Placement(centre, Rotation.align_vectors(*arms)[0])

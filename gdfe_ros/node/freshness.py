@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stamps of commands: neither ahead, nor older than allowed, nor before the last one's."""
+"""Checks of command stamps: not ahead, not too old, and not before the last one."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 
 class Freshness:
-    """Remembers the last stamp of each handle and actuator. A stamp of zero means "now" and is always taken.
+    """Keeps the last stamp of each handle and actuator. A stamp of zero means "now" and is always accepted.
 
-    When the clock goes back, as at the start of a bag that is played again, all stamps are forgotten.
+    If the clock goes back, as at the start of a replayed bag, all stamps are dropped.
     """
 
     def __init__(self) -> None:
@@ -21,17 +21,17 @@ class Freshness:
         self._now = 0
 
     def check(self, sources: Collection[str], stamp: Time, *, now: int, max_age: float, max_lead: float) -> None:
-        """Check a stamp and remember it.
+        """Check a stamp and store it.
 
         Args:
-            sources: what is commanded, with its topic.
+            sources: the commanded items, with their topic.
             stamp: of the command.
-            now: time on the clock that stamps are measured on [ns].
+            now: time on the clock of the stamps [ns].
             max_age: of a command [s]; 0: any.
             max_lead: how far ahead a stamp may be [s].
 
         Raises:
-            Refusal: the stamp is ahead, too old, or before the last one that was taken.
+            Refusal: the stamp is ahead, too old, or before the last accepted one.
         """
         if now < self._now:
             self.reset()
@@ -61,5 +61,5 @@ class Freshness:
         self._last |= dict.fromkeys(sources, moment)
 
     def reset(self) -> None:
-        """Forget all stamps, e.g. because time goes back to zero."""
+        """Drop all stamps, e.g. because time goes back to zero."""
         self._last.clear()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a message that commands a handle, obstacle or rigid body to an order, or a refusal that says why not."""
+"""Conversion of messages that command handles, obstacles or rigid bodies to orders, or refusals with a reason."""
 
 from __future__ import annotations
 
@@ -22,46 +22,46 @@ Vector, Quaternion = tuple[float, float, float], tuple[float, float, float, floa
 
 
 def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> PoseOrder:
-    """Check a target message.
+    """Return the order of a target message.
 
     Args:
         message: of the handle.
-        handle: that is commanded.
+        handle: the commanded handle.
         size: of the body [m].
-        frames: of the body; a target in another's is a place, where the handle's own frame is to be.
+        frames: of the body; a target in another frame is a place for the handle's own frame.
 
     Raises:
         Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, the quaternion
-            is not of unit length, or the translation is over ten times the body's size.
+            is not of unit length, or the translation exceeds ten times the body's size.
     """
     _require_movable(handle)
     return PoseOrder(handle.name, *_given(message, handle, size, frames))
 
 
 def put_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> PutOrder:
-    """Check where a rigid body is to be put; arguments as for ``pose_order``.
+    """Return the order to teleport a rigid body; arguments as for ``pose_order``.
 
     Raises:
-        Refusal: as of ``pose_order``, but for what is fixed.
+        Refusal: as for ``pose_order``, except for fixed handles.
     """
     return PutOrder(handle.name, *_given(message, handle, size, frames))
 
 
 def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frames) -> PoseOrder:
-    """Command a handle to a place in the node's frame; ``size`` of the body [m].
+    """Return the order that moves a handle to a place in the node's frame; ``size`` is that of the body [m].
 
     Raises:
-        Refusal: it is over ten times the body's size away.
+        Refusal: it is farther away than ten times the body's size.
     """
     rest = frames.rests()[frames.rest(handle.name)]
     return PoseOrder(handle.name, *_near(rest.inverse() @ place, size))
 
 
 def require_pose(pose: PoseMessage) -> Placement:
-    """Check a pose message and return the placement that it tells.
+    """Return the placement of a checked pose message.
 
     Raises:
-        Refusal: as of ``_checked``.
+        Refusal: as in ``_checked``.
     """
     _checked(pose)
     return Placement.of(pose.position, pose.orientation)
@@ -82,7 +82,9 @@ def _checked(pose: PoseMessage) -> tuple[Vector, Quaternion]:
 
 
 def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: Frames) -> TwistOrder:
-    """Check a velocity message; arguments as for ``pose_order``. Of the header's frame only the axes count.
+    """Return the order of a velocity message; only the axes of the header's frame count.
+
+    Arguments are as for ``pose_order``.
 
     Raises:
         Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, or the velocity
@@ -104,7 +106,7 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
 
 
 def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
-    """Return translation from rest and quaternion of a message, those that it has where its frame is that of rest."""
+    """Return translation from rest and quaternion of a message; exactly its own if its frame is the rest frame."""
     place = frames.relative(message.header.frame_id, handle.name)
     if place is not None:
         return _near(place @ require_pose(message.pose), size)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the stepper and the drive ask of whoever owns the simulation: the node's run, or a live view's."""
+"""Interface of the owner of a simulation to the stepper and the drive: the node's run, or a live view's."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from gdfe_ros.simulation import Simulation
 
 
 class Settings(Protocol):
-    """Values in force by name, those of the node: `dt`, `velocity_timeout`, `slew_time`, `deadline`, `cut_after`."""
+    """Present parameter values by name, as in the node: `dt`, `velocity_timeout`, `slew_time`, `deadline`, ..."""
 
     def __getitem__(self, name: str) -> Any:
-        """Give a value."""
+        """Return a value."""
 
 
 class Host(Protocol):
-    """Owns a simulation that is stepped.
+    """Owner of a simulation that is stepped.
 
     Attributes:
-        simulation: touched by the stepping thread only; another one after a change of moduli.
-        scene: that is simulated.
-        parameters: values in force.
+        simulation: used by the stepping thread only; replaced after a change of moduli.
+        scene: of the simulation.
+        parameters: present values.
         refusals: counts refused commands.
-        last: the step made last, or None.
+        last: the last step, or None.
         log_time: of that step, for the bag [ns]; it never goes back.
     """
 
@@ -42,7 +42,7 @@ class Host(Protocol):
         """The scene that is simulated."""
 
     def report(self, text: str) -> None:
-        """Take the text of an error that somebody should read."""
+        """Report an error message to the user."""
 
     def stamp(self, ending: float, early: float = 0.0) -> int:
-        """Give the stamp [ns] of a step that ends at a simulation time [s], ``early`` [s] before another's clock."""
+        """Return the stamp [ns] of a step that ends at ``ending`` [s], ``early`` [s] before an external clock."""

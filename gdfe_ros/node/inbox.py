@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands between the thread that receives them and the thread that steps."""
+"""Queue of commands between the receiving and the stepping thread."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _LIMIT = 10_000
 class Inbox:
     """Commands that wait for their step.
 
-    In lockstep none is left out: those of one input wait in the order received, and a step takes one of each (or,
-    without a command set, one). Under the other clocks the latest command of each handle and of each actuator counts,
-    whoever sent it and on whichever topic.
+    In lockstep none is dropped: those of one input are queued in the order received, and a step consumes one of each
+    (or, without a command set, one). Under the other clocks the latest command of each handle and of each actuator
+    counts, whatever its sender and topic.
 
     Args:
         changed: notified when a command arrives; its lock guards the inbox.
-        queued: lockstep.
+        queued: whether the clock is lockstep.
         command_set: inputs that must each have a command before a step begins; empty: one command is enough.
     """
 
@@ -38,7 +38,7 @@ class Inbox:
         """Add an order of the input ``name``.
 
         Raises:
-            Refusal: ten thousand commands wait already.
+            Refusal: ten thousand commands are waiting already.
         """
         with self._changed:
             if self._queued:
@@ -58,17 +58,17 @@ class Inbox:
         self._count += 1
 
     def ready(self) -> bool:
-        """Tell whether a step has something to consume: in lockstep, a whole command set. Needs the lock."""
+        """Return whether a step has something to consume: in lockstep, a whole command set. Needs the lock."""
         if self._queued and self._set:
             return not self.missing()
         return self._count > 0 or bool(self._latest)
 
     def missing(self) -> list[str]:
-        """Name the inputs of the command set that have no command yet, sorted. Needs the lock."""
+        """Return the inputs of the command set that have no command yet, sorted. Needs the lock."""
         return sorted(name for name in self._set if not self._waiting.get(name))
 
     def take(self) -> list[Order]:
-        """Remove and return what the next step consumes, in the order received. Needs the lock."""
+        """Remove and return the orders that the next step consumes, in the order received. Needs the lock."""
         if not self._queued:
             latest, self._latest = self._latest, []
             return latest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics that command a simulation: checked, recorded, and put into the inbox."""
+"""Command topics of a simulation: messages are checked, recorded, and put into the inbox."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class Input:
     """One command topic.
 
     Attributes:
-        key: what it is to the node, e.g. ``handles/tip/target``, as in ``command_set``.
+        key: its purpose in the node, e.g. ``handles/tip/target``, as in ``command_set``.
         topic: its name.
         spec: of the topic.
-        check: makes an order of a message, or raises ``Refusal``.
-        stamped: whether the header's stamp says when the command was given.
+        check: returns the order of a message, or raises ``Refusal``.
+        stamped: whether the header's stamp is the time of the command.
     """
 
     key: str
@@ -56,14 +56,14 @@ class Input:
 class Inputs:
     """Subscriptions of the command topics.
 
-    Messages come as bytes, so that the bag holds what was sent, also where it was refused.
+    Messages arrive as bytes, so that the bag contains the sent message, even if it is refused.
 
     Args:
-        run: whose simulation is commanded.
-        leaders: of what follows, by handle or obstacle.
+        run: the run that is commanded.
+        leaders: of followers, by handle or obstacle.
 
     Attributes:
-        inbox: takes the commands; None while the node is not active.
+        inbox: receives the commands; None while the node is not active.
         recorder: of the bag in progress, or None.
         freshness: of the commands' stamps.
     """
@@ -83,16 +83,16 @@ class Inputs:
 
     @property
     def keys(self) -> list[str]:
-        """What a command set may name."""
+        """Inputs that a command set may name."""
         return [*self._inputs, *(leader.key for leader in self._leaders.values() if leader.frame)]
 
     def led(self) -> dict[str, str]:
-        """Say what handles and obstacles follow and whether it was heard, by name."""
+        """Return the leaders of handles and obstacles by name, and whether they were heard."""
         leaders = self._leaders.items()
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
     def unheard(self) -> list[str]:
-        """Say whose commands never arrive: publishers that are best effort, where the node asks for reliable ones."""
+        """Return inputs with best-effort publishers, whose commands never arrive: the node requires reliable ones."""
         found = []
         for topic in sorted(self._unheard):
             publishers = self._run.node.get_publishers_info_by_topic(topic)
@@ -105,7 +105,7 @@ class Inputs:
 
     @property
     def infos(self) -> list[TopicInfo]:
-        """Describe the topics for a bag."""
+        """Descriptions of the topics for a bag."""
         return [
             TopicInfo(
                 name=subscription.topic_name,
@@ -117,28 +117,28 @@ class Inputs:
         ]
 
     def trajectory(self, message: Any) -> TrajectoryOrder:
-        """Check a trajectory.
+        """Return the order of a checked trajectory.
 
         Raises:
-            Refusal: as of one on the topic.
+            Refusal: as for a message on the topic.
         """
         if _TRAJECTORY not in self._inputs:
             raise Refusal(Reason.UNKNOWN, f"scene {self._run.scene.name!r} has neither actuators nor loads")
         return self._inputs[_TRAJECTORY].check(message)
 
     def pursue(self, pursuit: Pursuit) -> None:
-        """Give the order of a trajectory that somebody waits for."""
+        """Queue the order of a trajectory whose client waits for its end."""
         self._put(_TRAJECTORY, replace(pursuit.order, begun=pursuit.begin))
         self._pursuits.append(pursuit)
         self._run.refusals.take()
 
     def hold(self, pursuit: Pursuit) -> None:
-        """Leave what a trajectory commands where it is."""
+        """Keep the actuators and loads of a trajectory at their present commands."""
         names = pursuit.order.names
         self._put(_TRAJECTORY, TrajectoryOrder(names, None, np.zeros(0), np.zeros((0, len(names)))), told=False)
 
     def look(self, step: Step) -> None:
-        """Tell those who wait for trajectories of a step; between steps."""
+        """Report a step to all trajectories with waiting clients; called between steps."""
         if not self._pursuits:
             return
         states = self._run.simulation.actuator_states()
@@ -146,17 +146,17 @@ class Inputs:
         for pursuit in list(self._pursuits):
             pursuit.look(step.record.time, present)
             if not pursuit.going:
-                with suppress(ValueError):  # another thread gave all up meanwhile
+                with suppress(ValueError):  # another thread ended all of them meanwhile
                     self._pursuits.remove(pursuit)
 
     def give_up(self, reason: str) -> None:
-        """End every trajectory that somebody waits for."""
+        """End every trajectory with a waiting client."""
         pursuits, self._pursuits = self._pursuits, []
         for pursuit in pursuits:
             pursuit.end(Code.INVALID_GOAL, reason)
 
     def destroy(self) -> None:
-        """Take the topics off the graph."""
+        """Remove the topics from the graph."""
         for subscription in self._subscriptions.values():
             self._run.node.destroy_subscription(subscription)
 
@@ -185,7 +185,7 @@ class Inputs:
             raise Refusal(Reason.INACTIVE, "the node is not active; it takes commands after `activate`")
         try:
             message = deserialize_message(data, kind)
-        except Exception as error:  # what rclpy raises here is not documented
+        except Exception as error:  # the exceptions of rclpy are not documented here
             raise Refusal(Reason.MALFORMED, f"the bytes are no {item.spec.type}: {error!r}") from error
         order = item.check(message)
         if item.stamped:
@@ -209,9 +209,9 @@ class Inputs:
 
 
 def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
-    """List what a scene can be commanded by; handles and obstacles that are fixed or follow refuse by name."""
+    """Yield the inputs of a scene, also of fixed handles and followers, which refuse commands with a reason."""
     scene, frames, size = run.scene, run.frames, run.scene.mesh.size
-    # First, so that in lockstep a body that is put before a command set is complete is there in its step.
+    # First, so that in lockstep a body teleported before a command set is complete is teleported in its step.
     for handle in scene.handles:
         if spec := topics.MOVED[handle.section].put:
             topic = spec.name.format(**{handle.noun: handle.name})

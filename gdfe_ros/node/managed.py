@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lifecycle node that outlives what its callbacks raise, and whose services may answer later."""
+"""A lifecycle node that survives exceptions in its callbacks, and whose services may answer later."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from rclpy.timer import Timer
 from gdfe_ros.node.throttle import Throttle
 
 _KEPT = 1000
-"""Destroyed subscriptions, publishers and timers that are freed later: more than a node has."""
+"""Number of destroyed subscriptions, publishers and timers whose release is delayed: more than a node has."""
 _PRIMARY = ("unconfigured", "inactive", "active")
 
 
 class Faults:
-    """Counts what callbacks raised, and logs it with its cause at most once in five seconds for each place.
+    """Counts exceptions in callbacks, and logs each place's with its cause at most once in five seconds.
 
     Args:
-        log: takes the text of an error.
+        log: receives the text of an error.
 
     Attributes:
         count: exceptions so far.
-        last: the last one, with its place; empty where there was none.
+        last: the last one, with its place; empty if there was none.
     """
 
     def __init__(self, log: Callable[[str], object]) -> None:
@@ -43,7 +43,7 @@ class Faults:
         self.count, self.last = 0, ""
 
     def note(self, place: str, error: BaseException) -> None:
-        """Count and log an exception that ``place`` raised."""
+        """Count and log an exception raised in ``place``."""
         with self._lock:
             self.count += 1
             self.last = f"{place}: {error!r}"
@@ -53,12 +53,11 @@ class Faults:
 
 
 class ManagedNode(LifecycleNode):
-    """A lifecycle node none of whose callbacks can end the process.
+    """A lifecycle node whose callbacks cannot end the process.
 
-    What one raises is counted and logged; a service answers with it. rclpy itself lets such an exception out of the
-    executor, for a transition that the present state does not have, too (rclpy #1209).
-
-    A service's callback may return a ``Future`` of its response: it is sent when it is there, and the executor goes on.
+    Exceptions are counted and logged; a service returns them as its answer. rclpy itself lets such an exception out of
+    the executor, even for a transition that the present state does not have (rclpy #1209). A service's callback may
+    return a ``Future`` of its response: the response is sent when it is complete, and the executor continues meanwhile.
 
     Attributes:
         faults: counts exceptions.
@@ -80,34 +79,34 @@ class ManagedNode(LifecycleNode):
         return "finalized" if self._destroyed else self._state_machine.current_state[1]
 
     def unknown_parameters(self) -> set[str]:
-        """Name the parameters that were given at start and not declared so far, without those of qualities of service.
+        """Return the parameters that were given at start and are not declared, except QoS overrides.
 
-        Moduli, which a scene declares when it is configured, are not among them.
+        Moduli, which a scene declares on configuration, are excluded too.
         """
-        given = set(self._parameter_overrides)  # rclpy offers no other way
+        given = set(self._parameter_overrides)  # rclpy has no public interface for this
         later = ("materials.", "qos_overrides.", "start_type_description_service", "use_sim_time")
         return {name for name in given if not self.has_parameter(name) and not name.startswith(later)}
 
     def offer(self, kind: type, name: str, callback: Callable[[Any, Any], Any]) -> None:
-        """Create a service; see the class for what its callback may do."""
+        """Create a service; its callback may return a ``Future``, see the class."""
         self._shield(self.create_service(kind, name, callback))
 
     def create_timer(self, timer_period_sec: float, callback: Callable[[], None], *more: Any, **options: Any) -> Any:
-        """Create a timer, as rclpy does, that outlives what its callback raises."""
+        """Create a timer, as rclpy does, that survives exceptions in its callback."""
         return super().create_timer(timer_period_sec, self.guarded(callback, "a timer"), *more, **options)
 
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable[..., None], *more: Any, **options: Any
     ) -> Any:
-        """Create a subscription, as rclpy does, that outlives what its callback raises."""
+        """Create a subscription, as rclpy does, that survives exceptions in its callback."""
         guarded = self.guarded(callback, f"the subscription of {topic}")
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
 
     def destroy_later(self, subscription: Subscription) -> None:
-        """Destroy a subscription in a later turn of the executor than publishers that are destroyed now.
+        """Destroy a subscription in a later cycle of the executor than publishers that are destroyed now.
 
-        Where it hears its own node's publisher, its end is an event of that publisher. If EventsExecutor takes away
-        both in one turn, it frees that event without holding Python's lock, and the process dies by SIGSEGV.
+        If it is matched with its own node's publisher, its end is an event of that publisher. If EventsExecutor removes
+        both in one cycle, it frees that event without holding Python's lock, and the process dies by SIGSEGV.
         """
 
         def destroy() -> None:
@@ -117,20 +116,20 @@ class ManagedNode(LifecycleNode):
         timer = self.create_timer(0.0, destroy, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def destroy_subscription(self, subscription: Subscription) -> bool:
-        """Destroy a subscription, as rclpy does; it is freed later.
+        """Destroy a subscription, as rclpy does; its memory is released later.
 
-        Messages that came before wait in the executor's queue, and EventsExecutor calls what it knows by its address.
+        Earlier messages wait in the executor's queue, and EventsExecutor accesses the subscription by its address.
         """
         self._destroyed_last.append(subscription)
         return super().destroy_subscription(subscription)
 
     def destroy_publisher(self, publisher: Publisher) -> bool:
-        """Destroy a publisher, whose events may wait in the same queue."""
+        """Destroy a publisher; its memory is released later, because its events may wait in the same queue."""
         self._destroyed_last.append(publisher)
         return super().destroy_publisher(publisher)
 
     def destroy_timer(self, timer: Timer) -> bool:
-        """Destroy a timer, whose calls may wait there."""
+        """Destroy a timer; its memory is released later, because its calls may wait in the same queue."""
         self._destroyed_last.append(timer)
         return super().destroy_timer(timer)
 
@@ -146,7 +145,7 @@ class ManagedNode(LifecycleNode):
             self._state_machine.destroy_when_not_in_use()
 
     def guarded(self, callback: Callable[..., None], place: str) -> Callable[..., None]:
-        """Make a callback that notes what it raises as a fault of ``place``."""
+        """Return a callback that records exceptions as faults of ``place``."""
 
         @wraps(callback)
         def outliving(*arguments: Any) -> None:
@@ -158,7 +157,7 @@ class ManagedNode(LifecycleNode):
         return outliving
 
     def _shield(self, service: Service) -> None:
-        """Have a service answer what its callback raises, and send a response that comes later when it comes."""
+        """Make a service answer exceptions of its callback, and send a later response when it is complete."""
         callback, send, place = service.callback, service.send_response, f"the service {service.srv_name}"
 
         def answer(request: Any, response: Any) -> Any:
@@ -177,13 +176,13 @@ class ManagedNode(LifecycleNode):
         def deliver(response: Any, header: Any) -> None:
             try:
                 send(response, header)
-            except Exception as error:  # whoever asked may be gone, or this node's context
+            except Exception as error:  # the client, or this node's context, may have shut down
                 self.faults.note(place, error)
 
         service.callback, service.send_response = answer, send_now_or_later
 
     def prepare(self) -> None:
-        """Do, in a thread of its own, the part of ``on_configure`` that takes long; it must leave ROS alone."""
+        """Do the slow part of ``on_configure`` in a separate thread; it must not use ROS."""
 
     def configure_later(self) -> Future[TransitionCallbackReturn]:
         """Configure without blocking other callbacks: the state is ``configuring`` until ``prepare`` is done."""
@@ -202,14 +201,14 @@ class ManagedNode(LifecycleNode):
             finally:
                 finisher.reset()
 
-        # A timer brings the rest back to the executor's thread.
+        # A timer runs the rest in the executor's thread.
         finisher = self.create_timer(0.0, finish, clock=Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
         self._preparation = threading.Thread(target=work, name="prepare", daemon=True)
         self._preparation.start()
         return future
 
     def await_preparation(self) -> None:
-        """Wait for the end of ``prepare``, where it runs."""
+        """Wait for the end of ``prepare`` if it is running."""
         if self._preparation is not None:
             self._preparation.join()
 
@@ -231,11 +230,11 @@ class ManagedNode(LifecycleNode):
         return code
 
     def _checked(self, change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Refuse transitions that the present state does not have."""
+        """Return a callback that refuses transitions which the present state does not have."""
 
         def answer(request: Any, response: Any) -> Any:
             wanted, state = request.transition, self.lifecycle_state
-            primary = state in _PRIMARY  # in others, rcl offers what ends a transition, which is not for everybody
+            primary = state in _PRIMARY  # other states have only rcl's internal transitions
             offered = self._state_machine.available_transitions if primary else ()
             allowed = {label: number for number, label, *_ in offered}
             if wanted.label in allowed or (not wanted.label and wanted.id in allowed.values()):
@@ -252,7 +251,7 @@ class ManagedNode(LifecycleNode):
 
 
 def _failure(request: Any, response: Any, text: str) -> Any:
-    """Put the reason of a failure wherever a response has room for it."""
+    """Put the reason of a failure into any suitable field of a response."""
     refused = SetParametersResult(successful=False, reason=text)
     if hasattr(response, "message"):
         response.message = text

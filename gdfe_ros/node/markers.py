@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The body's surface as a triangle marker for RViz and Foxglove.
 
-A marker holds lists of Point and ColorRGBA objects; filling and serialising 10 000 of them takes 17 ms: a template.
+A marker contains lists of Point and ColorRGBA objects; filling and serialising 10 000 of them takes 17 ms. Values are
+therefore written into a serialised template.
 """
 
 from __future__ import annotations
@@ -40,12 +41,12 @@ class SurfaceMarker:
         self._colours = self._template.view(struct.pack("<f", _COLOUR_PROBE), (count, 4), "<f4")
 
     def pack(self, stamp: int, positions: NDArray[np.float64], values: NDArray[np.float64]) -> bytes:
-        """Serialise the marker.
+        """Return the serialised marker.
 
         Args:
             stamp: of its header [ns].
             positions: of the vertices (n, 3) [m].
-            values: of the cells (m,), shown by colour from the least to the largest.
+            values: of the cells (m,), shown by colours from the least to the largest.
         """
         self._points[:] = self._outside.at(positions)[self._corners]
         self._colours[:, :3] = colour(values)[self._cells]
@@ -54,7 +55,7 @@ class SurfaceMarker:
 
 
 def _marker(count: int, frame_id: str) -> Marker:
-    """Make a marker whose first point and first colour can be found in its bytes."""
+    """Return a marker whose first point and first colour can be found in its bytes."""
     marker = Marker(header=Header(frame_id=frame_id), ns="surface", type=Marker.TRIANGLE_LIST, action=Marker.ADD)
     marker.scale.x = marker.scale.y = marker.scale.z = 1.0
     marker.color.a = 1.0

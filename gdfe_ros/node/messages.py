@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packing of arrays and results into ROS messages.
 
-``PointCloud2`` holds float32: RViz accepts nothing else for x, y, z. Bytes go in as ``array.array``, the one
-form that is fast with and without rclpy's field checks.
+``PointCloud2`` contains float32, because RViz accepts nothing else for x, y, z. Bytes are passed as ``array.array``,
+the one type that is fast with and without rclpy's field checks.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ STRAIN_FIELDS = ("x", "y", "z", "eps_eq", "J", "omega", "tangent", "energy_densi
 
 
 def to_time(nanoseconds: int) -> Time:
-    """Make a stamp."""
+    """Return the stamp of a time in nanoseconds."""
     return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
 
 
 def header(stamp: int, frame_id: str) -> Header:
-    """Make a header with a stamp [ns]."""
+    """Return a header with a stamp [ns]."""
     return Header(stamp=to_time(stamp), frame_id=frame_id)
 
 
 def mesh_cloud(head: Header, positions: NDArray[np.float64], rest: NDArray[np.float64]) -> PointCloud2:
-    """Pack current vertices (n, 3) [m] and their displacements from ``rest`` (n, 3) [m]."""
+    """Return a cloud of current vertices (n, 3) [m] with their displacements from ``rest`` (n, 3) [m]."""
     values = np.empty((len(rest), 6), dtype="<f4")
     values[:, :3] = positions
     values[:, 3:] = positions - rest
@@ -64,13 +64,13 @@ def mesh_cloud(head: Header, positions: NDArray[np.float64], rest: NDArray[np.fl
 
 
 def velocity_cloud(head: Header, positions: NDArray[np.float64], velocities: NDArray[np.float64]) -> PointCloud2:
-    """Pack current vertices (n, 3) [m] and their velocities (n, 3) [m/s]."""
+    """Return a cloud of current vertices (n, 3) [m] with their velocities (n, 3) [m/s]."""
     values = np.hstack([positions, velocities]).astype("<f4")
     return _cloud(head, VELOCITY_FIELDS, values)
 
 
 def strain_cloud(head: Header, fields: ElementFields) -> PointCloud2:
-    """Pack the element fields, one point for each cell."""
+    """Return a cloud of the element fields, one point for each cell."""
     values = np.empty((len(fields.J), 8), dtype="<f4")
     values[:, :3] = fields.centroids
     for column, name in enumerate(STRAIN_FIELDS[3:], start=3):
@@ -79,14 +79,14 @@ def strain_cloud(head: Header, fields: ElementFields) -> PointCloud2:
 
 
 def contact_cloud(head: Header, points: NDArray[np.void]) -> PointCloud2:
-    """Pack what touches, as `gdfe_ros.contacts.POINT`."""
+    """Return a cloud of the contact points, given as `gdfe_ros.contacts.POINT`."""
     kinds = {"f": PointField.FLOAT32, "i": PointField.INT32}
     fields = [(name, kinds[points.dtype[name].kind]) for name in points.dtype.names]
     return _cloud(head, fields, points)
 
 
 def pose_stamped(head: Header, pose: Pose) -> PoseStamped:
-    """Pack a pose relative to rest; its rotation vector becomes a unit quaternion."""
+    """Return the message of a pose relative to rest; its rotation vector becomes a unit quaternion."""
     x, y, z, w = map(float, Rotation.from_rotvec(pose.rotation).as_quat())
     px, py, pz = pose.translation
     return PoseStamped(
@@ -96,7 +96,7 @@ def pose_stamped(head: Header, pose: Pose) -> PoseStamped:
 
 
 def material_pose(point: Embedding, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> Pose:
-    """Return where a material point is [m], and the rotation that best fits the corners of the cell around it."""
+    """Return the position of a material point [m], and the rotation that best fits the corners of its cell."""
     corners = point.corners[0]
     before, now = rest[corners], positions[corners]
     turn, _ = Rotation.align_vectors(now - now.mean(axis=0), before - before.mean(axis=0))
@@ -104,14 +104,14 @@ def material_pose(point: Embedding, rest: NDArray[np.float64], positions: NDArra
 
 
 def wrench_stamped(head: Header, reaction: NDArray[np.float64]) -> WrenchStamped:
-    """Pack a reaction (6,): force [N], then moment [N m]."""
+    """Return the message of a reaction (6,): force [N], then moment [N m]."""
     fx, fy, fz, mx, my, mz = map(float, reaction)
     wrench = Wrench(force=Vector3(x=fx, y=fy, z=fz), torque=Vector3(x=mx, y=my, z=mz))
     return WrenchStamped(header=head, wrench=wrench)
 
 
 def imu(head: Header, reading: ImuReading) -> Imu:
-    """Pack what an inertial unit reads; covariances of zeros only say that they are unknown."""
+    """Return the message of an inertial unit's reading; covariances of zeros only mean that they are unknown."""
     x, y, z, w = map(float, reading.orientation.as_quat())
     turn, felt = (map(float, each) for each in (reading.angular_velocity, reading.linear_acceleration))
     return Imu(
@@ -123,7 +123,7 @@ def imu(head: Header, reading: ImuReading) -> Imu:
 
 
 def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
-    """Pack the cells (m, 8), row by row."""
+    """Return the message of the cells (m, 8), row by row."""
     count, corners = cells.shape
     data = array.array("i")
     data.frombytes(np.ascontiguousarray(cells, dtype=np.int32).tobytes())
@@ -135,10 +135,10 @@ def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
 
 
 class ActuatorStates:
-    """Packs joint states; remembers the last step for the velocities.
+    """Makes joint states; keeps the last step for the velocities.
 
     Args:
-        scene: whose actuators they are of.
+        scene: with the actuators.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -146,7 +146,7 @@ class ActuatorStates:
         self._last: tuple[float, NDArray[np.float64]] | None = None
 
     def message(self, head: Header, step: Step) -> JointState:
-        """Pack the states of a step; velocities are over the time since the last call, 0 where a step takes none."""
+        """Return the states of a step; velocities are over the time since the last call, 0 if none has passed."""
         states = step.actuators.values()
         positions = self._readings.positions(step.actuators)
         velocities = np.zeros(len(positions))
@@ -163,7 +163,7 @@ class ActuatorStates:
 
 
 def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) -> JointState:
-    """Pack commands by name: tensions and pressures as ``effort``; all others, factors on loads too, ``position``."""
+    """Return a message of commands by name: tensions and pressures in ``effort``, all others in ``position``."""
     forced = [name in actuators and actuators[name].mode in EFFORTS for name in values]
     pairs = list(zip(forced, map(float, values.values()), strict=True))
     return JointState(
@@ -174,13 +174,13 @@ def actuation(actuators: Mapping[str, Actuator], values: Mapping[str, float]) ->
 
 
 def refused(source: str, refusal: Refusal) -> String:
-    """Tell of a command that was refused."""
+    """Return the message about a refused command."""
     entries = {"source": source, "reason": refusal.reason.value, "message": shortened(str(refusal))}
     return String(data=json.dumps(entries))
 
 
 def jacobian(values: NDArray[np.float64], probes: list[str], actuators: list[str]) -> Float64MultiArray:
-    """Pack a Jacobian (probes, 3, actuators); the labels of the layout name probes, axes and actuators."""
+    """Return the message of a Jacobian (probes, 3, actuators); its layout's labels name probes, axes, actuators."""
     labels = (",".join(probes), "x,y,z", ",".join(actuators))
     strides = np.cumprod(values.shape[::-1])[::-1]
     dimensions = [
@@ -195,7 +195,7 @@ def _doubles(values: NDArray[np.float64]) -> array.array:
 
 
 def _cloud(head: Header, fields: Sequence[str | tuple[str, int]], values: NDArray[Any]) -> PointCloud2:
-    """Pack a row (k, c) for each point; fields of four bytes by name, of another kind than float32 with it."""
+    """Return a cloud with a row (k, c) for each point; fields are float32, or have the given type of four bytes."""
     data = array.array("B")
     data.frombytes(values.tobytes())
     kinds = [(each, PointField.FLOAT32) if isinstance(each, str) else each for each in fields]

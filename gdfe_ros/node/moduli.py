@@ -22,9 +22,9 @@ class Moduli:
     """Declares the moduli of a scene as parameters while it is configured.
 
     Args:
-        node: that declares them.
-        scene: whose materials they are.
-        bags: while one is written, no modulus can be changed: a replay could not follow.
+        node: declares them.
+        scene: with the materials.
+        bags: while one is written, no modulus can be changed, because a replay could not follow.
         changed: called with the new moduli [Pa] by material after a change.
     """
 
@@ -69,14 +69,14 @@ class Moduli:
 
 
 def given_moduli(node: LifecycleNode, scene: Scene) -> dict[str, float]:
-    """Give the moduli [Pa] from the command line and from parameter files, as overrides of the scene.
+    """Return the moduli [Pa] from the command line and from parameter files, as overrides of the scene.
 
     Raises:
         GdfeError: one of them is not allowed.
     """
     given = {}
     for name in _materials(scene):
-        # Without a range: rclpy's refusal does not say what is allowed. No value: nothing was given.
+        # Declared without a range, because rclpy's refusal does not name the allowed values. No value: none was given.
         value = node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True)).value
         node.undeclare_parameter(name)
         if value is not None:
@@ -86,7 +86,7 @@ def given_moduli(node: LifecycleNode, scene: Scene) -> dict[str, float]:
 
 
 def _materials(scene: Scene) -> dict[str, str]:
-    """Name the materials that have a modulus, by parameter."""
+    """Return the materials that have a modulus, by parameter."""
     return {MODULUS.name.format(material=name): name for name in moduli_of(scene)}
 
 

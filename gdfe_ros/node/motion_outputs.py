@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics that only scenes with dynamics have."""
+"""Topics that only scenes with dynamics have."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from gdfe_ros.node.step import Step
 
 
 class MotionOutputs:
-    """Publishes how a body moves; no message is built for a topic that nobody wants.
+    """Publishes the motion of a body; no message is built for a topic without subscriber or bag.
 
     Args:
-        run: whose simulation is published; its scene has dynamics.
+        run: the published run; its scene has dynamics.
         channel: makes the channel of a topic that each step publishes.
     """
 
@@ -34,12 +34,12 @@ class MotionOutputs:
 
     @property
     def wanted(self) -> bool:
-        """Whether anything is wanted of the next step."""
+        """Whether any of these topics is wanted from the next step."""
         return any(channel.wanted for channel in self.channels)
 
     @property
     def imus_wanted(self) -> bool:
-        """Whether readings of inertial units are wanted of the next step."""
+        """Whether readings of inertial units are wanted from the next step."""
         return any(channel.wanted for channel in self._imus.values())
 
     def publish_step(self, step: Step) -> None:

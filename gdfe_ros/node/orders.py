@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checked commands on their way to the step that consumes them.
+"""Checked commands that wait for the step that consumes them.
 
-Each tells what is left of it once a later one has come (``without``), None for nothing: what commands another handle or
-another actuator takes nothing away.
+The method ``without`` returns the part of an order that remains valid after a later order, or None. Orders of different
+handles or actuators do not affect each other.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.node.refusals import Reason, Refusal
 
 FARTHEST = 10.0
-"""Of the body's size: the farthest that a handle may be from rest, and the farthest that it may move in a second."""
+"""Largest distance of a handle from rest, and largest displacement in a second, over the body's size."""
 
 
 @dataclass(frozen=True)
 class PoseOrder:
-    """A target of a handle; which turn its quaternion means depends on the target before it.
+    """A target of a handle; its quaternion is continued from the rotation of the previous target.
 
     Attributes:
         handle: name.
@@ -37,17 +37,17 @@ class PoseOrder:
     quaternion: tuple[float, float, float, float]
 
     def without(self, later: Order) -> PoseOrder | None:
-        """Stay, but for another pose of the handle; a velocity goes on from here."""
+        """Return this order, or None if ``later`` sets another pose; a later velocity continues from this pose."""
         return None if isinstance(later, PoseOrder) and later.handle == self.handle else self
 
     def after(self, last: Pose) -> Pose:
-        """Choose the turn nearest to the last target's."""
+        """Return the pose with the rotation vector closest to the last target's."""
         return Pose(self.translation, nearest_turn(self.quaternion, last))
 
 
 @dataclass(frozen=True)
 class TwistOrder:
-    """A velocity of a handle's target, in force until another command or its time is over.
+    """A velocity of a handle's target, valid until another command or its timeout.
 
     Attributes:
         handle: name.
@@ -65,11 +65,11 @@ class TwistOrder:
         return not any((*self.linear, *self.angular))
 
     def without(self, later: Order) -> TwistOrder | None:
-        """Stay, but for another pose or velocity of the handle."""
+        """Return this order, or None if ``later`` sets another pose or velocity of the handle."""
         return None if isinstance(later, (PoseOrder, TwistOrder)) and later.handle == self.handle else self
 
     def after(self, last: Pose, dt: float) -> Pose:
-        """Move the last target on for a time ``dt`` [s]; turns add up beyond 180 degrees."""
+        """Return the last target moved for a time ``dt`` [s]; rotations add up beyond 180 degrees."""
         translation = np.array(last.translation) + dt * np.array(self.linear)
         turn = dt * np.array(self.angular)
         rotation = Rotation.from_rotvec(turn) * Rotation.from_rotvec(last.rotation)
@@ -79,7 +79,7 @@ class TwistOrder:
 
 @dataclass(frozen=True)
 class PutOrder:
-    """Where a rigid body is put.
+    """A teleport of a rigid body.
 
     Attributes:
         body: name.
@@ -92,23 +92,23 @@ class PutOrder:
     quaternion: tuple[float, float, float, float]
 
     def without(self, later: Order) -> PutOrder | None:
-        """Stay, but for another place of the body."""
+        """Return this order, or None if ``later`` teleports the same body."""
         return None if isinstance(later, PutOrder) and later.body == self.body else self
 
     @property
     def pose(self) -> Pose:
-        """Where it is put, relative to rest."""
+        """Its pose relative to rest."""
         return Pose(self.translation, tuple(Rotation.from_quat(self.quaternion).as_rotvec()))
 
 
 @dataclass(frozen=True)
 class ActuatorOrder:
-    """Commands of actuators by name, in the unit of each one's mode, and factors of loads; none changes nothing."""
+    """Commands of actuators by name, in the unit of each mode, and factors of loads; an empty order changes nothing."""
 
     values: Mapping[str, float]
 
     def without(self, later: Order) -> ActuatorOrder | None:
-        """Keep what a later order does not command; a trajectory begins with what is commanded before it."""
+        """Return the commands that a later order does not replace; a trajectory begins at commands before it."""
         if not isinstance(later, ActuatorOrder):
             return self
         values = {name: value for name, value in self.values.items() if name not in later.values}
@@ -117,14 +117,14 @@ class ActuatorOrder:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryOrder:
-    """Commands of actuators and loads over time, linear between the points; without points they stay as they are.
+    """Commands of actuators and loads over time, linear between the points; without points they stay constant.
 
     Attributes:
         names: of the actuators and loads.
         start: simulation time of the time 0 [s]; None: the step that consumes it.
         times: (k,) ascending, from the start [s].
         values: (k, len(names)) in the units of the modes.
-        begun: takes the start [s] and the commands in force then, once a step has consumed it.
+        begun: called with the start [s] and the commands at that time, once a step has consumed it.
     """
 
     names: tuple[str, ...]
@@ -135,11 +135,11 @@ class TrajectoryOrder:
 
     @property
     def ends(self) -> bool:
-        """Whether it ends what runs, and commands nothing."""
+        """Whether it only ends running trajectories."""
         return not len(self.times)
 
     def without(self, later: Order) -> TrajectoryOrder | None:
-        """Keep the actuators that a later order does not command."""
+        """Return the trajectory of the actuators that a later order does not command."""
         match later:
             case ActuatorOrder():
                 taken = set(later.values)
@@ -157,10 +157,10 @@ Order = PoseOrder | TwistOrder | PutOrder | ActuatorOrder | TrajectoryOrder
 
 
 def require_near(translation: tuple[float, float, float], size: float) -> None:
-    """Check that a target lies within reach of a body of this size [m].
+    """Raise an error unless a target is within reach of a body of this size [m].
 
     Raises:
-        Refusal: it does not.
+        Refusal: it is not.
     """
     distance = math.hypot(*translation)
     if not distance <= FARTHEST * size:

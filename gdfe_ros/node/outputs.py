@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics that describe a simulation: what each step and each scene publishes."""
+"""Output topics of a simulation, published by each step and each scene."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from gdfe_ros.recording.recorder import Recorder
 
 
 class Outputs:
-    """Publishes scenes and steps; no message is built for a topic that nobody wants.
+    """Publishes scenes and steps; no message is built for a topic without subscriber or bag.
 
     Args:
-        run: whose simulation is published.
-        matched: called when somebody begins to listen to what each step publishes.
+        run: the published run.
+        matched: called when a topic of the steps gets a subscriber.
     """
 
     def __init__(self, run: Run, *, matched: Callable[[], object]) -> None:
@@ -78,7 +78,7 @@ class Outputs:
                 yield channel
 
     def demand(self) -> Demand:
-        """Tell what is wanted of the next step."""
+        """Return the outputs that are wanted from the next step."""
         each_step = (self._mesh, self._record, self._strain, self._joints, self._clock, self._tf)
         turning = (*self._poses.values(), *self._sensors.values(), *([self._tf] if self._tf else ()))
         named = (*self._wrenches.values(), *turning, *self._probes.values())
@@ -93,11 +93,11 @@ class Outputs:
         )
 
     def missed(self) -> bool:
-        """Tell whether somebody listens who has not been told the present state."""
+        """Return whether a subscriber has not received the present state."""
         return any([channel.missed() for channel in self.channels])
 
     def attach(self, recorder: Recorder | None) -> None:
-        """Record every topic that bags hold from now on, or none."""
+        """Record every topic that bags contain from now on; with None, no topic."""
         for channel in self.channels:
             channel.recorder = recorder if channel.recorded else None
 
@@ -141,12 +141,12 @@ class Outputs:
             self._publish_fields(step)
 
     def destroy(self) -> None:
-        """Take the topics off the graph."""
+        """Remove the topics from the graph."""
         for channel in self.channels:
             channel.destroy()
 
     def _publish_plates(self, step: Step) -> None:
-        """Publish what has to do with the present poses of handles and obstacles."""
+        """Publish outputs that depend on the present poses of handles and obstacles."""
         stamp = step.record.stamp
         for name, channel in _due(self._poses, step):
             channel.send_step(step, self._pose_packers[name].pack(stamp, step.poses[name]))

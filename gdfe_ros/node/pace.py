@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When the next step begins, and how much simulation time it covers."""
+"""Pace of the steps: when the next one begins, and how much simulation time it covers."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from enum import Enum
 from typing import Protocol
 
 FARTHEST_JUMP = 10.0
-"""Farthest that another's clock may go ahead at once [s] for the steps in between to be made."""
+"""Largest jump of an external clock [s] for which the steps in between are made."""
 
 
 class ClockMode(str, Enum):
-    """What makes a step begin."""
+    """Clock that triggers the steps."""
 
     WALL = "wall"
     FAST = "fast"
@@ -24,13 +24,13 @@ class ClockMode(str, Enum):
 
 @dataclass(frozen=True)
 class Timing:
-    """Values in force of the parameters that pace the steps.
+    """Present values of the parameters that pace the steps.
 
     Attributes:
-        rate: steps a second of wall time [Hz].
+        rate: steps per second of wall time [Hz].
         dt: simulation time of a step [s].
-        heartbeat: interval of steps while there is nothing to do [s]; 0: none.
-        ticking: keep stepping while there is nothing to do.
+        heartbeat: interval of steps while idle [s]; 0: none.
+        ticking: whether to keep stepping while idle.
     """
 
     rate: float
@@ -44,9 +44,9 @@ class Pace(Protocol):
 
     Attributes:
         overruns: steps that should have begun while an earlier one was still running.
-        late: how much later than due steps have ended, all together [s].
-        moment: time on another's clock at the end of the step that began last [ns]; 0: no such clock is followed.
-        behind: how far that clock is ahead of it [s]; 0 where none is followed.
+        late: total delay of the ends of steps [s].
+        moment: time on an external clock at the end of the step that began last [ns]; 0 without such a clock.
+        behind: how far the external clock is ahead of it [s]; 0 without one.
     """
 
     overruns: int
@@ -55,30 +55,30 @@ class Pace(Protocol):
     behind: float
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Give the wall time to wait [s]: 0 to step now, None to wait for something to happen."""
+        """Return the wall time to wait [s]: 0 to step now, None to wait for an event."""
 
     def begin(self) -> float:
-        """Note that a step begins now and give the simulation time that it covers [s]."""
+        """Record that a step begins now and return the simulation time that it covers [s]."""
 
     def restart(self) -> None:
-        """Forget the wall time that passed, e.g. in a pause."""
+        """Ignore the wall time that has passed, e.g. in a pause."""
 
 
 class _OwnPace:
-    """A pace that follows no other clock, and so is never behind one."""
+    """A pace without an external clock."""
 
     moment, behind = 0, 0.0
 
 
 class WallPace(_OwnPace):
-    """Steps at a rate of wall time; while there is nothing to do, only heartbeats.
+    """Steps at a rate of wall time; while idle, only heartbeats.
 
-    A pause of n periods is one step of n dt, so that simulation time keeps up with the wall. A step that takes
-    longer than its period is late, whatever comes after it: the periods that it missed are overruns, and simulation
+    A pause of n periods becomes one step of n dt, so that simulation time keeps up with wall time. A step that takes
+    longer than its period is late, whatever comes after it: the missed periods are overruns, and simulation
     time falls behind by them.
 
     Args:
-        timing: gives the values in force.
+        timing: returns the present values.
         now: monotonic clock [s].
     """
 
@@ -88,7 +88,7 @@ class WallPace(_OwnPace):
         self.restart()
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Wait for the grid of the rate, or for the heartbeat where nothing is to be done."""
+        """Return the time to the next period of the rate, or to the heartbeat if idle."""
         timing, now = self._timing(), self._now()
         if self._running:
             self._end(now, 1.0 / timing.rate)
@@ -98,7 +98,7 @@ class WallPace(_OwnPace):
         return max(0.0, self._last + timing.heartbeat - now) if timing.heartbeat else None
 
     def begin(self) -> float:
-        """Advance the grid and count what was missed."""
+        """Advance to the next period and count missed ones."""
         timing, now = self._timing(), self._now()
         period, periods = 1.0 / timing.rate, 1
         if self._idle:
@@ -111,7 +111,7 @@ class WallPace(_OwnPace):
         return periods * timing.dt
 
     def _end(self, now: float, period: float) -> None:
-        """Note that a step is over; where the next is overdue by a period or more, the grid begins anew."""
+        """Record the end of a step; if the next one is overdue by a period or more, the periods restart now."""
         self._running = False
         if (late := now - self._due) >= period:
             self.overruns += int(late / period)
@@ -119,16 +119,16 @@ class WallPace(_OwnPace):
             self._due, self._last = now, now - period
 
     def restart(self) -> None:
-        """Begin the grid now."""
+        """Begin the periods now."""
         self._last = self._due = self._now()
         self._idle = self._running = False
 
 
 class FastPace(_OwnPace):
-    """Steps without waiting as long as there is something to do; then only heartbeats.
+    """Steps without waiting while there is work; then only heartbeats.
 
     Args:
-        timing: gives the values in force.
+        timing: returns the present values.
         now: monotonic clock [s].
     """
 
@@ -138,14 +138,14 @@ class FastPace(_OwnPace):
         self.restart()
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Wait only where there is nothing to do."""
+        """Return 0 unless idle."""
         timing = self._timing()
         if pending or not settled or timing.ticking:
             return 0.0
         return max(0.0, self._last + timing.heartbeat - self._now()) if timing.heartbeat else None
 
     def begin(self) -> float:
-        """Cover one dt."""
+        """Return one dt."""
         self._last = self._now()
         return self._timing().dt
 
@@ -155,10 +155,10 @@ class FastPace(_OwnPace):
 
 
 class LockstepPace(_OwnPace):
-    """Steps when a command set is there, never otherwise.
+    """Steps only when a command set is complete.
 
     Args:
-        timing: gives the values in force.
+        timing: returns the present values.
     """
 
     def __init__(self, timing: Callable[[], Timing]) -> None:
@@ -166,29 +166,29 @@ class LockstepPace(_OwnPace):
         self.overruns, self.late = 0, 0.0
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Wait for a command set, whatever the last step came to."""
+        """Return 0 if a command set is complete, else None."""
         return 0.0 if pending else None
 
     def begin(self) -> float:
-        """Cover one dt."""
+        """Return one dt."""
         return self._timing().dt
 
     def restart(self) -> None:
-        """Do nothing: wall time plays no part."""
+        """Do nothing: wall time has no effect."""
 
 
 class ExternalPace:
-    """Steps as another's clock goes: one dt each time that the clock has gone on by one, none while it stands.
+    """Follows an external clock: one step of dt whenever the clock has advanced by dt, none while it stands still.
 
-    While there is something to do, no dt is skipped and none is longer, so that a run follows from the clock and the
-    commands, however fast this machine is; where it is too slow, steps fall behind and are counted as overruns. While
-    there is nothing to do, a step covers all that has passed. When the clock goes back, or jumps ahead by more than
-    `FARTHEST_JUMP` at once, its new time is gone on from: no step makes up for what was skipped.
+    While there is work, no dt is skipped or extended, so that a run depends on the clock and the commands only, not on
+    the speed of this machine. If the machine is too slow, steps fall behind and are counted as overruns. While idle, a
+    step covers all the elapsed time. If the clock goes back, or jumps ahead by more than `FARTHEST_JUMP`, its new time
+    is adopted and skipped time is not made up for.
 
     Args:
-        timing: gives the values in force.
-        now: gives the time of the clock [ns]; 0 before it is known.
-        tell: takes the text of a jump.
+        timing: returns the present values.
+        now: returns the time of the clock [ns]; 0 before it is known.
+        tell: receives the text about a jump.
     """
 
     def __init__(
@@ -206,12 +206,12 @@ class ExternalPace:
         return 1e-9 * max(0, self._now() - self.moment - self._leapt) if self.moment else 0.0
 
     def jumped(self, ahead: int) -> None:
-        """Note, in any thread, by how much the clock went ahead at once [ns]."""
+        """Record a jump of the clock ahead [ns]; called in any thread."""
         if ahead > round(1e9 * FARTHEST_JUMP) and self.moment:
             self._leapt += ahead
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Step where a dt is due, or the heartbeat where nothing is to be done; else wait for the clock."""
+        """Return 0 if a dt, or the heartbeat while idle, is due; else None to wait for the clock."""
         timing, due = self._timing(), self._due()
         if pending or not settled or timing.ticking:
             return 0.0 if due else None
@@ -219,7 +219,7 @@ class ExternalPace:
         return 0.0 if due and timing.heartbeat and due * timing.dt >= timing.heartbeat else None
 
     def begin(self) -> float:
-        """Cover one dt, or all that passed in idleness."""
+        """Return one dt, or all the time that passed while idle."""
         due = max(1, self._due())
         count = due if self._idle else 1
         self.overruns += due - 1 > 0 and not self._idle
@@ -229,11 +229,11 @@ class ExternalPace:
         return count * dt
 
     def restart(self) -> None:
-        """Go on from the present time of the clock."""
+        """Continue from the present time of the clock."""
         self.moment, self._leapt = self._now(), 0
 
     def _due(self) -> int:
-        """Give the number of whole dt that the clock is ahead."""
+        """Return the number of whole dt that the clock is ahead."""
         now = self._now()
         back = now < self.moment - round(1e9 * self._timing().dt)
         if self.moment and (back or self._leapt):
@@ -250,7 +250,7 @@ def make_pace(
     now: Callable[[], int],
     tell: Callable[[str], object] = lambda text: None,
 ) -> Pace:
-    """Make the pace of a clock mode; ``now`` gives the time of the node's clock [ns], ``tell`` takes its jumps."""
+    """Return the pace of a clock mode; ``now`` returns the node's time [ns], ``tell`` receives texts about jumps."""
     if mode is ClockMode.EXTERNAL:
         return ExternalPace(timing, now, tell)
     kinds = {ClockMode.WALL: WallPace, ClockMode.FAST: FastPace, ClockMode.LOCKSTEP: LockstepPace}

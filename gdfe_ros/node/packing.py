@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages of every step as templates: clouds of vertices and cells, poses, wrenches, frames.
+"""Templates for the messages of every step: clouds of vertices and cells, poses, wrenches, frames.
 
-Filling a message object and having rclpy serialise it takes 20 to 40 us, and milliseconds where it holds lists of
-points; writing stamp and numbers into the bytes of an earlier one takes 2 to 5.
+Filling a message object and serialising it by rclpy takes 20 to 40 us, and milliseconds for lists of
+points; writing stamp and numbers into the bytes of an earlier message takes 2 to 5 us.
 """
 
 from __future__ import annotations
@@ -29,39 +29,39 @@ from gdfe_ros.solver.elements.fields import ElementFields
 from gdfe_ros.solver.motion.imu import ImuReading
 
 _STAMP_AT = 4
-"""CDR has a head of four bytes; the messages below begin with their header, and that with its stamp."""
+"""Offset of the stamp: CDR has a head of four bytes, and the messages below begin with their header and its stamp."""
 _MARK = -1.2345678901234567e300
 _MARK_SECONDS = 0x5EC0_0000
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 class Template:
-    """The bytes of a message with a header.
+    """The serialised bytes of a message with a header.
 
     Args:
-        message: of the final size, with something unmistakable where numbers will be put.
+        message: of the final size, with marker values where numbers will be written.
     """
 
     def __init__(self, message: Any) -> None:
         self._bytes = bytearray(serialize_message(message))
 
     def view(self, mark: bytes, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
-        """Return the numbers that begin at the bytes ``mark``, to be written to; ``kind`` is their numpy type."""
+        """Return a writable view of the numbers that begin at the bytes ``mark``; ``kind`` is their numpy type."""
         count = int(np.prod(shape))
         return np.frombuffer(self._bytes, kind, count, self._bytes.index(mark)).reshape(shape)
 
     def filled(self) -> bytes:
-        """Give the message with its present numbers."""
+        """Return the message with its present numbers."""
         return bytes(self._bytes)
 
     def stamped(self, stamp: int) -> bytes:
-        """Give the message with its present numbers and a stamp [ns]."""
+        """Return the message with its present numbers and a stamp [ns]."""
         struct.pack_into("<iI", self._bytes, _STAMP_AT, stamp // 10**9, stamp % 10**9)
         return bytes(self._bytes)
 
 
 class MeshPacker:
-    """Packs vertices; the messages are those of ``messages.mesh_cloud``.
+    """Packs vertices into messages as by ``messages.mesh_cloud``.
 
     Args:
         rest: (n, 3) vertices at rest [m].
@@ -81,7 +81,7 @@ class MeshPacker:
 
 
 class VelocityPacker:
-    """Packs vertices and their velocities; the messages are those of ``messages.velocity_cloud``.
+    """Packs vertices and their velocities into messages as by ``messages.velocity_cloud``.
 
     Args:
         rest: (n, 3) vertices at rest [m].
@@ -99,7 +99,7 @@ class VelocityPacker:
 
 
 class StrainPacker:
-    """Packs element fields; the messages are those of ``messages.strain_cloud``.
+    """Packs element fields into messages as by ``messages.strain_cloud``.
 
     Args:
         fields: any of the body.
@@ -119,10 +119,10 @@ class StrainPacker:
 
 
 class PosePacker:
-    """Packs poses; the messages are those of ``messages.pose_stamped``.
+    """Packs poses into messages as by ``messages.pose_stamped``.
 
     Args:
-        frame_id: that the poses are given in.
+        frame_id: of the poses.
     """
 
     def __init__(self, frame_id: str) -> None:
@@ -139,10 +139,10 @@ class PosePacker:
 
 
 class WrenchPacker:
-    """Packs reactions; the messages are those of ``messages.wrench_stamped``.
+    """Packs reactions into messages as by ``messages.wrench_stamped``.
 
     Args:
-        frame_id: that the wrenches are given in.
+        frame_id: of the wrenches.
     """
 
     def __init__(self, frame_id: str) -> None:
@@ -157,7 +157,7 @@ class WrenchPacker:
 
 
 class ImuPacker:
-    """Packs what inertial units read; the messages are those of ``messages.imu``.
+    """Packs readings of inertial units into messages as by ``messages.imu``.
 
     Args:
         frame_id: of the unit.
@@ -167,7 +167,7 @@ class ImuPacker:
         message = Imu(header=messages.header(0, frame_id))
         message.orientation.x = _MARK
         self._template = Template(message)
-        # A covariance of 9 numbers stands behind each of the three.
+        # Each of the three is followed by a covariance of 9 numbers.
         values = self._template.view(struct.pack("<d", _MARK), (4 + 9 + 3 + 9 + 3,), "<f8")
         self._orientation, self._turn, self._felt = values[:4], values[13:16], values[25:28]
 
@@ -183,7 +183,7 @@ class TransformPacker:
 
     Args:
         names: of the frames.
-        frame_id: that all are given in.
+        frame_id: parent frame of all of them.
     """
 
     def __init__(self, names: Sequence[str], frame_id: str) -> None:
@@ -200,7 +200,7 @@ class TransformPacker:
         self._stamps = [self._template.view(struct.pack("<i", second), (2,), "<i4") for second in seconds]
 
     def pack(self, stamp: int, places: Sequence[Placement]) -> bytes:
-        """Serialise the places of the frames, in the order of their names, with a stamp [ns]."""
+        """Return the serialised places of the frames, in the order of their names, with a stamp [ns]."""
         for values, time, place in zip(self._places, self._stamps, places, strict=True):
             time[:] = stamp // 10**9, stamp % 10**9
             values[:3], values[3:] = place.origin, place.turn.as_quat()
@@ -208,7 +208,7 @@ class TransformPacker:
 
 
 def _cloud_template(cloud: PointCloud2, shape: tuple[int, int]) -> tuple[Template, NDArray[np.float32]]:
-    """Make a template of a cloud and the view of its points."""
+    """Return a template of a cloud and the view of its points."""
     mark = struct.pack("<d", _MARK)
     cloud.data = array.array("B", mark + bytes(cloud.data[len(mark) :]))
     template = Template(cloud)

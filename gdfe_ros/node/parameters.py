@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Declaration and validation of the node's parameters, from the interface table."""
+"""Declaration and validation of the node's parameters, by the interface table."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _OPEN = {
 
 
 class Parameters:
-    """The parameters of one node: ``parameters["rate"]`` is the value in force.
+    """The parameters of one node: ``parameters["rate"]`` is the present value.
 
     Args:
-        node: that declares them; values from the command line and from files apply.
+        node: declares them; values from the command line and from files apply.
     """
 
     def __init__(self, node: ManagedNode) -> None:
@@ -48,20 +48,20 @@ class Parameters:
         node.add_post_set_parameters_callback(self._keep)
 
     def __getitem__(self, name: str) -> Any:
-        # Read several times a step: from here, not through rclpy.
+        # Read several times a step, hence cached instead of read through rclpy.
         value = self._values[name]
         return float(value) if isinstance(self._specs[name].default, float) else value
 
     def entries(self, name: str) -> list[str]:
-        """Give a list of strings without its empty entries (ROS cannot declare an empty list)."""
+        """Return a list of strings without its empty entries (ROS cannot declare an empty list)."""
         return [entry for entry in self[name] if entry.strip()]
 
     def as_dict(self) -> dict[str, Any]:
-        """Give all values, e.g. for the bag."""
+        """Return all values, e.g. for the bag."""
         return {name: self[name] for name in self._specs}
 
     def _warn_of_unknown(self) -> None:
-        """Say which parameters were given and are nobody's; a file for ``/**`` may hold those of other nodes."""
+        """Warn of given parameters that the node does not have; a file for ``/**`` may contain those of other nodes."""
         for name in sorted(self._node.unknown_parameters()):
             text = f"parameter {name!r} is unknown and does nothing; {did_you_mean(name, self._specs)}"
             self._node.get_logger().warning(text.rstrip("; "))
@@ -86,7 +86,7 @@ class Parameters:
 
 
 def require_allowed(spec: ParameterSpec, value: Any) -> None:
-    """Check what rclpy does not: choices, and doubles, which may also come as integers (rate:=100).
+    """Check choices and doubles, which rclpy does not; doubles may also be given as integers (rate:=100).
 
     Raises:
         GdfeError: the value is not allowed.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the node's parameters to a simulation that is ready to step at full speed."""
+"""Preparation of a simulation from the node's parameters: loading, factoring, compiling."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.simulation import Simulation
 
 
 def prepare(node: LifecycleNode, parameters: Parameters) -> Simulation:
-    """Load the scene with its overrides and the moduli that were given as parameters, factor, and compile.
+    """Return a simulation of the scene with its overrides and moduli, factored and compiled.
 
     Raises:
         GdfeError: every defect of the scene or of the overrides.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A process around a node: signals, executor, an orderly end."""
+"""The process of a node: signals, executor, orderly shutdown."""
 
 from __future__ import annotations
 
@@ -36,17 +36,18 @@ _START_ERRORS = (
     rclpy_implementation.UnknownROSArgsError,
 )
 _PLACES = re.compile(r"\s*, at \S+:\d+")
-"""Where in its own sources rcl noticed that something is wrong."""
+"""Source location in rcl's error messages."""
 _MOST_FAULTS = 1000
-"""Exceptions in a row, with nothing done in between, after which the executor is taken for broken."""
+"""Successive exceptions without any work in between after which the executor counts as broken."""
 _INSIST = 2.0
 """Time after the first signal [s] from which on another one ends the process at once."""
 
 
 def make_executor(context: rclpy.Context | None = None) -> Executor:
-    """Give the executor that needs least time: EventsExecutor where rclpy has it and it starts, else multi-threaded.
+    """Return the fastest executor: EventsExecutor if rclpy has it and it starts, else a multi-threaded one.
 
-    It asks for a standard error with a file descriptor, which a captured one (a test's, a notebook's) may lack.
+    EventsExecutor requires a standard error with a file descriptor, which a captured one (of a test, of a notebook) may
+    lack.
     """
     try:
         from rclpy.experimental import EventsExecutor
@@ -64,14 +65,14 @@ def run(make_node: Callable[[threading.Event], Any], args: list[str] | None = No
 def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[str] | None = None) -> int:
     """Spin nodes until SIGINT, SIGTERM or a shutdown of ROS, then close them in order.
 
-    rclpy's own signal handlers would take the topics away while the threads still publish.
+    rclpy's own signal handlers would remove the topics while the threads still publish.
 
     Args:
-        make_nodes: makes them, of an event that is set by a signal; each must have ``close``.
+        make_nodes: makes the nodes from an event that a signal sets; each must have ``close``.
         args: of the command line; None: the process's.
 
     Returns:
-        Exit status: 0, or 2 where a parameter has a value that is not allowed.
+        Exit status: 0, or 2 if a parameter has a value that is not allowed.
     """
     stopping = threading.Event()
     _catch_signals(stopping)
@@ -102,15 +103,15 @@ def run_all(make_nodes: Callable[[threading.Event], Sequence[Any]], args: list[s
 
 
 def answer_arguments(name: str, usage: str, args: Sequence[str] | None = None) -> int | None:
-    """Print what a program is for where ``--help`` asks so, and refuse arguments that are not ROS's.
+    """Print the usage on ``--help``, and refuse arguments that are not ROS's.
 
     Args:
         name: of the program.
-        usage: what ``--help`` prints.
+        usage: printed by ``--help``.
         args: of the command line; None: the process's.
 
     Returns:
-        Exit status; None where the program is to run.
+        Exit status; None if the program is to run.
     """
     others = _without_ros(sys.argv[1:] if args is None else args)
     if {"-h", "--help"} & set(others):
@@ -123,24 +124,24 @@ def answer_arguments(name: str, usage: str, args: Sequence[str] | None = None) -
 
 
 def _without_ros(args: Sequence[str]) -> list[str]:
-    """Give the arguments that are not ROS's; rclpy's own function raises where a file of parameters is bad."""
+    """Return the arguments that are not ROS's; rclpy's own function raises for an invalid parameter file."""
     others, ours = [], True
     for argument in args:
         if argument == "--ros-args" or (argument == "--" and not ours):
             ours = argument == "--"
-        elif ours and ":=" not in argument:  # a remap of old times stands by itself
+        elif ours and ":=" not in argument:  # a remapping in the old syntax stands alone
             others.append(argument)
     return others
 
 
 def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -> None:
-    """Spin, and go on after what gets out of the executor: a request whose bytes rclpy cannot read, for one."""
+    """Spin, and continue after exceptions of the executor, e.g. for a request that rclpy cannot deserialise."""
     faults = [node.faults for node in nodes if isinstance(node, ManagedNode)]
     faults = faults or [Faults(lambda text: nodes[0].get_logger().error(text))]
     in_a_row = 0
     while rclpy.ok() and not stopping.is_set():
         try:
-            # EventsExecutor.spin never returns; spin_once in a loop costs no more.
+            # EventsExecutor.spin never returns; a loop of spin_once costs no more.
             executor.spin_once(timeout_sec=_WAIT)
             in_a_row = 0
         except ExternalShutdownException:
@@ -154,10 +155,10 @@ def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -
 
 
 def _catch_signals(stopping: threading.Event) -> None:
-    """Have SIGINT and SIGTERM set an event; a later one, if that took too long, ends the process as it is.
+    """Make SIGINT and SIGTERM set an event; a later signal, if shutdown takes too long, ends the process at once.
 
-    Compiling kernels or a long solve is not given up at once. Signals in quick succession are one: a terminal sends
-    SIGINT to every process of its group, and a launch may send it again.
+    Compilation of kernels or a long solve is not ended immediately. Signals in quick succession count as one: a
+    terminal sends SIGINT to every process of its group, and a launch may send it again.
     """
     first: list[float] = []
 

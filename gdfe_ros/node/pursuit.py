@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A trajectory that somebody waits for: how far it has come, and how it ends."""
+"""Progress and end of a trajectory whose client waits for it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.node.orders import ActuatorOrder, Order, TrajectoryOrder
 
 
 class Code(IntEnum):
-    """How a trajectory ends, as in ``control_msgs/action/FollowJointTrajectory``."""
+    """Result of a trajectory, as in ``control_msgs/action/FollowJointTrajectory``."""
 
     SUCCESSFUL = 0
     INVALID_GOAL = -1
@@ -27,10 +27,10 @@ class Code(IntEnum):
 
 @dataclass(frozen=True)
 class Tolerances:
-    """How far commands in force may be from the trajectory's, by actuator or load; who is not named may be anywhere.
+    """Allowed deviations of the present commands from the trajectory's, by actuator or load; others are not checked.
 
     Attributes:
-        path: on the way, in the unit of each mode.
+        path: before the end, in the unit of each mode.
         goal: at the end.
         time: after the end within which the goal's are to be met [s].
     """
@@ -41,13 +41,14 @@ class Tolerances:
 
 
 class Pursuit:
-    """One trajectory on its way.
+    """One trajectory in progress.
 
     Args:
         order: that commands it.
         tolerances: of it.
-        tell: takes time since its start [s], the trajectory's and the present commands, each (k,), after every step.
-        finish: takes how it ended, once.
+        tell: called after every step with the time since its start [s], the trajectory's and the present commands,
+            (k,) each.
+        finish: called once with its result.
 
     Attributes:
         going: whether it has not ended.
@@ -67,28 +68,28 @@ class Pursuit:
         self._lock = threading.Lock()
 
     def begin(self, start: float, before: Collection[float]) -> None:
-        """Note when its time 0 is [s], and the commands (k,) in force then."""
+        """Record its start [s], and the commands (k,) at that time."""
         self._start, self._before = start, np.array(before)
 
     def end(self, code: Code, reason: str) -> None:
-        """End it; nothing happens where it has ended."""
+        """End it, unless it has ended already."""
         with self._lock:
             going, self.going = self.going, False
         if going:
             self._finish(code, reason)
 
     def displace(self, later: Order) -> None:
-        """End it where a later order commands one of its actuators or loads."""
+        """End it if a later order commands one of its actuators or loads."""
         names = later.values if isinstance(later, ActuatorOrder) else getattr(later, "names", ())
         if taken := sorted(set(names) & set(self.order.names)):
             self.end(Code.INVALID_GOAL, f"a later command of {', '.join(taken)} took its place")
 
     def look(self, time: float, present: Mapping[str, float]) -> None:
-        """Look how far it is after a step.
+        """Check the progress after a step.
 
         Args:
             time: simulation time [s].
-            present: commands in force, which a rate limit may hold back, by name.
+            present: present commands by name, which a rate limit may hold back.
         """
         if not self.going or not len(self._before) or time < self._start:
             return
@@ -109,7 +110,7 @@ class Pursuit:
             self.end(Code.GOAL_TOLERANCE_VIOLATED, f"{left:.6g} s after its end, {wrong}")
 
     def _beyond(self, allowed: Mapping[str, float], desired: NDArray[np.float64], actual: NDArray[np.float64]) -> str:
-        """Say what is out of tolerance; empty where nothing is."""
+        """Return a message about commands out of tolerance; empty if there are none."""
         rows = zip(self.order.names, desired, actual, strict=True)
         return ", ".join(
             f"{name} is at {there:.6g} instead of {wanted:.6g}; allowed: {allowed[name]:g} off"

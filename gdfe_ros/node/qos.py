@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""rclpy's objects for the names in the interface: quality of service and message classes."""
+"""rclpy's QoS profiles and message classes for the names in the interface."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from gdfe_ros.node.specification import Delivery
 
 _PROFILES = {
-    # Transient local: who asks for it misses no step while discovery is under way; others notice nothing.
+    # Transient local: subscribers that request it miss no step during discovery; others are not affected.
     Delivery.STATE: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 10),
-    # Ten clouds of a large body would be much for who comes late, and wants the present one only.
+    # A late subscriber needs the present cloud only, and ten clouds of a large body are many bytes.
     Delivery.CLOUD: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
     Delivery.COMMAND: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 1000),
     Delivery.LATCHED: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
     Delivery.EVENT: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 100),
     Delivery.CLOCK: (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE, 1),
-    # As tf2_ros has them.
+    # The same as in tf2_ros.
     Delivery.TRANSFORMS: (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE, 100),
-    # Whoever leads the way may be reliable or not.
+    # The leader's publisher may be reliable or not.
     Delivery.FOLLOWED: (ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE, 10),
 }
 
 
 def qos_profile(delivery: Delivery) -> QoSProfile:
-    """Give the profile that a purpose asks for."""
+    """Return the profile of a purpose."""
     reliability, durability, depth = _PROFILES[delivery]
     return QoSProfile(reliability=reliability, durability=durability, history=HistoryPolicy.KEEP_LAST, depth=depth)
 
@@ -40,9 +40,10 @@ def interface_class(type_name: str) -> type[Any]:
 
 
 def installed(type_name: str) -> bool:
-    """Tell whether the package of a ROS type, ``package/msg/Name``, is installed.
+    """Return whether the package of a ROS type, ``package/msg/Name``, is installed.
 
-    A folder of that name, e.g. the package's sources where the process was started, is none, though Python imports it.
+    A folder of that name, e.g. the package's sources in the working directory, does not count, though Python imports
+    it.
     """
     package, kind, _ = type_name.split("/")
     try:

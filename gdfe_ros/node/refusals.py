@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that were not carried out: why, how many, and a warning now and then."""
+"""Refused commands: reasons, counts, and occasional warnings."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.throttle import Throttle
 
 _LONGEST = 400
-"""Most characters of a refusal that are logged."""
+"""Limit of characters of a logged refusal."""
 
 
 class Reason(Enum):
-    """Why a command is refused; the key under which /diagnostics counts it."""
+    """Reason of a refusal; the key of its count in /diagnostics."""
 
     MALFORMED = "malformed"
     NOT_FINITE = "not finite"
@@ -38,11 +38,11 @@ class Reason(Enum):
 
 
 class Refusal(GdfeError):
-    """A command that changes nothing.
+    """A refused command, which has no effect.
 
     Args:
         reason: for counting.
-        text: what is wrong and what is allowed.
+        text: the defect and the allowed values.
     """
 
     def __init__(self, reason: Reason, text: str) -> None:
@@ -51,11 +51,11 @@ class Refusal(GdfeError):
 
 
 class RefusalLog:
-    """Counts commands taken and refused; warns at most once in five seconds for each input and reason.
+    """Counts accepted and refused commands; warns at most once in five seconds for each input and reason.
 
     Args:
-        warn: takes the text of a warning.
-        tell: takes the source and the refusal of each refused command, at once; None: nobody is told.
+        warn: receives the text of a warning.
+        tell: receives the source and the refusal of each refused command at once; None: no receiver.
     """
 
     def __init__(self, warn: Callable[[str], object], tell: Callable[[str, Refusal], object] | None = None) -> None:
@@ -65,12 +65,12 @@ class RefusalLog:
         self._refused: Counter[Reason] = Counter()
 
     def take(self) -> None:
-        """Count a command that was taken."""
+        """Count an accepted command."""
         with self._lock:
             self._taken += 1
 
     def refuse(self, source: str, refusal: Refusal) -> None:
-        """Count a refused command from ``source`` (a topic), and say so if it is time to."""
+        """Count a refused command from ``source`` (a topic), and warn if a warning is due."""
         with self._lock:
             self._refused[refusal.reason] += 1
         if self._tell is not None:
@@ -79,14 +79,14 @@ class RefusalLog:
             self._warn(f"command on {source} refused: {shortened(str(refusal))}{more}")
 
     def counts(self) -> dict[str, int]:
-        """Give what /diagnostics shows: commands taken, refused, and refused for each reason so far."""
+        """Return the counts for /diagnostics: commands accepted, refused, and refused for each reason so far."""
         with self._lock:
             by_reason = {f"refused: {reason.value}": count for reason, count in self._refused.items()}
             return {"commands taken": self._taken, "commands refused": self._refused.total(), **by_reason}
 
 
 def shortened(text: str) -> str:
-    """Cut the middle out of a text that a message may have made as long as it likes."""
+    """Return a text without its middle, because a message may have made it arbitrarily long."""
     if len(text) <= _LONGEST:
         return text
     half = _LONGEST // 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation whose materials have other moduli, in the place of one that runs."""
+"""Replacement of a running simulation by one with other moduli."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.motion.carry import carried
 
 _LONG = 1e9
-"""Time [s] in which every rate limit lets every command through."""
+"""Duration [s] for which no rate limit restricts a command."""
 
 
 def moduli_of(scene: Scene) -> dict[str, float]:
-    """Give Young's modulus [Pa] of each material whose law has one, by name."""
+    """Return Young's modulus [Pa] of each material whose law has one, by name."""
     found = scene.materials.items()
     return {name: material.young for name, material in found if isinstance(material, (Linear, NeoHookean))}
 
 
 def source_with(scene: Scene, moduli: Mapping[str, float]) -> str:
-    """Give the text of a scene whose materials have these moduli [Pa]."""
+    """Return the text of a scene with these moduli [Pa]."""
     known = moduli_of(scene)
     return _with(scene, {name: young for name, young in moduli.items() if name in known}).source
 
@@ -36,12 +36,12 @@ def _with(scene: Scene, moduli: Mapping[str, float]) -> Scene:
 def with_moduli(
     old: Simulation, moduli: Mapping[str, float], *, interrupted: Callable[[], bool] | None = None
 ) -> Simulation:
-    """Return a simulation under the commands in force; a body with mass moves on from where it is.
+    """Return a simulation at the present commands with other moduli; a body with mass continues its motion.
 
     Args:
-        old: goes on to be usable.
+        old: stays usable.
         moduli: Young's modulus [Pa] of each material that changes.
-        interrupted: as in ``Simulation.step``, where the new equilibrium is looked for.
+        interrupted: as in ``Simulation.step``, during the solve for the new equilibrium.
     """
     changed = Simulation(_with(old.scene, moduli))
     if old.scene.dynamics:

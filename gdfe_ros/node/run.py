@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the pieces of a configured node share: the simulation, its frames, and the clock that tells its time."""
+"""Shared state of a configured node: the simulation, its frames, and its clock."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from gdfe_ros.simulation import Simulation
 
 
 class Run:
-    """Holds the simulation, for whoever steps, commands, publishes or records it.
+    """Holds the simulation for stepping, commands, publishing and recording.
 
     Args:
         node: owns the topics.
         parameters: of the node.
         simulation: ready to step.
         refusals: counts refused commands.
-        ending: set when the process is asked to end: many steps stop short.
-        transforms: of others' frames; None: none are known.
+        ending: set when the process is asked to end; multi-step requests then stop early.
+        transforms: of other frames; None: none are known.
 
     Attributes:
         node: as given, as are ``parameters``, ``refusals`` and ``ending``.
-        simulation: touched by the stepper's thread only while active; another one after a change of moduli.
+        simulation: used by the stepper's thread only while active; replaced after a change of moduli.
         frames: of the body.
-        last: the step made last, or None.
+        last: the last step, or None.
         log_time: of that step, for the bag [ns]; it never goes back.
         pace: of the steps; None while not active.
     """
@@ -71,42 +71,42 @@ class Run:
         self.node.get_logger().error(text)
 
     def timing(self) -> Timing:
-        """Give the values in force that pace the steps."""
+        """Return the present values that pace the steps."""
         values = self.parameters
         return Timing(values["rate"], values["dt"], values["heartbeat"], values["publish_clock"])
 
     def clock(self) -> int:
-        """Give the time on the node's clock [ns]; with ``use_sim_time`` 0 before the first /clock."""
+        """Return the time on the node's clock [ns]; with ``use_sim_time`` 0 before the first /clock."""
         return self.node.get_clock().now().nanoseconds
 
     def now(self) -> int:
-        """Give the time on the clock of the stamps [ns]."""
+        """Return the time on the clock of the stamps [ns]."""
         if self.parameters["publish_clock"]:
             return to_nanoseconds(self.simulation.time)
         return self.clock()
 
     def stamp(self, ending: float, early: float = 0.0) -> int:
-        """Give the stamp [ns] of a step that begins now and ends at a simulation time [s].
+        """Return the stamp [ns] of a step that begins now.
 
         Args:
-            ending: that time [s].
-            early: how long before the time of another's clock, where one is followed [s].
+            ending: simulation time at its end [s].
+            early: time from its end to that of an external clock, if one is followed [s].
         """
         if self.parameters["publish_clock"]:
             return to_nanoseconds(ending)
         return self.pace.moment - to_nanoseconds(early) if self.pace.moment else self.clock()
 
     def simulation_time(self, stamp: int) -> float:
-        """Convert a time on the clock of the stamps [ns] to simulation time [s], by the last step's."""
+        """Return the simulation time [s] of a time on the clock of the stamps [ns], relative to the last step."""
         if self.last is None:
             return self.simulation.time + 1e-9 * (stamp - self.now())
         return self.last.record.time + 1e-9 * (stamp - self.last.record.stamp)
 
     def follow_clock(self, wake: Callable[[], object]) -> JumpHandle:
-        """Have the pace told and ``wake`` called whenever another sets the clock, until the handle is unregistered.
+        """Inform the pace and call ``wake`` whenever the external clock is set, until the handle is unregistered.
 
         Raises:
-            GdfeError: the clock is not another's.
+            GdfeError: the clock is not external.
         """
         if not self.node.get_parameter("use_sim_time").value or self.parameters["publish_clock"]:
             raise GdfeError("clock external follows another's /clock: set use_sim_time true and publish_clock false")
@@ -122,9 +122,9 @@ class Run:
         return self.node.get_clock().create_jump_callback(any_jump, post_callback=set_by_another)
 
     def _positions(self) -> NDArray[np.float64]:
-        """Give the vertices after the last step (n, 3) [m]."""
+        """Return the vertices after the last step (n, 3) [m]."""
         return self.scene.mesh.vertices if self.last is None else self.last.result.positions
 
     def _obstacles(self) -> Mapping[str, Pose]:
-        """Give where the obstacles are after the last step, relative to rest."""
+        """Return the poses of the obstacles after the last step, relative to rest."""
         return {} if self.last is None else self.last.obstacles

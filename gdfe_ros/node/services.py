@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node's services: each carries something out between two steps and says how it went.
+"""The node's services: each is executed between two steps and answers with its outcome.
 
-None blocks the node's other callbacks: an answer that has to wait for a step is sent when it is there.
+None blocks the node's other callbacks: an answer that has to wait for a step is sent when it is complete.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from gdfe_ros.recording.step_record import Begin
 
 
 class Services:
-    """Answers services; what cannot be done is answered with ``success: false`` and the reason.
+    """Answers services; a failure is answered with ``success: false`` and the reason.
 
     Args:
-        node: that offers them.
+        node: offers them.
         parameters: of the node.
-        session: gives what runs, or None.
+        session: returns the running session, or None.
     """
 
     def __init__(self, node: ManagedNode, parameters: Parameters, session: Callable[[], Session | None]) -> None:
@@ -164,7 +164,7 @@ class Services:
         return session.stepper.post(compute, "computing the Jacobian")
 
     def _answer(self, name: str, action: Callable[[Any], str | Future[str]]) -> Callable[[Any, Any], Any]:
-        """Make a service callback of an action that gives a message, now or later, or raises."""
+        """Return a service callback of an action that returns a message, now or later, or raises."""
 
         def respond(response: Any, done: Future[str]) -> Any:
             error = done.exception()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the node holds from configure to cleanup: a simulation, its topics, and the threads that run it."""
+"""The node's resources from configure to cleanup: a simulation, its topics, and its threads."""
 
 from __future__ import annotations
 
@@ -39,29 +39,29 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _LATE = 1.0
-"""Time behind another's clock from which on the log tells of it [s]."""
+"""Lag behind an external clock from which on a warning is logged [s]."""
 
 
 class Session:
-    """A configured simulation with its topics; ``start`` and ``stop`` are activate and deactivate.
+    """A configured simulation with its topics; `start` and `stop` serve the transitions activate and deactivate.
 
     Args:
-        node: owns the topics.
-        parameters: of the node.
-        simulation: ready to step.
-        refusals: counts refused commands.
-        ending: set when the process is asked to end: many steps stop short.
+        node: node that offers the topics.
+        parameters: parameters of the node.
+        simulation: simulation at its first state.
+        refusals: log of refused commands.
+        ending: event set when the process is asked to end; multi-step requests then stop early.
 
     Attributes:
-        run: holds the simulation.
-        outputs: publish the steps.
-        stepper: makes the steps.
-        inputs: take the commands.
-        bags: record both.
-        strays: looks for commands to nobody.
-        mode: what makes a step begin.
-        courier: publishes; None while not active.
-        walk: steps that ~/step was asked for last, or None.
+        run: the simulation, shared with the other parts of the session.
+        outputs: publishers of the steps.
+        stepper: thread that makes the steps.
+        inputs: subscriptions of the commands.
+        bags: recorder of inputs and outputs.
+        strays: search for commands to unknown names.
+        mode: clock that triggers the steps.
+        courier: thread that publishes; None while not active.
+        walk: the last request of ~/step, or None.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Session:
 
     @property
     def simulation(self) -> Simulation:
-        """The simulation; touched by the stepper's thread only while active."""
+        """The simulation; used by the stepper's thread only while active."""
         return self.run.simulation
 
     @property
@@ -106,7 +106,7 @@ class Session:
         """Start the threads; the present state is published at once.
 
         Raises:
-            GdfeError: the bag cannot be begun, or ``command_set`` names something that cannot be commanded.
+            GdfeError: the bag cannot be created, or ``command_set`` names something that cannot be commanded.
         """
         self._telling = False
         self.mode, command_set = ClockMode(self.run.parameters["clock"]), self._command_set()
@@ -117,13 +117,13 @@ class Session:
         pace = self.run.pace = make_pace(self.mode, self.run.timing, self.run.clock, self._warn)
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
         self.courier = Courier(self.run.node.guarded(self.outputs.publish_step, "publishing a step"))
-        # Before the first state is published: who has seen it may command.
+        # Before the first state is published, because a client that has received it may command.
         self.inputs.inbox = inbox
         self.stepper.start(pace, inbox)
         self.inputs.followers.look(anew=True)
 
     def stop(self) -> None:
-        """End the threads after the step in progress, publish what waits, and finish the bag."""
+        """End the threads after the step in progress, publish queued steps, and finish the bag."""
         self.inputs.inbox = None
         self.stepper.stop()
         self.inputs.give_up("the node was deactivated")
@@ -136,7 +136,7 @@ class Session:
             self.bags.finish()
 
     def destroy(self) -> None:
-        """Stop, and take topics and parameters away."""
+        """Stop, and remove topics and parameters."""
         self.stop()
         self._moduli.destroy()
         self.inputs.destroy()
@@ -145,22 +145,22 @@ class Session:
         self.outputs.destroy()
 
     def look(self) -> None:
-        """Look for commands to nobody, for lateness, and for those who listen and were not told the present state."""
+        """Check for commands to unknown names, for lag, and for subscribers without the present state."""
         self.strays.look()
         self._look_at_clock()
         if self.outputs.missed():
             self._tell_again()
 
     def waiting(self) -> str:
-        """Say what a step in lockstep waits for."""
+        """Return the inputs that a lockstep step waits for."""
         with self.stepper.changed:
             missing = self.inputs.inbox.missing() if self.inputs.inbox is not None else []
         return ", ".join(f"~/{key}" for key in missing) or "any command"
 
     def arrived(self) -> bool:
-        """Tell whether the last step is within its tolerance, every handle where it was commanded.
+        """Return whether the last step is within its tolerance, with every handle where it was commanded.
 
-        A deadline may end a solve that has nothing left to do but to say so.
+        A deadline may cut a solve that has converged but not yet verified it.
         """
         result, solver, mesh = self.run.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
@@ -168,15 +168,15 @@ class Session:
         return result.residual <= solver.tolerance and max(off, default=0.0) <= reach
 
     def interrupt(self, why: str) -> None:
-        """End the steps that ~/step is making."""
+        """End the steps of a request of ~/step."""
         if self.walk is not None:
             self.walk.interrupt(why)
 
     def play(self) -> None:
-        """Let the stepping go on.
+        """Resume the stepping.
 
         Raises:
-            GdfeError: steps are being made on demand, which the clock's own would come between.
+            GdfeError: steps are being made on request, with which the clock's own would interfere.
         """
         if self.walk is not None and self.walk.going:
             raise GdfeError(
@@ -185,7 +185,7 @@ class Session:
         self.stepper.pause(False)
 
     def reset(self) -> None:
-        """Go back, between steps, to rest at time 0; handles that follow go where their leaders are."""
+        """Go back, between steps, to rest at time 0; followers go to their leaders."""
         self.stepper.reset()
         self.inputs.give_up("the simulation was reset")
         self.inputs.freshness.reset()
@@ -193,14 +193,14 @@ class Session:
         self.flush()
 
     def reset_commands(self) -> None:
-        """Go back, between steps, to the commands of rest; handles that follow stay with their leaders."""
+        """Go back, between steps, to the commands of rest; followers stay with their leaders."""
         self.stepper.rest()
         self.inputs.give_up("the commands were reset")
         self.inputs.freshness.reset()
         self.inputs.followers.look(anew=True)
 
     def reset_bodies(self) -> str:
-        """Put, between steps, every rigid body back with the next step, and say which.
+        """Return every rigid body to its rest pose with the next step, and return a message with their names.
 
         Raises:
             GdfeError: the scene has none.
@@ -215,7 +215,7 @@ class Session:
         """Go back, between steps, to the rest shape and the commands of rest; time and rigid bodies stay.
 
         Raises:
-            GdfeError: a bag is written, or a rigid body is in the way.
+            GdfeError: a bag is being written, or a rigid body overlaps the rest shape.
         """
         if self.bags.active:
             raise GdfeError("a bag is being written, and a replay could not follow; finish it first with ~/record")
@@ -229,14 +229,14 @@ class Session:
         self.flush()
 
     def take_steps(self, count: int, told: Callable[[int], None] | None = None) -> Future[str]:
-        """Begin to make a number of steps on demand, and return the future answer.
+        """Start a number of steps on request, and return the future answer.
 
         Args:
-            count: of the steps.
+            count: number of steps.
             told: called after each with the number of steps made.
 
         Raises:
-            GdfeError: the clock makes steps by itself, or steps are being made on demand already.
+            GdfeError: the clock makes steps by itself, or steps are being made on request already.
         """
         if self.mode is not ClockMode.LOCKSTEP and not self.stepper.paused:
             raise GdfeError(f"clock {self.mode.value} is running; pause it with ~/pause, or use clock lockstep")
@@ -251,10 +251,10 @@ class Session:
             self.courier.flush()
 
     def record(self, wanted: bool) -> str:
-        """Begin or finish, between steps, a bag while active, and say where it is or how it went.
+        """Begin or finish, between steps, a bag while active, and return its path or outcome.
 
         Raises:
-            GdfeError: it is so already, or the bag cannot be begun.
+            GdfeError: it is so already, or the bag cannot be created.
         """
         if wanted == self.bags.active:
             raise GdfeError(f"the node is {'recording' if wanted else 'not recording'} already")
@@ -272,18 +272,18 @@ class Session:
         self.run.node.get_logger().warning(text)
 
     def _look_at_clock(self) -> None:
-        """Say how far the simulation is behind another's clock, where that is a lot."""
+        """Warn if the simulation lags far behind an external clock."""
         behind = self.run.pace.behind if self.run.pace is not None else 0.0
         if behind > _LATE and (more := self._lateness.due("behind")) is not None:
             text = f"the simulation, at {self.simulation.time:.9g} s, is {behind:.3f} s behind the clock it follows"
             self._warn(f"{text}: its steps take longer than dt{more}")
 
     def _lead(self) -> None:
-        """Have handles follow what was told on /tf."""
+        """Move followers to their frames on /tf."""
         self.inputs.followers.look()
 
     def _begin_bag(self) -> str:
-        """Begin a bag between two steps; where that is not at rest, the bag holds the state."""
+        """Begin a bag between two steps; unless the state is rest, the bag contains it."""
         state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
         text = self.bags.begin(state=state)
         if state is not None:
@@ -291,13 +291,13 @@ class Session:
         return text
 
     def _deliver(self, step: Step) -> None:
-        """Hand a step to the other thread, but for one that nobody wants."""
+        """Queue a step for the publishing thread, unless no part of it is wanted."""
         self.inputs.look(step)
         if step.wanted:
             self.courier.put(step)
 
     def _tell_again(self) -> None:
-        """Have the present state published to those that have just begun to listen, where no step will soon."""
+        """Publish the present state to new subscribers if no step will do so soon."""
         if self.stepper.running and not self._telling:
             self._telling = True
             self.stepper.post(self.run.node.guarded(self._deliver_again, "publishing to who came late"))
@@ -308,14 +308,14 @@ class Session:
         self.courier.put(replace(self.run.last, first=False, again=True, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
-        """Go on with a simulation of other moduli, under the commands in force; a body with mass moves on from here."""
+        """Replace the simulation by one with other moduli at the present commands; a motion continues."""
 
         def swap() -> None:
             self.run.simulation = with_moduli(self.simulation, moduli, interrupted=self.stepper.must_end)
             self.outputs.publish_scene(self.run.log_time)
             self.stepper.resume()
 
-        # Commands that come after this are consumed after it: the steps wait, the node's other callbacks do not.
+        # Later commands are consumed after the change: the steps wait, the node's other callbacks do not.
         parameters = ", ".join(f"{MODULUS.name.format(material=name)}={young:g}" for name, young in moduli.items())
         what = f"going to the equilibrium with {parameters}"
         self.stepper.post(self.run.node.guarded(swap, "a change of moduli"), what)

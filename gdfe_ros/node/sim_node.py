@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lifecycle node ``gdfe_sim``: transitions, and what they start and stop."""
+"""The lifecycle node ``gdfe_sim`` and its transitions."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ _DIAGNOSTICS_PERIOD = 1.0
 class SimNode(ManagedNode):
     """A soft-robot simulation on topics.
 
-    Add it to any executor of rclpy; one of several threads runs its callbacks one at a time. ``close`` before
+    Add it to any executor of rclpy; a multi-threaded one runs its callbacks one at a time. ``close`` before
     ``destroy_node`` finishes a bag.
 
     Args:
-        interrupted: set when the process is asked to end, so that a long service stops short.
+        interrupted: set when the process is asked to end, so that a long service stops early.
         options: of ``rclpy.node.Node``: ``namespace``, ``context``, ``parameter_overrides``, ...
 
     Raises:
@@ -58,7 +58,7 @@ class SimNode(ManagedNode):
         self._answers = Services(self, self._settings, lambda: self._session)
         self._standard = StandardServices(self, lambda: self._session, interrupted)
         self._trajectories = TrajectoryAction(self, lambda: self._session)
-        # Steady: with use_sim_time the ROS clock may stand still.
+        # A steady clock, because with use_sim_time the ROS clock may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
         self._starter = None
@@ -66,7 +66,7 @@ class SimNode(ManagedNode):
             self._starter = self.create_timer(0.0, self._autostart, clock=self._steady)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Load the scene, factor, compile, open the topics; where it fails, log everything that is wrong."""
+        """Load the scene, factor, compile, open the topics; on failure, log every defect."""
         return self._attempt("configure", self._configure)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -93,7 +93,7 @@ class SimNode(ManagedNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Drop the simulation; the node is unconfigured again and can be configured anew."""
+        """Drop the simulation; the node is unconfigured and can be configured again."""
         self.close()
         return TransitionCallbackReturn.SUCCESS
 
@@ -109,7 +109,7 @@ class SimNode(ManagedNode):
         self._prepared = self._try_to_prepare()
 
     def _try_to_prepare(self) -> Simulation | Exception:
-        """Make a simulation ready to step, or give the reason why not."""
+        """Return a simulation that is ready to step, or the exception that prevented it."""
         self.get_logger().info(
             f"configuring scene {self._settings['scene']!r}; kernels that no scene has used before are compiled first, "
             "which may take a minute"
@@ -140,7 +140,7 @@ class SimNode(ManagedNode):
         self.get_logger().info(f"active, clock {self._session.mode.value}; takes commands on {inputs or 'no topic'}")
 
     def _attempt(self, name: str, action: Callable[[], None]) -> TransitionCallbackReturn:
-        """Carry out a transition; rclpy swallows exceptions, so they are logged here."""
+        """Execute a transition; rclpy swallows exceptions, so they are logged here."""
         self._problem = ""
         try:
             action()
@@ -156,10 +156,10 @@ class SimNode(ManagedNode):
 
     def _autostart(self) -> None:
         starter, self._starter = self._starter, None
-        if starter is None:  # EventsExecutor may have queued the timer's callback more than once
+        if starter is None:  # EventsExecutor may have queued the timer's callback several times
             return
         self.destroy_timer(starter)
-        if self.lifecycle_state == "unconfigured":  # somebody may have been faster
+        if self.lifecycle_state == "unconfigured":  # another client may have configured it already
             self.configure_later().add_done_callback(lambda done: self._activate_after(done.result()))
 
     def _activate_after(self, configured: TransitionCallbackReturn) -> None:
@@ -172,12 +172,12 @@ class SimNode(ManagedNode):
             self.get_logger().error("autostart: the node is configured, but could not be activated")
 
     def _tell_refusal(self, source: str, refusal: Refusal) -> None:
-        """Publish a refusal for whoever waits for the step that the command was for."""
+        """Publish a refusal for clients that wait for the step of the refused command."""
         if self._refused.wanted:
             self._refused.send(messages.refused(source, refusal), 0)
 
     def _report(self) -> None:
-        session = self._session  # `close` may come from another thread
+        session = self._session  # another thread may call `close`
         if session is not None:
             session.look()
         self._diagnostics.publish(session, self.lifecycle_state, self._problem)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of actuators that are followed at a rate that steps keep up with."""
+"""Rate limit of actuator commands, adapted to the convergence of the steps."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from gdfe_ros.simulation import Command
 _SLOWEST = 1.0 / 32.0
 """Smallest share of the full rate."""
 _SLOWER, _FASTER = 0.5, 1.2
-"""By what the share changes after a change that needed more than its step, and after one that did not."""
+"""Factors of the share after a change that needed more than its step, and after one that did not."""
 _HELD, _BACK = 200, 2000
-"""Iterations after which a change is given up that is held, and one back; a change that converges needs 5 to 150."""
+"""Iterations after which a held change, and a change back, is given up; a change that converges needs 5 to 150."""
 _LEAST = 4
-"""Iterations that a step counts for at least: near edges of stability the time goes into other work."""
+"""Iterations that a step counts for at least, because near a limit of stability other work dominates."""
 
 
 class _Phase(Enum):
-    """What the next step does with commands that are on their way."""
+    """Treatment of pending commands in the next step."""
 
     GO = auto()
     HOLD = auto()
@@ -32,16 +32,16 @@ class _Phase(Enum):
 
 
 class Slew:
-    """Limits how fast commands of actuators change, by default to their range in ``slew_time``.
+    """Limits the rate of actuator commands, by default to their range in ``slew_time``.
 
     In a step an actuator's command changes by at most share * range / slew_time * dt. The share is 1 until a deadline
-    ends a step before it converges. Then the share is halved, and the command is held until a later step, which goes
-    on from there, has converged. Where none does within 200 iterations, the command goes back to the last one that
-    converged, and the next change is half as large; where the smallest one fails, too, each next change is twice as
-    large, so that edges of stability are passed. Where even the change to the goal fails, the command stays at the last
-    one that converged until another goal is given. Where that does not converge either, the command is not the reason,
-    and nothing but ``slew_time`` limits it. The share grows by a fifth with each step that converges. Steps record the
-    commands that they were given, so replays need none of this.
+    cuts a step before it converges. Then the share is halved, and the command is held until a later step, which
+    continues the solve, has converged. If none does within 200 iterations, the command goes back to the last one that
+    converged, and the next change is half as large. If the smallest change fails too, each next change is twice as
+    large, to pass limits of stability. If even the change to the goal fails, the command stays at the last one that
+    converged until another goal is given. If that one does not converge either, the command is not the cause, and only
+    ``slew_time`` limits it. The share grows by a fifth with each step that converges. Step records contain the
+    resulting commands, so replays need none of this.
 
     Args:
         actuators: of the scene; those without a finite range are not limited.
@@ -53,7 +53,7 @@ class Slew:
         self.clear()
 
     def clear(self) -> None:
-        """Forget where commands are to go, and how fast."""
+        """Drop the goals of commands and the present rate."""
         self._goals: dict[str, float] = {}
         self._good: dict[str, float] = {}
         self._given: dict[str, float] = {}
@@ -62,31 +62,31 @@ class Slew:
 
     @property
     def moving(self) -> bool:
-        """Whether commands are still on their way."""
+        """Whether commands have not reached their goals yet."""
         return bool(self._goals) and not self.stopped
 
     @property
     def stopped(self) -> bool:
-        """Whether commands stay short of their goals, because no step beyond has converged in its time."""
+        """Whether commands stay short of their goals, because no further step has converged in its time."""
         return self._phase is _Phase.STOP
 
     @property
     def goals(self) -> Mapping[str, float]:
-        """Where commands that are not there yet are to go, by actuator."""
+        """Goals of the commands that have not reached them, by actuator."""
         return dict(self._goals)
 
     @property
     def share(self) -> float:
-        """Of the full rate."""
+        """Present share of the full rate."""
         return self._share
 
     def limit(self, command: Command, present: Mapping[str, float], *, dt: float, slew_time: float) -> Command:
-        """Give what a step consumes of a command and of those on their way.
+        """Return the limited command of a step.
 
         Args:
             command: of this step.
-            present: commands in force, by name.
-            dt: time in which they change [s].
+            present: present commands, by name.
+            dt: duration of their change [s].
             slew_time: in which an actuator crosses its range [s]; 0: any change is made at once.
         """
         if not self._goals and not command.actuators:
@@ -108,7 +108,7 @@ class Slew:
         return replace(command, actuators={**unlimited, **self._given})
 
     def _next(self, name: str, goal: float, present: float, reach: float) -> float:
-        """Give the command of the next step, which may go as far as ``reach``."""
+        """Return the command of the next step, which may change by ``reach`` at most."""
         if self._phase is _Phase.HOLD:
             return present
         if self._phase is _Phase.BACK:
@@ -117,7 +117,7 @@ class Slew:
         return goal if abs(change) <= reach * (1.0 + 1e-9) else present + math.copysign(reach, change)
 
     def note(self, *, converged: bool, cut: bool, iterations: int) -> None:
-        """Learn from a step: whether it converged, whether a deadline ended it before it could, its iterations."""
+        """Record the outcome of a step: whether it converged, whether a deadline cut it, and its iterations."""
         if not self._given:
             return
         self._effort = self._effort + max(_LEAST, iterations) if cut and not converged else 0
@@ -137,6 +137,6 @@ class Slew:
             self._phase, self._share, self._leaping = _Phase.FREE, 1.0, False
 
     def _try_again(self) -> None:
-        """Go on from the last command that converged: by less than before, past an edge by more, or not at all."""
+        """Continue from the last converged command: by a smaller change, a larger one past a limit, or not at all."""
         self._phase = _Phase.STOP if self._leaping and self._missed else _Phase.GO
         self._share *= 2.0 if self._leaping else 1.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an entry of the node's interface says about itself."""
+"""Descriptions of the parameters, topics and services of the node's interface."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Delivery(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterSpec:
-    """One parameter; the ROS descriptor and the row of README follow from it.
+    """One parameter; its ROS descriptor and its row in README are made from it.
 
     Attributes:
         name: of the parameter.
@@ -55,14 +55,14 @@ class ParameterSpec:
 
     @property
     def kind(self) -> str:
-        """Name of the type for people."""
+        """Name of the type for users."""
         if isinstance(self.default, list):
             return "list of strings"
         return {bool: "bool", int: "integer", float: "double", str: "string"}[type(self.default)]
 
     @property
     def allowed(self) -> str:
-        """The values allowed, for people; empty: any of the type."""
+        """The allowed values, for users; empty: any of the type."""
         if self.choices:
             return ", ".join(self.choices)
         return "" if self.least is None else f"{self.least:g} to {self.most:g}"
@@ -70,14 +70,14 @@ class ParameterSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class TopicSpec:
-    """One topic; where its name holds ``{handle}``, ``{obstacle}`` or ``{probe}``, one for each of them.
+    """One topic; a name with ``{handle}``, ``{obstacle}`` or ``{probe}`` stands for one topic for each of them.
 
     Attributes:
         name: as in rclpy: ``~/`` stands for the node's full name.
         type: ROS type, e.g. ``sensor_msgs/msg/PointCloud2``.
-        meaning: what it carries, with units.
+        meaning: its contents, with units.
         delivery: quality of service.
-        recorded: whether bags hold it.
+        recorded: whether bags contain it.
     """
 
     name: str
@@ -87,13 +87,13 @@ class TopicSpec:
     recorded: bool = True
 
     def key(self, **names: str) -> str:
-        """Name the topic after the node's name, as bags and ``command_set`` do; ``names`` are for the braces."""
+        """Return the topic relative to the node's name, as in bags and ``command_set``; ``names`` fill the braces."""
         return self.name.removeprefix("~/").format(**names)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ServiceSpec:
-    """One service: name, ROS type, what it does."""
+    """One service: name, ROS type, effect."""
 
     name: str
     type: str

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services of ``simulation_interfaces``, as Gazebo and Isaac Sim answer them, where that package is installed.
+"""The services of ``simulation_interfaces``, as in Gazebo and Isaac Sim, if that package is installed.
 
-They do what the node's own services do; names are those of the interfaces, below the node's.
+They have the effects of the node's own services; their names are those of the interfaces, below the node's.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ from gdfe_ros.node.session import Session
 
 
 class _Result(IntEnum):
-    """Of ``simulation_interfaces/msg/Result``, whose versions name them differently; over 100: of a service."""
+    """Result codes of ``simulation_interfaces/msg/Result``, whose names differ between its versions.
+
+    Codes above 100 belong to a single service.
+    """
 
     UNSUPPORTED = 0
     OK = 1
@@ -40,18 +43,18 @@ class _State(IntEnum):
 
 
 _FEATURES = (20, 24, 25, 26, 31, 32, 33)
-"""Reset; state read, set, paused; one step, several, as an action."""
+"""Codes of the supported features: reset; get state, set state, pause; one step, several steps, steps as an action."""
 _TIME, _STATE, _SPAWNED = 1, 2, 4
-"""Bits of the scope of a reset; 0 means all."""
+"""Bits of a reset's scope: time, state, spawned entities; a scope of 0 means all."""
 
 
 class StandardServices:
-    """Answers the standard services; nothing happens where they are not installed.
+    """Standard services of the node; without effect if ``simulation_interfaces`` is not installed.
 
     Args:
-        node: that offers them.
-        session: gives what runs, or None.
-        quit: ends the process; None: it is not this node's to end.
+        node: node that offers the services.
+        session: function that returns the running session, or None.
+        quit: event that ends the process; None: this node cannot end it.
     """
 
     def __init__(self, node: ManagedNode, session: Callable[[], Session | None], quit: threading.Event | None) -> None:
@@ -71,7 +74,7 @@ class StandardServices:
         self._offer_action()
 
     def _features(self, request: Any, response: Any) -> Any:
-        # The only field, which versions of the package name differently.
+        # The message's only field, which versions of the package name differently.
         features = getattr(response, next(iter(response.get_fields_and_field_types())))
         features.features = list(_FEATURES)
         features.custom_info = (
@@ -85,7 +88,7 @@ class StandardServices:
         return response
 
     def _state(self) -> _State:
-        """Give the state: stopped is paused at rest, time 0."""
+        """Return the state: stopped means paused at rest, time 0."""
         session, label = self._session(), self._node.lifecycle_state
         if session is None:
             return _State.INITIALIZING if label == "configuring" else _State.STOPPED
@@ -132,7 +135,7 @@ class StandardServices:
         whole = scope & (_TIME | _STATE)
         if whole not in (0, _TIME | _STATE):
             return _failed(response, _Result.UNSUPPORTED, f"scope {scope}: time and state are reset together only")
-        if not whole:  # only what was spawned, which is nothing
+        if not whole:  # the scope is spawned entities only, of which there are none
             return _done(response)
         session.interrupt("reset_simulation ended it")
         return self._later(session.stepper.post(session.reset, urgent=True), response)
@@ -155,7 +158,7 @@ class StandardServices:
         return f"the node is {self._node.lifecycle_state}; call the transitions `configure` and `activate` first"
 
     def _later(self, work: Future[Any], response: Any) -> Future[Any]:
-        """Answer when the work is done."""
+        """Return the answer once the work is done."""
         answer: Future = Future()
 
         def respond(done: Future[Any]) -> None:
@@ -184,7 +187,7 @@ class StandardServices:
             session.interrupt("simulate_steps was cancelled")
 
     def _accept(self, goal: Any) -> None:
-        """Make the steps of a goal, each told as feedback, and give its result when they are made."""
+        """Make the steps of a goal, with feedback after each, and send its result at the end."""
         kind, steps = interface_class(services.SIMULATE_STEPS.type), goal.request.steps
 
         def tell(done: int) -> None:

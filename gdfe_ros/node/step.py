@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A step on its way from the solver to the topics."""
+"""A step between the solver and the topics."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _OUTCOME = (
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """What somebody wants of a step beyond its result; the default is all.
+    """Outputs of a step that are wanted beyond its result; the default is all.
 
     Attributes:
         messages: any message at all.
         fields: element fields.
         poses: of handles and obstacles.
         actuators: their states.
-        imus: what inertial units read.
+        imus: readings of inertial units.
     """
 
     messages: bool = True
@@ -46,22 +46,22 @@ class Demand:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Step:
-    """All that is published of one step.
+    """All data of one step that are published.
 
     Attributes:
         record: input and outcome.
         result: of the simulation.
         log_time: simulation time that never goes back, for the bag [ns].
-        first: the state that the node was activated with or reset to: published whether anybody listens or not,
-            so that a subscriber that is still being discovered gets it, too.
-        again: told before; for those that have begun to listen since.
-        wanted: whether anything of it is to be published or recorded.
-        fields: evaluates the element fields, in the thread that publishes; None where nobody wants them.
-        obstacles: where each is, whether anybody wants it or not: commands may be given in their frames.
-        poses: where each handle and obstacle is; empty where nobody wants it, like the following.
+        first: whether it is the state of an activation or a reset, which is published even without subscribers, so that
+            a subscriber that is still being discovered receives it.
+        again: whether it was published before, and is repeated for new subscribers.
+        wanted: whether any part of it is to be published or recorded.
+        fields: evaluates the element fields, in the publishing thread; None if they are not wanted.
+        obstacles: pose of each, whether wanted or not, because commands may be given in their frames.
+        poses: pose of each handle and obstacle; empty if they are not wanted, like the following.
         actuators: states by name.
-        imus: evaluates what inertial units read, in the thread that publishes; None where nobody wants it, and without
-            dynamics.
+        imus: evaluates the readings of inertial units, in the publishing thread; None if they are not wanted, and
+            without dynamics.
     """
 
     record: StepRecord
@@ -78,12 +78,12 @@ class Step:
 
 
 def to_nanoseconds(seconds: float) -> int:
-    """Round a time [s] to nanoseconds."""
+    """Return a time [s] rounded to nanoseconds."""
     return round(seconds * 1e9)
 
 
 def make_record(result: StepResult, command: Command, *, step: int, begin: Begin, dt: float, stamp: int) -> StepRecord:
-    """Write down what a step consumed and how it went."""
+    """Return the record of a step: the command that it consumed and its outcome."""
     return StepRecord(
         step=step,
         begin=begin,
@@ -100,7 +100,7 @@ def make_record(result: StepResult, command: Command, *, step: int, begin: Begin
 
 
 def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
-    """Evaluate what is wanted of the present state, as keywords of ``Step``."""
+    """Return the wanted outputs of the present state, as keywords of ``Step``."""
     imus = demand.imus and simulation.scene.dynamics is not None
     obstacles = [handle.name for handle in simulation.scene.handles if isinstance(handle, Obstacle)]
     return {
@@ -114,9 +114,9 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
 
 
 def handle_error(handle: Handle, target: Pose, rest: NDArray[np.float64], positions: NDArray[np.float64]) -> float:
-    """Give how far a handle is from its target along the axes that it has not free [m]; vertices are all (n, 3) [m].
+    """Return the distance of a handle from its target along axes that are not free [m]; vertices are (n, 3) [m].
 
-    An obstacle is always where it is commanded to be.
+    An obstacle is always at its commanded pose.
     """
     if isinstance(handle, Obstacle):
         return 0.0

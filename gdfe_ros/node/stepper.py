@@ -35,34 +35,34 @@ _Value = TypeVar("_Value")
 
 
 class StepFailure(GdfeError):
-    """A step that failed; the stepping is paused in the state before it."""
+    """A failed step; the stepping is paused in the state before it."""
 
 
 _GRACE = 0.5
-"""Time after which a solve is ended where somebody waits for its end [s]; a shorter one comes to its equilibrium."""
+"""Time after which a solve is ended on request [s]; a shorter one is completed."""
 _MOST_RETRIES = 20
-"""Steps without a new command that go on from a state that did not converge, other than for a deadline."""
+"""Steps without a new command that continue from a state that did not converge, deadlines excepted."""
 
 
 class Stepper:
-    """Steps a simulation in a thread of its own; only this thread touches the simulation while it runs.
+    """Steps a simulation in a separate thread; only this thread uses the simulation while it runs.
 
     Args:
-        run: whose simulation is stepped.
-        demand: tells what is wanted of the next step.
-        deliver: takes each step; it may block to hold the stepping back.
+        run: with the simulation.
+        demand: returns the outputs wanted from the next step.
+        deliver: receives each step; it may block to slow the stepping.
 
     Attributes:
         changed: condition that wakes the thread; its lock guards the inbox.
         count: steps made.
-        begin: what the next step starts from.
-        work: what is done, and since when (monotonic) [s]; None: nothing.
-        rounds: of iterations that the solve in progress has made.
+        begin: initial state of the next step.
+        work: present task, and its start (monotonic) [s]; None: none.
+        rounds: rounds of iterations of the solve in progress.
         slew: limits the rate of commands under the wall clock or a deadline.
         solving: wall time spent in solves so far [s].
         spent: wall time spent on steps so far, solves included [s].
-        failure: why the last step failed, after which the stepping is paused; empty once it went on.
-        failures: steps that failed.
+        failure: why the last step failed, after which the stepping is paused; empty once it is resumed.
+        failures: number of failed steps.
     """
 
     def __init__(
@@ -112,12 +112,12 @@ class Stepper:
         self._thread.start()
 
     def wake(self) -> None:
-        """Have the thread look again whether a step is due."""
+        """Make the thread check again whether a step is due."""
         with self.changed:
             self.changed.notify_all()
 
     def stop(self) -> None:
-        """End the thread after the step in progress, which is cut where it takes long; no matter if it does not run."""
+        """End the thread after the step in progress, which is cut if it takes long; do nothing if it does not run."""
         if self._thread is None:
             return
         with self.changed:
@@ -127,14 +127,14 @@ class Stepper:
         self._thread = None
 
     def call(self, function: Callable[[], _Value]) -> _Value:
-        """Run a function between two steps and return what it returns, or raise what it raises."""
+        """Run a function between two steps and return its result, or raise its exception."""
         return self.post(function).result()
 
     def post(self, function: Callable[[], _Value], what: str = "", *, urgent: bool = False) -> Future[_Value]:
-        """Have a function run between two steps, after those that wait; where the thread does not run, at once.
+        """Queue a function to run between two steps; without the thread it runs at once.
 
-        While it runs, ``work`` says ``what`` it does, for those who wonder why no step is made. An urgent one, which
-        makes an end of what is being solved, cuts a solve that takes long.
+        While it runs, ``work`` contains its description ``what`` for diagnostics. An urgent one cuts a solve that takes
+        long.
         """
         future: Future = Future()
         if urgent:
@@ -160,12 +160,12 @@ class Stepper:
         return future
 
     def must_end(self) -> bool:
-        """Tell a solve, which asks after each round of iterations, whether somebody waits for its end."""
+        """Return whether the solve in progress, which asks after each round of iterations, is requested to end."""
         self.rounds += 1
         return bool(self._stopping or self._urgent) and time.monotonic() - self.work[1] > _GRACE
 
     def pause(self, paused: bool) -> None:
-        """Hold the stepping, or let it go on."""
+        """Pause or resume the stepping."""
         with self.changed:
             self._paused = paused
             if not paused:
@@ -174,7 +174,7 @@ class Stepper:
             self.changed.notify_all()
 
     def advance(self) -> None:
-        """Make, between steps, one more, whatever the pace or a pause says; it consumes what waits for it.
+        """Make one more step, between steps, regardless of pace and pause; it consumes the waiting orders.
 
         Raises:
             GdfeError: the step failed.
@@ -185,34 +185,34 @@ class Stepper:
         self._step(orders, dt=self._run.parameters["dt"])
 
     def reset(self) -> None:
-        """Go back, between steps, to rest at time 0 and, where the thread runs, deliver that state.
+        """Go back, between steps, to rest at time 0 and, if the thread runs, deliver that state.
 
-        Orders that wait are dropped.
+        Waiting orders are dropped.
         """
         self._simulation.reset()
         self.restart(Begin.REST)
 
     def place(self, bodies: Mapping[str, Pose]) -> None:
-        """Put, between steps, rigid bodies somewhere with the next step."""
+        """Teleport rigid bodies with the next step; called between steps."""
         self._drive.place(bodies)
 
     def rest(self) -> None:
-        """Drop, between steps, waiting orders, velocities and trajectories; the next step commands what rest does."""
+        """Drop, between steps, waiting orders, velocities and trajectories; the next step has the rest command."""
         self._drive.rest()
         self.slew.clear()
         if self._thread is not None:
             self._inbox.clear()
 
     def resume(self) -> None:
-        """Go on, between steps, with another simulation that the run holds now, and deliver its state."""
+        """Continue, between steps, with the run's new simulation, and deliver its state."""
         self.begin = Begin.LOADED
         if self._thread is not None:
             self.repeat(self.begin)
 
     def restart(self, begin: Begin) -> None:
-        """Note, between steps, that the state or its time was changed from outside, and deliver it.
+        """Record, between steps, that the state or its time was changed externally, and deliver it.
 
-        Orders that wait, velocities and trajectories are dropped.
+        Waiting orders, velocities and trajectories are dropped.
         """
         self.begin, self.failure = begin, ""
         self._drive.clear()
@@ -224,7 +224,7 @@ class Stepper:
             self.repeat(begin)
 
     def repeat(self, begin: Begin) -> None:
-        """Deliver, between steps, the present state again, as what the next step starts from."""
+        """Deliver, between steps, the present state again, as the initial state of the next step."""
         self.begin = begin
         self._step((), dt=0.0, first=True)
 
@@ -235,7 +235,7 @@ class Stepper:
             try:
                 action()
             except StepFailure:
-                pass  # it was told, and the stepping is paused
+                pass  # it was reported, and the stepping is paused
             except Exception as error:
                 self._hold("what comes between steps", error)
             action = self._await()
@@ -245,7 +245,7 @@ class Stepper:
                 self._jobs.popleft()[1].set_exception(GdfeError("the stepping has ended"))
 
     def _await(self) -> Callable[[], None] | None:
-        """Wait for the next thing to do, as `_next`; where that fails, the stepping is paused and waits for jobs."""
+        """Wait for the next task, as `_next`; if that fails, the stepping is paused and waits for jobs."""
         try:
             return self._next()
         except Exception as error:
@@ -253,7 +253,7 @@ class Stepper:
             return self._next()
 
     def _next(self) -> Callable[[], None] | None:
-        """Wait for the next thing to do; None ends the thread."""
+        """Wait for the next task; None ends the thread."""
         with self.changed:
             while not self._stopping:
                 if self._jobs:
@@ -268,7 +268,7 @@ class Stepper:
         return None
 
     def _turn(self) -> None:
-        """Make the step that is due; a body with mass lets the time of its rest pass before it follows an order."""
+        """Make the step that is due; a body with mass first simulates the time that it rested, then obeys an order."""
         with self.changed:
             orders, dt = self._inbox.take(), self._pace.begin()
         last = self._run.parameters["dt"]
@@ -278,7 +278,7 @@ class Stepper:
         self._step(orders, dt=dt)
 
     def _hold(self, what: str, error: Exception) -> StepFailure:
-        """Pause after a step that failed, with nothing in force but the last good state; return what to raise."""
+        """Pause after a failed step, in the last good state without active commands; return the exception to raise."""
         trace = "" if isinstance(error, GdfeError) else "".join(traceback.format_exception(error))
         self.failures += 1
         self.failure = f"{what} failed: {str(error) if isinstance(error, GdfeError) else repr(error)}"
@@ -293,7 +293,7 @@ class Stepper:
         return StepFailure(f"{self.failure}; paused in the last good state")
 
     def _settled(self) -> bool:
-        """Tell whether the state stays as it is without a new order."""
+        """Return whether the state stays constant without a new order."""
         if self._drive.moving or self.slew.moving:
             return False
         simulation = self._simulation
@@ -304,7 +304,7 @@ class Stepper:
         return simulation.settled or (not simulation.scene.dynamics and self._retries >= _MOST_RETRIES)
 
     def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False, early: float = 0.0) -> None:
-        """Make one step and deliver it; ``early`` is the simulation time [s] that is left before that of the clock.
+        """Make one step and deliver it; ``early`` is the time [s] from its end to that of the clock.
 
         Raises:
             StepFailure: it failed for any reason; the state is the one before it, and the stepping is paused.
@@ -321,7 +321,7 @@ class Stepper:
         self._deliver(step)
 
     def _make(self, orders: Iterable[Order], *, dt: float, first: bool, early: float) -> Step:
-        """Make one step, and return what is told of it."""
+        """Make one step, and return its data."""
         started = time.perf_counter()
         run, simulation = self._run, self._simulation
         demand = Demand() if first else self._demand()
@@ -347,7 +347,7 @@ class Stepper:
             result = simulation.step(command, dt=dt, **limits)
         self.work = None
         self.slew.note(converged=result.converged, cut=result.cut_after is not None, iterations=result.iterations)
-        if not np.isfinite(result.positions.sum()):  # as if each were asked, in a fifth of the time
+        if not np.isfinite(result.positions.sum()):  # equivalent to testing each value, in a fifth of the time
             raise GdfeError(f"step {self.count} gave positions that are not finite numbers: {result.message}")
         record = make_record(result, command, step=self.count, begin=self.begin, dt=dt, stamp=stamp)
         self._retries = 0 if orders or result.converged or record.cut else self._retries + 1
@@ -361,7 +361,7 @@ class Stepper:
         return step
 
     def _command(self, orders: Iterable[Order], dt: float) -> Command:
-        """Give what a step consumes; where wall time counts, commands of actuators change at a limited rate."""
+        """Return the command of a step; if wall time matters, commands of actuators change at a limited rate."""
         simulation, values, acting = self._simulation, self._run.parameters, min(dt, self._run.parameters["dt"])
         command = self._drive.command(orders, time=simulation.time + dt, dt=acting)
         hurried = isinstance(self._pace, WallPace) or values["deadline"] > 0.0
@@ -370,7 +370,7 @@ class Stepper:
 
 
 def _carry_out(function: Callable[[], object], future: Future) -> None:
-    """Run a job; its exception belongs to the caller, not to this thread."""
+    """Run a job; its exception is passed to the caller, not raised in this thread."""
     try:
         future.set_result(function())
     except Exception as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What only the graph shows: commands to names that the scene does not have, a second node or clock of one name."""
+"""Problems that only the graph shows: commands to unknown names, a second node or clock of the same name."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from gdfe_ros.spelling import did_you_mean
 
 
 class Strays:
-    """Looks for publishers on command topics of handles, obstacles and bodies that do not exist; each is told once.
+    """Searches for publishers on command topics of unknown handles, obstacles and bodies; each is reported once.
 
     Args:
-        node: whose topics are looked at.
-        handles: that exist, obstacles and rigid bodies among them.
+        node: whose topics are examined.
+        handles: of the scene, including obstacles and rigid bodies.
         refusals: counts and warns.
     """
 
@@ -34,7 +34,7 @@ class Strays:
         self._told: set[str] = set()
 
     def look(self) -> None:
-        """Look at the graph once."""
+        """Examine the graph once."""
         for topic, _ in self._node.get_topic_names_and_types():
             for section, before, after in self._patterns:
                 if topic.startswith(before) and topic.endswith(f"/{after}"):
@@ -54,20 +54,20 @@ class Strays:
 
 
 class Doubles:
-    """Looks for a second node of this node's name, and for a second publisher of /clock beside it; says each once.
+    """Searches for a second node of this node's name, and for a second publisher of /clock; reports each once.
 
     Args:
-        node: that should be alone.
+        node: that should be the only one.
 
     Attributes:
-        found: what there is more than one of; empty where all is well.
+        found: the duplicates; empty if there are none.
     """
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node, self.found = node, ""
 
     def look(self) -> None:
-        """Look at the graph once."""
+        """Examine the graph once."""
         node, own = self._node, (self._node.get_name(), self._node.get_namespace())
         found = []
         if (count := node.get_node_names_and_namespaces().count(own)) > 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a text that would be repeated is due again."""
+"""Throttling of repeated texts."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import time
 from collections.abc import Hashable
 
 _INTERVAL = 5.0
-"""Shortest time between two texts about one thing [s]."""
+"""Shortest time between two texts about one subject [s]."""
 
 
 class Throttle:
-    """Lets one text about a thing through in five seconds, and counts those in between."""
+    """Passes one text per subject in five seconds, and counts the suppressed ones."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._quiet: dict[Hashable, tuple[float, int]] = {}
 
     def due(self, key: Hashable) -> str | None:
-        """Tell whether a text is due: None where it is not, else how many went unsaid, as text to add."""
+        """Return None if a text is not due; otherwise a text about the number of suppressed ones, to be appended."""
         now = time.monotonic()
         with self._lock:
             until, unsaid = self._quiet.get(key, (0.0, 0))

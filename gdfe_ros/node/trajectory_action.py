@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The action ``FollowJointTrajectory``, as joint_trajectory_controller offers it, where control_msgs is installed."""
+"""The action ``FollowJointTrajectory``, as offered by joint_trajectory_controller, if control_msgs is installed."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _CODES = {Reason.UNKNOWN: Code.INVALID_JOINTS, Reason.STALE: Code.OLD_HEADER_TIM
 
 
 class TrajectoryAction:
-    """Takes trajectories as goals: each is an order as of ``~/trajectory``, with feedback and a result.
+    """Accepts trajectories as goals: each is an order as on ``~/trajectory``, with feedback and a result.
 
     Args:
-        node: that offers it.
-        session: gives what runs, or None.
+        node: offers it.
+        session: returns the running session, or None.
     """
 
     def __init__(self, node: ManagedNode, session: Callable[[], Session | None]) -> None:
@@ -48,7 +48,7 @@ class TrajectoryAction:
         )
 
     def _accept(self, goal: Any) -> None:
-        """Give the order of a goal, or end it at once with what is wrong with it."""
+        """Queue the order of a goal, or end the goal at once with the reason of the refusal."""
         key = bytes(goal.goal_id.uuid)
 
         def finish(code: Code, reason: str) -> None:
@@ -71,7 +71,7 @@ class TrajectoryAction:
             finish(_CODES.get(refusal.reason, Code.INVALID_GOAL), str(refusal))
 
     def _cancel(self, goal: Any) -> None:
-        """Leave the actuators and loads of a goal where they are."""
+        """Keep the actuators and loads of a goal at their present commands."""
         session, pursuit = self._session(), self._pursuits.get(bytes(goal.goal_id.uuid))
         if pursuit is not None and session is not None:
             session.inputs.hold(pursuit)
@@ -87,10 +87,10 @@ class TrajectoryAction:
 
 
 def _tolerances(request: Any) -> Tolerances:
-    """Read those of a goal: only positions count, which are commands here; 0 and -1 set none.
+    """Return the tolerances of a goal. Only those of positions count, which are commands here; 0 and -1 set none.
 
     Raises:
-        Refusal: of a tolerance, or because it asks for what no actuator has.
+        Refusal: a tolerance is invalid, or of a quantity that no actuator has.
     """
     if request.multi_dof_trajectory.joint_names or request.multi_dof_trajectory.points:
         raise Refusal(
@@ -115,7 +115,7 @@ def _tolerances(request: Any) -> Tolerances:
 def _feedback(
     goal: Any, kind: Any, names: tuple[str, ...], session: Session
 ) -> Callable[[float, NDArray[np.float64], NDArray[np.float64]], None]:
-    """Make what tells a goal's client of each step."""
+    """Return a function that sends feedback about each step to a goal's client."""
 
     def tell(elapsed: float, desired: NDArray[np.float64], actual: NDArray[np.float64]) -> None:
         points = [JointTrajectoryPoint(positions=values.tolist()) for values in (desired, actual, desired - actual)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What others tell of their frames on /tf and /tf_static."""
+"""Transforms of other nodes on /tf and /tf_static."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from gdfe_ros.node.qos import installed, interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal
 
 _UNREAD = 2000
-"""Messages of /tf that wait to be read; a frame that moves is told again long before as many others are."""
+"""Limit of unread messages of /tf; a moving frame is republished long before as many other messages arrive."""
 _DEEPEST = 1000
-"""Frames between one and the root of its tree, beyond which they go round in a circle."""
+"""Number of parents of a frame beyond which they must form a cycle."""
 _UNIT_SLACK = 1e-2
-"""By how much the length of a quaternion may differ from 1: as in tf2."""
+"""Largest deviation of a quaternion's length from 1, as in tf2."""
 
 
 class Transforms:
-    """Listens to /tf and /tf_static; of each frame the transform with the latest stamp counts.
+    """Subscribes to /tf and /tf_static; for each frame the transform with the latest stamp counts.
 
-    One with a number that is not finite, a quaternion that is not of unit length, or a stamp that is older or farther
-    ahead than a command's may be, changes nothing and is counted as a refused command.
+    A transform with a number that is not finite, a quaternion that is not of unit length, or a stamp that is older or
+    farther ahead than allowed for a command is ignored and counted as a refused command.
 
     Args:
-        node: that listens.
+        node: subscribes.
         heard: called after each message.
-        now: gives the time on the clock that stamps are measured on [ns].
-        limits: give ``command_max_age`` and ``command_max_lead`` [s] by name.
-        refuse: takes the refusal of a transform, with the topic and frame.
+        now: returns the time on the clock of the stamps [ns].
+        limits: provide ``command_max_age`` and ``command_max_lead`` [s] by name.
+        refuse: receives the refusal of a transform, with the topic and frame.
     """
 
     def __init__(
@@ -65,25 +65,25 @@ class Transforms:
         ]
 
     def destroy(self) -> None:
-        """Take the subscriptions off the graph, after the node's own publishers of these topics."""
+        """Remove the subscriptions from the graph, after the node's own publishers of these topics."""
         self._heard = lambda: None
         for subscription in self._subscriptions:
             self._node.destroy_later(subscription)
         self._subscriptions = []
 
     def known(self) -> list[str]:
-        """Name the frames that were told of, sorted."""
+        """Return the names of the received frames, sorted."""
         with self._lock:
             self._read()
             return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
 
     def find(self, source: str, target: str, own: Mapping[str, tuple[str, Placement]]) -> Placement | None:
-        """Give where ``source`` is in ``target``; None where no transforms lead there.
+        """Return the place of ``source`` in ``target``; None if no transforms lead there.
 
         Args:
             source: frame.
             target: frame.
-            own: what the node itself knows: frame -> frame that it is given in, and its place there.
+            own: frames that the node itself knows: frame -> its parent and its place there.
         """
         with self._lock:
             self._own = own.keys()
@@ -94,12 +94,12 @@ class Transforms:
         return None if common is None else ways[1][common].inverse() @ ways[0][common]
 
     def reset(self) -> None:
-        """Forget the stamps, as time goes back to zero."""
+        """Drop the stamps, as time goes back to zero."""
         with self._lock:
             self._freshness.reset()
 
     def _keep(self, data: bytes) -> None:
-        """Put a message aside: a robot tells of a hundred frames a hundred times a second, and few are asked for."""
+        """Store a message unread: a robot publishes a hundred frames a hundred times a second, and few are needed."""
         self._unread.append((data, self._now()))
         self._heard()
 
@@ -108,13 +108,13 @@ class Transforms:
         self._heard()
 
     def _read(self) -> None:
-        """Read what was put aside; needs the lock."""
+        """Read the stored messages; needs the lock."""
         kind = interface_class(topics.TF.type)
         for waiting, spec in ((self._fixed_unread, topics.TF_STATIC), (self._unread, topics.TF)):
             while waiting:
                 data, arrived = waiting.popleft()
                 for each in deserialize_message(data, kind).transforms:
-                    if each.child_frame_id in self._own:  # what this very node tells
+                    if each.child_frame_id in self._own:  # published by this node itself
                         continue
                     try:
                         self._take(each, arrived, moving=spec is topics.TF)
@@ -123,7 +123,7 @@ class Transforms:
                             self._refuse(f"{spec.name}, frame {each.child_frame_id!r},", refusal)
 
     def _take(self, told: Any, arrived: int, *, moving: bool) -> None:
-        """Keep a transform that arrived at a time [ns]; the stamp of one that moves is checked.
+        """Keep a transform that arrived at a time [ns]; the stamp of a moving one is checked.
 
         Raises:
             Refusal: a number is not finite, the quaternion not of unit length, the stamp too old, ahead, or before the
@@ -137,7 +137,7 @@ class Transforms:
 
 
 def _checked(transform: Any) -> Placement:
-    """Return the placement that a transform tells.
+    """Return the placement of a checked transform.
 
     Raises:
         Refusal: a number is not finite, or the quaternion is not of unit length.
@@ -150,7 +150,7 @@ def _checked(transform: Any) -> Placement:
 
 
 def _way_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[str, Placement]:
-    """Give where a frame is in each frame above it, nearest first."""
+    """Return the place of a frame in each of its ancestors, nearest first."""
     way = {frame: Placement()}
     while frame in parents and parents[frame][0] not in way and len(way) < _DEEPEST:
         parent, placement = parents[frame]
@@ -160,5 +160,5 @@ def _way_up(frame: str, parents: Mapping[str, tuple[str, Placement]]) -> dict[st
 
 
 def transforms_installed() -> bool:
-    """Tell whether the messages of /tf are installed."""
+    """Return whether the messages of /tf are installed."""
     return installed(topics.TF.type)

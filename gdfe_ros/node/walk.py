@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many steps on demand, one after the other, that leave room for others and can be ended."""
+"""Several steps on request, which leave room for other tasks and can be ended."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from gdfe_ros.node.stepper import Stepper
 
 
 class Walk:
-    """Makes a number of steps; whatever else waits for the stepper has its turn between two of them.
+    """Makes a number of steps; other tasks of the stepper run between two of them.
 
     Args:
-        run: whose simulation is stepped.
+        run: with the simulation.
         stepper: makes the steps.
         flush: waits until they are published.
         count: of the steps.
-        told: called after each step with the number of those made; None: nobody is told.
+        told: called after each step with the number of steps made; None: not called.
 
     Attributes:
         done: steps made so far.
@@ -47,17 +47,17 @@ class Walk:
         return not self._future.done()
 
     def begin(self) -> Future[str]:
-        """Begin, and return the future answer, which tells how far the simulation has come."""
+        """Begin, and return the future answer with the simulation's progress."""
         self._post()
         return self._future
 
     def end(self, reason: BaseException) -> None:
-        """End it after the step in progress; nothing happens where it is over."""
-        with suppress(InvalidStateError):  # it was over already
+        """End it after the step in progress, unless it is over already."""
+        with suppress(InvalidStateError):  # it had ended already
             self._future.set_exception(reason)
 
     def interrupt(self, why: str) -> None:
-        """End it on somebody's demand."""
+        """End it on request."""
         self.end(GdfeError(f"{why}; {self} were made"))
 
     def _post(self) -> None:
@@ -80,5 +80,5 @@ class Walk:
             self._post()
             return
         self._flush()
-        with suppress(InvalidStateError):  # it was ended in its last step
+        with suppress(InvalidStateError):  # it was ended during its last step
             self._future.set_result(f"{self._count} steps, time {self._run.simulation.time:.9g} s")

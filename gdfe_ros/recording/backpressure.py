@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happens between a simulation and a disk that is slower."""
+"""Policy for a disk that is slower than the simulation."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from enum import Enum
 
 
 class BackPressure(Enum):
-    """What ``record`` does while the queue is full because the disk is slower than the simulation.
+    """Behaviour of ``record`` while the queue is full because the disk is slower than the simulation.
 
-    ``DROP``: refuse the message at once (for runs under the wall clock, which must not wait).
-    ``BLOCK``: wait for room, at most ``block_seconds``, then refuse it (for lockstep and as-fast-as-possible
-    runs, whose bags shall be complete). Every refused message is counted, see ``RecorderStatus``.
+    ``DROP``: reject the message at once (for runs under the wall clock, which must not wait).
+    ``BLOCK``: wait for space, at most ``block_seconds``, then reject it (for lockstep and as-fast-as-possible
+    runs, whose bags should be complete). Every rejected message is counted, see ``RecorderStatus``.
     """
 
     DROP = "drop"
@@ -24,10 +24,10 @@ class QueueOptions:
     """The queue between simulation and writer.
 
     Args:
-        max_bytes: limit of the messages that wait [B], 1 MiB or more. One message is always taken.
-        back_pressure: what happens at the limit.
+        max_bytes: limit of the waiting messages [B], 1 MiB or more. An empty queue takes a message of any size.
+        back_pressure: behaviour at the limit.
         block_seconds: longest wait under ``BLOCK`` [s], 0 or more.
-        flush_seconds: all that was recorded goes to the operating system at this interval [s], 0.005 to 10: a
+        flush_seconds: interval at which all recorded data go to the operating system [s], 0.005 to 10: a
             killed process loses at most the messages of this time and of the write in progress.
 
     Raises:

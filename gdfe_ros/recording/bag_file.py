@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One MCAP file of a bag, written with mcap's own writer into space reserved ahead."""
+"""One MCAP file of a bag, written with mcap's own writer into reserved disk space."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from gdfe_ros.recording.topic import TopicInfo
 RUN_RECORD = "gdfe_ros"
 RECORDING_RECORD = "gdfe_ros_recording"
 ROLE_KEY = "gdfe_ros_role"
-"""Entry of a channel's metadata that holds ``TopicInfo.role``."""
-# Upper bounds [B] of what mcap adds: to a message (record head, index entry), to a chunk (its head and its
-# index entry in the summary, by channel), to a topic (schema and channel records, its part of rosbag2's
-# record) and to a file (header, footer, statistics, texts of our own records).
+"""Entry of a channel's metadata with ``TopicInfo.role``."""
+# Upper bounds [B] of the overhead by mcap: for a message (record head, index entry), a chunk (its head and its
+# index entry in the summary, by channel), a topic (schema and channel records, its part of rosbag2's
+# record) and a file (header, footer, statistics, texts of our own records).
 _PER_MESSAGE, _PER_CHUNK, _PER_CHUNK_CHANNEL, _PER_TOPIC, _PER_FILE = 64, 256, 48, 4096, 65536
-# lz4 and zstd may lengthen what does not compress, by less than one part in this many.
+# lz4 and zstd may lengthen incompressible data, by less than one part in this many.
 _EXPANSION = 64
 
 
 class Compression(Enum):
-    """How chunks are compressed: lz4 is fast, zstd is smaller at twice the time, none is for SSDs."""
+    """Compression of chunks: lz4 is fast, zstd is smaller at twice the time, none is for SSDs."""
 
     NONE = "none"
     LZ4 = "lz4"
@@ -36,17 +36,17 @@ class Compression(Enum):
 
 
 class BagFile:
-    """Writes one file; every method either takes effect whole or raises with the file still endable.
+    """Writes one file; a method that fails leaves the file in a state that can be finished.
 
     Args:
         path: of the file, which must not exist.
         topics: with definition and hash filled in.
-        run: written first, so that a file that is cut off still tells its origin.
+        run: written first, so that a truncated file still has its origin.
         compression: of the chunks.
-        chunk_size: a chunk is compressed and written when it holds this much [B].
+        chunk_size: a chunk is compressed and written when it holds this many bytes [B].
 
     Raises:
-        OSError: the file cannot be created, or there is no room for its beginning.
+        OSError: the file cannot be created, or there is no space for its beginning.
     """
 
     def __init__(
@@ -92,14 +92,14 @@ class BagFile:
 
     @property
     def size(self) -> int:
-        """Bytes written, and an upper bound of those waiting in the chunk."""
+        """Bytes written, plus an upper bound of those waiting in the chunk."""
         return self._written + self._buffered
 
     def add_topic(self, topic: TopicInfo) -> None:
-        """Declare a topic; its schema and channel go into the chunk in progress.
+        """Declare a topic; its schema and channel are written to the chunk in progress.
 
         Raises:
-            OSError: no room for it; the file without it can still be finished.
+            OSError: there is no space for it; the file without it can still be finished.
         """
         known = topic.type in self._schemas
         fixed = self._fixed + _PER_TOPIC + (0 if known else 2 * len(topic.definition.encode()))
@@ -125,7 +125,7 @@ class BagFile:
         """Append a message; times in nanoseconds.
 
         Raises:
-            OSError: no room for it (ENOSPC, EDQUOT, EFBIG); the file without it can still be finished. Any
+            OSError: there is no space for it (ENOSPC, EDQUOT, EFBIG); the file without it can still be finished. Any
                 other ``OSError`` means that the device failed.
         """
         size = len(data) + _PER_MESSAGE
@@ -142,7 +142,7 @@ class BagFile:
         self._note_chunk()
 
     def _bound(self, buffered: int) -> int:
-        """Bytes that ending the file takes when this much waits in the chunk."""
+        """Return an upper bound of the bytes that finishing the file takes with ``buffered`` bytes in the chunk."""
         per_chunk = _PER_CHUNK + _PER_CHUNK_CHANNEL * len(self._channels)
         return self._fixed + (self._chunks + 1) * per_chunk + buffered + buffered // _EXPANSION
 
@@ -160,14 +160,14 @@ class BagFile:
             self._storage.sync()
 
     def finish(self, notes: Mapping[str, str], *, sync: bool = False) -> None:
-        """Write the rest, the notes, rosbag2's record and the index; close.
+        """Write the remaining data, the notes, rosbag2's record and the index; close the file.
 
         Args:
-            notes: how the recording went, as the metadata record ``gdfe_ros_recording``.
+            notes: status of the recording, for the metadata record ``gdfe_ros_recording``.
             sync: wait until the file is on the device.
 
         Raises:
-            OSError: the device failed; the file is closed, and what is in it can be recovered.
+            OSError: the device failed; the file is closed, and its contents can be recovered.
         """
         try:
             self._writer.add_metadata(RECORDING_RECORD, dict(notes))

@@ -17,11 +17,11 @@ from gdfe_ros.recording.topic import TopicInfo
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
 IN_RUN = "bag"
-"""Folder of the bag in that of a run, which also has the table and the picture."""
+"""Name of the bag's folder in a run's folder, which also has the table and the picture."""
 
 
 def bag_directory(path: Path) -> Path:
-    """Return the bag's directory: of a run's folder, the bag in it; of all else the path itself."""
+    """Return the directory of a bag: for the folder of a run, the bag in it; otherwise the path itself."""
     return path / IN_RUN if path.is_dir() and not _has_bag(path) and _has_bag(path / IN_RUN) else path
 
 
@@ -58,7 +58,7 @@ class FileCounts:
         self.messages[topic] += 1
 
     def to_rosbag2(self) -> dict[str, Any]:
-        """Give the file's entry of the list ``files``."""
+        """Return the file's entry of the list ``files``."""
         return {
             "path": self.name,
             "starting_time": {"nanoseconds_since_epoch": self.start},
@@ -70,15 +70,15 @@ class FileCounts:
 def bag_info(
     files: Sequence[FileCounts], topics: Iterable[TopicInfo], *, custom: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Describe a bag of these files as rosbag2 does.
+    """Return rosbag2's description of a bag of these files.
 
     Args:
         files: in the order written.
         topics: with type hashes filled in.
-        custom: text that rosbag2 carries along as ``custom_data``.
+        custom: text that rosbag2 keeps as ``custom_data``.
 
     Returns:
-        What stands under ``rosbag2_bagfile_information``.
+        The mapping under ``rosbag2_bagfile_information``.
     """
     filled = [file for file in files if file.total]
     start = min((file.start for file in filled), default=0)
@@ -103,7 +103,7 @@ def bag_info(
 
 
 def to_yaml(data: Any) -> str:
-    """Dump plain data as block YAML in the order given."""
+    """Return plain data as block YAML in the given order."""
     return yaml.safe_dump(data, sort_keys=False, default_flow_style=False)
 
 

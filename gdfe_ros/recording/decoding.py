@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From bytes to messages: with rosbags where no ROS is installed, or with rclpy."""
+"""Decoding of messages: with rosbags if no ROS is installed, or with rclpy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Decoder = Callable[[str, bytes], Any]
 
 
 def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
-    """Make a decoder of these topics' types out of the definitions that the bag holds; needs no ROS.
+    """Return a decoder of these topics' types by the definitions in the bag; needs no ROS.
 
     Args:
         topics: e.g. ``reader.topics.values()``.
@@ -23,7 +23,7 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
     Returns:
         A function of type name and CDR bytes. Messages have the fields of the ROS message; sequences of
         numbers are numpy arrays (``data`` of a PointCloud2: ``(n,)`` uint8). It raises ``RecordingError`` for
-        bytes that are no such message.
+        invalid bytes.
 
     Raises:
         RecordingError: a definition is damaged.
@@ -39,7 +39,7 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
         try:
             types = get_types_from_msg(topic.definition, topic.type)
             store.register({name: fields for name, fields in types.items() if name not in store.fielddefs})
-        except Exception as error:  # what rosbags raises on nonsense is not documented
+        except Exception as error:  # the exceptions of rosbags for invalid definitions are not documented
             raise RecordingError(
                 f"topic {topic.name}: the bag's definition of {topic.type} cannot be read: {_line(error)}"
             ) from error
@@ -47,7 +47,7 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
     def decode(type_name: str, data: bytes) -> Any:
         try:
             return store.deserialize_cdr(data, type_name)
-        except Exception as error:  # nor is what it raises on bytes that do not fit
+        except Exception as error:  # nor are those for invalid bytes
             raise RecordingError(
                 f"{len(data)} bytes are no {type_name} as the bag defines it: {_line(error)}"
             ) from error
@@ -56,16 +56,12 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
 
 
 def _line(error: Exception) -> str:
-    """Give an error as one line of at most 200 characters."""
+    """Return an error as one line of at most 200 characters."""
     return " ".join(f"{type(error).__name__}: {error}".split())[:200]
 
 
 def rclpy_decoder() -> Decoder:
-    """Make a decoder that gives messages of the installed ROS packages.
-
-    Returns:
-        A function of type name and CDR bytes.
-    """
+    """Return a decoder to messages of the installed ROS packages, a function of type name and CDR bytes."""
     from rclpy.serialization import deserialize_message
 
     @cache

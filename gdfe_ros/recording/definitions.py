@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions and type hashes, as rosbag2 embeds them, out of the ROS installation.
+"""Message definitions and type hashes, as rosbag2 embeds them, read from the ROS installation.
 
 Every ROS message package installs ``share/<package>/msg/<Name>.msg`` (the text) and ``<Name>.json`` (the
-type description with its REP-2011 hash), whether it came from a wheel, from apt or from a workspace.
-Nothing of ROS is imported to read them.
+type description with its REP-2011 hash), whether it comes from a wheel, from apt or from a workspace.
+They are read without importing ROS.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _SEPARATOR = "=" * 80
 
 @cache
 def message_definition(type_name: str) -> str:
-    """Concatenate the ``.msg`` texts of a type and of every type it contains (encoding ``ros2msg``).
+    """Return the concatenated ``.msg`` texts of a type and of every type it contains (encoding ``ros2msg``).
 
     Args:
         type_name: e.g. ``sensor_msgs/msg/PointCloud2``.
@@ -51,10 +51,10 @@ def message_definition(type_name: str) -> str:
 
 @cache
 def type_hash(type_name: str) -> str:
-    """Look up the type hash ``RIHS01_<sha256>`` (REP-2011) of a message type.
+    """Return the type hash ``RIHS01_<sha256>`` (REP-2011) of a message type.
 
     Raises:
-        RecordingError: not a message type, its package is not installed, or it carries no hash.
+        RecordingError: not a message type, its package is not installed, or it has no hash.
     """
     path = _share_file(type_name, ".json")
     for entry in json.loads(path.read_text(encoding="utf-8"))["type_hashes"]:
@@ -83,7 +83,7 @@ def _share_file(type_name: str, suffix: str) -> Path:
 
 
 def _parts(type_name: str, text: str) -> list[str]:
-    """Name the message types that a definition's fields have."""
+    """Return the message types of a definition's fields."""
     package = type_name.split("/")[0]
     found = []
     for line in text.splitlines():

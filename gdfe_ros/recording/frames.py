@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records of an MCAP file that may break off or be damaged anywhere, found again after each damage."""
+"""Reading of a truncated or damaged MCAP file's records; after each damage the next sound record is searched."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mcap.stream_reader import breakup_chunk
 from zstandard import ZstdError
 
 MAGIC = b"\x89MCAP0\r\n"
-# What mcap, lz4 (RuntimeError) and zstandard raise on bytes that are not what they should be.
+# Exceptions of mcap, lz4 (RuntimeError) and zstandard for invalid bytes.
 DAMAGE = (
     McapError,
     ZstdError,
@@ -33,7 +33,7 @@ DAMAGE = (
     EOFError,
     MemoryError,
 )
-"""What reading a file with a flipped bit ends with: lengths, ids and texts in it may be anything."""
+"""Exceptions that reading a file with a flipped bit may raise: any length, id or text in it may be wrong."""
 
 _CHECKSUM = 4
 _HEAD = struct.Struct("<BQ")
@@ -47,7 +47,7 @@ _KINDS = {
     Opcode.METADATA: Metadata,
     Opcode.MESSAGE_INDEX: MessageIndex,
 }
-# Where a chunk, an attachment or a metadata record may begin: opcode, a length below 2^40, and what must follow.
+# Possible beginning of a chunk, an attachment or a metadata record: opcode, a length below 2^40, required bytes.
 _BEGINNING = re.compile(
     rb"\x06(?=.{5}\0{3}.{28}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd).{5}\0{3})|[\x09\x0c](?=.{5}\0{3})", re.DOTALL
 )
@@ -55,12 +55,12 @@ _BEGINNING = re.compile(
 
 @dataclass
 class Damage:
-    """What was wrong with a file.
+    """Damage of a file.
 
     Attributes:
-        chunks: that did not match their checksum, or whose beginning is destroyed; left out.
-        records: other records that cannot be read; left out.
-        cut: whether the file ends before its proper end; known when its records are exhausted.
+        chunks: skipped chunks that did not match their checksum, or whose beginning is destroyed.
+        records: other skipped records that cannot be read.
+        cut: whether the file is truncated; known when its records are exhausted.
     """
 
     chunks: int = 0
@@ -72,10 +72,10 @@ def require_sound_summary(data: mmap) -> int:
     """Check the index at the end of a file against its checksum, which mcap's readers do not.
 
     Returns:
-        Where the summary begins.
+        Offset of the summary.
 
     Raises:
-        McapError: the file does not end as it should, or the summary is damaged.
+        McapError: the file is truncated, or the summary is damaged.
     """
     size = len(data)
     place = size - len(MAGIC) - _FOOTER.size
@@ -90,7 +90,7 @@ def require_sound_summary(data: mmap) -> int:
 
 
 def declarations(data: mmap) -> list[McapRecord]:
-    """Give the schemas and channels that the index repeats; none where it is missing or damaged."""
+    """Return the schemas and channels that the index repeats; empty if it is missing or damaged."""
     try:
         place, found = require_sound_summary(data), []
     except DAMAGE:
@@ -105,7 +105,7 @@ def declarations(data: mmap) -> list[McapRecord]:
 def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
     """Yield the records of the data section, those inside chunks included, up to its end or the file's.
 
-    Where a record's length is not to be trusted, the next chunk, attachment or metadata record is looked for.
+    If a record's length is implausible, the next chunk, attachment or metadata record is searched.
 
     Args:
         data: the file.
@@ -131,7 +131,7 @@ def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
 
 
 def _end(data: mmap, place: int) -> int | None:
-    """Give where the record that begins here ends; None: there is none, or it does not fit into the file."""
+    """Return the end of the record that begins here; None if there is none, or it does not fit into the file."""
     if place + _HEAD.size > len(data):
         return None
     opcode, length = _HEAD.unpack(data[place : place + _HEAD.size])
@@ -145,7 +145,7 @@ def _is_plausible(data: mmap, place: int) -> bool:
 
 
 def _next_beginning(data: mmap, place: int) -> int | None:
-    """Find the next record that is whole."""
+    """Return the offset of the next complete record."""
     for match in _BEGINNING.finditer(data, place):
         end = _end(data, match.start())
         if end is not None and _is_plausible(data, end) and _contents(data, match.start(), end) is not None:
@@ -154,7 +154,7 @@ def _next_beginning(data: mmap, place: int) -> int | None:
 
 
 def _contents(data: mmap, place: int, end: int) -> list[McapRecord] | None:
-    """Give the records at a place, those inside a chunk; None: they are damaged."""
+    """Return the records at a place, including those inside a chunk; None if they are damaged."""
     try:
         record = _record(data, place, end)
         return breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]

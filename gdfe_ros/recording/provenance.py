@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag holds besides messages, so that it alone reproduces its run."""
+"""Origin of a run in its bag, so that the bag alone reproduces the run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import gdfe_ros
 
 SCENE_FILE = "scene.yaml"
 STATE_FILE = "state.bin"
-"""Attachment of a bag that did not begin at rest: the state that its first step starts from (checkpoint.py)."""
+"""Attachment with the initial state of a bag that did not begin at rest (checkpoint.py)."""
 _LIBRARIES = ("numpy", "scipy", "numba", "llvmlite")
 
 
@@ -30,10 +30,10 @@ class RunInfo:
 
     Args:
         scene: text of the scene file (YAML); empty if the run had none.
-        settings: solver settings and whatever else decides the result; must be expressible in JSON.
+        settings: solver settings and everything else that affects the result; must be expressible in JSON.
         files: files that the scene refers to (a mesh, a csv), name -> content.
         package_version: of gdfe_ros.
-        machine: platform, processor and library versions, as ``describe_machine`` gives them.
+        machine: platform, processor and library versions, from ``describe_machine``.
     """
 
     scene: str = ""
@@ -48,7 +48,7 @@ class RunInfo:
         return hashlib.sha256(self.scene.encode()).hexdigest()
 
     def to_metadata(self) -> dict[str, str]:
-        """Give everything but the files' contents as text, values in JSON where they have structure."""
+        """Return everything except the files' contents as text; structured values as JSON."""
         return {
             "package_version": self.package_version,
             "scene_sha256": self.scene_sha256,
@@ -58,16 +58,16 @@ class RunInfo:
         }
 
     def attachments(self) -> dict[str, bytes]:
-        """Give the scene under the name ``scene.yaml`` and the further files."""
+        """Return the scene under the name ``scene.yaml`` and the further files."""
         return {SCENE_FILE: self.scene.encode(), **self.files}
 
     @classmethod
     def from_bag(cls, metadata: Mapping[str, str], attachments: Mapping[str, bytes]) -> RunInfo:
-        """Put together what ``to_metadata`` and ``attachments`` took apart.
+        """Return the origin from the results of ``to_metadata`` and ``attachments``.
 
         Raises:
             KeyError: the metadata record is not one of ours.
-            ValueError: the scene or a file is not as it was when the bag was written.
+            ValueError: the scene or a file differs from its checksum.
         """
         files = dict(attachments)
         sums = {SCENE_FILE: metadata["scene_sha256"], **json.loads(metadata.get("files_sha256", "{}"))}
@@ -84,14 +84,14 @@ class RunInfo:
 
     @classmethod
     def from_attachments(cls, attachments: Mapping[str, bytes]) -> RunInfo:
-        """Put together what is left without the metadata record: settings, version and machine are not known."""
+        """Return the origin without the metadata record: settings, version and machine are unknown."""
         files = dict(attachments)
         scene = files.pop(SCENE_FILE, b"").decode()
         return cls(scene=scene, files=files, package_version="unknown", machine={})
 
 
 def describe_machine() -> dict[str, str]:
-    """Name the machine and the libraries that decide the last bits of a result."""
+    """Return the machine and the libraries, which affect the last bits of a result."""
     facts = {
         "platform": platform.platform(),
         "processor": _processor(),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading a finished bag: messages as bytes, topics, and the run that it holds."""
+"""Reading of a finished bag: messages as bytes, topics, and the origin of its run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.topic import Qos, TopicInfo
 
 DAMAGE = (*UNREADABLE, yaml.YAMLError)
-"""What reading a damaged file, or a damaged text in it, ends with."""
+"""Exceptions that reading a damaged file, or a damaged text in it, may raise."""
 
 
 class BagMessage(NamedTuple):
@@ -42,10 +42,10 @@ class BagReader:
     """A finished bag, ours or one of ``ros2 bag record --storage mcap``.
 
     Args:
-        path: directory of the bag or of the run that it is in, or one of the bag's MCAP files.
+        path: directory of the bag or of its run, or one of the bag's MCAP files.
 
     Raises:
-        RecordingError: no bag there, or it is cut off or damaged (the remedy is ``gdfe recover``).
+        RecordingError: no bag there, or it is truncated or damaged (the remedy is ``gdfe recover``).
 
     Attributes:
         path: of the bag's directory or file.
@@ -55,7 +55,7 @@ class BagReader:
         start: smallest log time [ns], 0 for an empty bag.
         end: largest log time [ns].
         run: origin of the run, or None for a bag that is not ours.
-        notes: how the recording went (``RecorderStatus.to_notes``); empty for a bag that is not ours.
+        notes: status of the recording (``RecorderStatus.to_notes``); empty for a bag that is not ours.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -76,12 +76,12 @@ class BagReader:
     def messages(
         self, topics: Collection[str] | None = None, *, start: int | None = None, end: int | None = None
     ) -> Iterator[BagMessage]:
-        """Iterate over messages in the order in which they were written.
+        """Yield messages in the order in which they were written.
 
         Args:
             topics: names to keep; None: all.
             start: smallest log time to keep [ns].
-            end: log time [ns] from which on nothing is kept.
+            end: log time [ns] from which on messages are left out.
 
         Raises:
             RecordingError: a topic that the bag does not have, or a damaged file.
@@ -107,7 +107,7 @@ class BagReader:
                     )
 
     def _survey(self, reader: McapReader) -> None:
-        """Take topics, counts and embedded records of one file."""
+        """Add topics, counts and embedded records of one file."""
         summary = reader.get_summary()
         if summary is None or summary.statistics is None:
             raise McapError("the file has no summary")
@@ -127,7 +127,7 @@ class BagReader:
 
 
 def topic_of(channel: Channel, schema: Schema) -> TopicInfo:
-    """Translate MCAP's channel and schema records; of several offered profiles the first is taken."""
+    """Return a topic from MCAP's channel and schema records, with the first of several offered QoS profiles."""
     profiles = yaml.safe_load(channel.metadata.get("offered_qos_profiles", "")) or []
     return TopicInfo(
         name=channel.topic,
@@ -157,7 +157,7 @@ def _bag_files(path: Path) -> list[Path]:
 
 
 def _listed_files(metadata: Path) -> list[Path]:
-    """Give the files that metadata.yaml names."""
+    """Return the files that metadata.yaml lists."""
     data = yaml.safe_load(metadata.read_text(encoding="utf-8"))
     info = data.get(ROOT_KEY) if isinstance(data, dict) else None
     if not isinstance(info, dict):
@@ -176,7 +176,7 @@ def _listed_files(metadata: Path) -> list[Path]:
 
 @contextmanager
 def _opened(file: Path) -> Iterator[McapReader]:
-    """Open one file for reading; what mcap finds wrong with it becomes a ``RecordingError``."""
+    """Open one file for reading; errors of mcap become ``RecordingError``."""
     try:
         with file.open("rb") as stream:
             with mmap(stream.fileno(), 0, access=ACCESS_READ) as data:

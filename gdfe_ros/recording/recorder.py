@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recording beside a running simulation: a bounded queue, and a thread that writes the bag."""
+"""Recording during a simulation: a bounded queue, and a thread that writes the bag."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gdfe_ros.recording.topic import TopicInfo
 from gdfe_ros.recording.writer import BagOptions, BagWriter
 from gdfe_ros.threads import RECORDER, show_name
 
-# The thread wakes before its time when this much waits [B], so that a burst does not fill the queue.
+# The thread wakes early when this many bytes [B] wait, so that a burst does not fill the queue.
 _WAKE_BYTES = 1 << 20
 
 
@@ -30,7 +30,7 @@ class RecorderStatus:
     Args:
         written: messages handed to the bag.
         waiting: messages in the queue.
-        dropped: messages refused or lost, by topic; they are not in the bag.
+        dropped: messages rejected or lost, by topic; they are not in the bag.
         error: why the recording stopped early, or None.
     """
 
@@ -45,7 +45,7 @@ class RecorderStatus:
         return sum(self.dropped.values())
 
     def to_notes(self) -> dict[str, str]:
-        """Give the counts as the text that the bag carries."""
+        """Return the counts as the text that the bag contains."""
         return {
             "messages_written": str(self.written),
             "messages_dropped": str(self.dropped_total),
@@ -62,12 +62,12 @@ class _Message(NamedTuple):
 
 
 class Recorder:
-    """Records serialised messages in a thread; ``record`` takes microseconds and never raises for the disk.
+    """Records serialised messages in a thread; ``record`` takes microseconds and never raises because of the disk.
 
-    On a full disk or a device error the recording stops: ``error`` and ``status`` say so, ``failed`` is told,
-    and the bag is completed with what it holds. What ``record`` refuses is counted until then, so that bag and
-    ``status`` agree on what was dropped; later calls only return False. The simulation goes on. Without a
-    call of ``close`` the bag is completed when the interpreter ends. Usable as a context manager.
+    On a full disk or a device error the recording stops: ``error`` and ``status`` say so, ``failed`` is called, and the
+    bag is completed with its present contents. Messages that ``record`` rejects are counted until then, so that bag and
+    ``status`` agree on the dropped ones; later calls only return False. The simulation continues. Without a call of
+    ``close`` the bag is completed when the interpreter ends. Usable as a context manager.
 
     Args:
         path: directory of the bag, which must not exist or be empty.
@@ -75,10 +75,10 @@ class Recorder:
         run: origin of the run, embedded in every file.
         options: compression, splitting, fsync.
         queue: limit, back-pressure and flush interval.
-        failed: is called in the thread, once, when the bag is completed early, with the status.
+        failed: called once in the thread, with the status, if the bag is completed early.
 
     Raises:
-        RecordingError: the bag cannot be begun.
+        RecordingError: the bag cannot be created.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class Recorder:
             )
 
     def add_topic(self, topic: TopicInfo) -> None:
-        """Declare a further topic; waits for a write in progress, so not for the step loop.
+        """Declare a further topic; waits for a write in progress, so it must not be called by the step loop.
 
         Raises:
             RecordingError: as ``BagWriter.add_topic``.
@@ -140,7 +140,7 @@ class Recorder:
         self._topics.add(topic.name)
 
     def record(self, topic: str, data: bytes, log_time: int, publish_time: int | None = None) -> bool:
-        """Hand over one message; safe from any thread.
+        """Queue one message; safe from any thread.
 
         Args:
             topic: name of a declared topic.
@@ -149,7 +149,7 @@ class Recorder:
             publish_time: the same for the publisher's stamp; None: ``log_time``.
 
         Returns:
-            Whether it was taken; otherwise it is counted as dropped.
+            Whether it was accepted; otherwise it is counted as dropped.
 
         Raises:
             RecordingError: the topic was not declared (a mistake in the program, never the disk's state).
@@ -168,9 +168,9 @@ class Recorder:
         return True
 
     def close(self) -> RecorderStatus:
-        """Write what waits, complete the bag and end the thread; a second call only returns the status.
+        """Write the queue, complete the bag and end the thread; a second call only returns the status.
 
-        Interrupted by a signal's exception, it can be called again.
+        If a signal's exception interrupts it, it can be called again.
         """
         with self._state:
             self._closing = True
@@ -187,7 +187,7 @@ class Recorder:
         self.close()
 
     def _has_room(self, size: int) -> bool:
-        """Decide, under the lock, whether a message is taken; under ``BLOCK`` this may wait."""
+        """Return, under the lock, whether a message is accepted; under ``BLOCK`` this may wait."""
         if self._settings.back_pressure is BackPressure.BLOCK and not self._fits(size):
             self._wake.set()
             self._state.wait_for(lambda: self._fits(size) or self._is_over(), timeout=self._settings.block_seconds)
@@ -214,7 +214,7 @@ class Recorder:
             self._failed(self.status)
 
     def _guarded(self, action: Callable[[], None]) -> None:
-        """Run a part of the thread's work; whatever goes wrong there ends the recording, not the program."""
+        """Run a part of the thread's work; any error in it ends the recording, not the program."""
         try:
             with self._writing:
                 action()
@@ -234,7 +234,7 @@ class Recorder:
             self._state.notify_all()
 
     def _drain(self) -> None:
-        """Write all that waits, then hand it to the operating system."""
+        """Write the queue, then flush it to the operating system."""
         written = self._written
         while self._queue:
             self._writer.write(*self._queue[0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Repair of bags that a crash, a kill or a full disk cut off."""
+"""Repair of bags that a crash, a kill or a full disk truncated."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from gdfe_ros.recording.writer import BagOptions, BagWriter
 
 @dataclass(frozen=True, kw_only=True)
 class RecoveryReport:
-    """What was got out of a bag.
+    """Result of a recovery.
 
     Args:
-        path: directory of the new bag, whole and indexed.
+        path: directory of the new bag, complete and indexed.
         messages: number of messages in it, by topic.
-        missing: messages that the sequence numbers show to be lost before the last one, by topic; those after
+        missing: lost messages before the last one, as the sequence numbers show, by topic; lost messages after
             it leave no trace.
-        cut_files: names of files that end before their proper end.
-        damaged_chunks: chunks whose content did not match its checksum; left out.
-        damaged_records: other records that could not be read; left out.
-        orphans: messages whose topic's declaration is lost; left out.
-        run: whether the new bag holds the scene and settings of its run.
+        cut_files: names of truncated files.
+        damaged_chunks: skipped chunks whose content did not match its checksum.
+        damaged_records: other skipped records that could not be read.
+        orphans: skipped messages whose topic's declaration is lost.
+        run: whether the new bag has the scene and settings of its run.
     """
 
     path: Path
@@ -49,18 +49,18 @@ class RecoveryReport:
 
 
 def recover(path: str | Path, output: str | Path | None = None, *, options: BagOptions | None = None) -> RecoveryReport:
-    """Read a bag as far as it goes and write what it holds as a new, whole bag.
+    """Read a bag as far as possible and write its contents as a new, complete bag.
 
-    The old bag is not touched. The run's origin (scene, settings, machine) is carried over.
+    The old bag is not modified. The run's origin (scene, settings, machine) is copied.
 
     Args:
-        path: directory of the bag or of the run that it is in, or one MCAP file.
+        path: directory of the bag or of its run, or one MCAP file.
         output: directory of the new bag, which must not exist or be empty; None: beside the old one, with
             ``_recovered`` added to the name.
-        options: how the new bag is written.
+        options: of the new bag.
 
     Raises:
-        RecordingError: there is no MCAP file, not one whole message, or the new bag cannot be written.
+        RecordingError: there is no MCAP file, no complete message, or the new bag cannot be written.
 
     Example:
         >>> report = recover("runs/bend5")
@@ -98,7 +98,7 @@ def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage], options: B
 
 
 def _origin(salvages: Sequence[Salvage]) -> RunInfo | None:
-    """Give the origin of the run: every file holds it, and the scene was published, too."""
+    """Return the origin of the run: every file has it, and the scene was also published."""
     if not any(salvage.run for salvage in salvages):
         for salvage in salvages:
             salvage.restore_scene()

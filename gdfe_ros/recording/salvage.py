@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be read of one MCAP file that may break off or be damaged anywhere."""
+"""Salvage of one MCAP file that may be truncated or damaged anywhere."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from gdfe_ros.recording.topic import TopicInfo
 
 
 class Salvage:
-    """Reads one file record by record; the index, which a cut file does not have, is not needed.
+    """Reads one file record by record, without its index, which a truncated file lacks.
 
     Args:
         file: path of the file.
 
     Attributes:
-        damage: what was wrong; known when ``messages`` is exhausted.
-        orphans: messages without their topic's declaration, which is lost; left out.
+        damage: damage of the file; known when ``messages`` is exhausted.
+        orphans: skipped messages whose topic's declaration is lost.
     """
 
     def __init__(self, file: Path) -> None:
@@ -41,9 +41,9 @@ class Salvage:
 
     @property
     def run(self) -> RunInfo | None:
-        """Origin of the run, as far as the file was read; it stands before the first message.
+        """Origin of the run, as far as the file was read; it precedes the first message.
 
-        None without a sound scene; where only its record is damaged, scene and files are what is known.
+        None without an intact scene. If only its metadata record is damaged, the scene and files are known.
         """
         if SCENE_FILE not in self._attachments:
             return None
@@ -53,7 +53,7 @@ class Salvage:
             return RunInfo.from_attachments(self._attachments)
 
     def restore_scene(self) -> None:
-        """Take the scene from its topic, where the attachment is damaged; reads the file on its own."""
+        """Take the scene from its topic if the attachment is damaged; reads the file again."""
         for topic, message in Salvage(self.file).messages():
             if topic.type == "std_msgs/msg/String" and topic.name.endswith("/scene"):
                 # CDR: four bytes of head, the length of the text, the text, a zero.
@@ -62,12 +62,12 @@ class Salvage:
 
     @property
     def missing(self) -> Counter[str]:
-        """Messages that sequence numbers, which count from 0 in each file, show to be lost, by topic."""
+        """Number of lost messages by topic, from the gaps in the sequence numbers, which begin at 0 in each file."""
         gaps = {topic: last + 1 - self._count[topic] for topic, last in self._last_sequence.items()}
         return Counter({topic: gap for topic, gap in gaps.items() if gap > 0})
 
     def messages(self) -> Iterator[tuple[TopicInfo, Message]]:
-        """Yield every whole message with its topic, in the order written.
+        """Yield every complete message with its topic, in the order written.
 
         Raises:
             OSError: the file cannot be read.

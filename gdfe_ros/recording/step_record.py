@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The record of one step on ``~/step_record``: what a replay must know to make the same step again.
+"""The record of one step on ``~/step_record``: all inputs that a replay needs to repeat the step.
 
-JSON text: Python writes a float as the shortest text that reads back as the same double, so nothing is lost.
+It is JSON text: Python writes a float as the shortest text that reads back as the same double, so nothing is lost.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ FORMAT = 1
 
 
 class Begin(str, Enum):
-    """The state that a step starts from."""
+    """The state from which a step starts."""
 
     REST = "rest"
     LAST = "last"
@@ -31,30 +31,31 @@ class Begin(str, Enum):
 class StepRecord:
     """Input and outcome of one step.
 
-    A replay starts from ``begin``, calls ``Simulation.step`` with ``handles``, ``actuators``, ``loads``, ``bodies``
-    and ``dt``, and with ``cut_after``, which ends a solve where its deadline once did.
+    A replay starts from ``begin`` and calls ``Simulation.step`` with ``handles``, ``actuators``, ``loads``, ``bodies``,
+    ``dt`` and ``cut_after``, which ends a solve where its deadline ended it.
 
     Attributes:
-        step: number of the step since the node was configured; 0 is the state that it was activated with.
+        step: number of the step since the node was configured; 0 is the state at activation.
         begin: the last step's state, or after a reset the rest shape, or a state that was loaded.
         time: simulation time at the end of the step [s].
-        dt: by how much it was advanced [s].
+        dt: duration of the step [s].
         stamp: of the headers of its messages, on the node's clock [ns]; None in old bags: the simulation time.
         handles: targets consumed by this step, by handle: translation [m] and rotation vector [rad].
         actuators: commands consumed by this step, by actuator, in the unit of its mode.
         loads: factors of loads consumed by this step, by load.
-        bodies: poses at which rigid bodies were put before this step, as of handles; not in the text where none was.
-        cut: a deadline ended the solve before it had converged.
-        cut_after: how often the solve asked for the time before its deadline had passed; None: it never passed.
-        converged: as in ``StepResult``, like all that follow.
+        bodies: poses to which rigid bodies were teleported before this step, as for handles; left out of the text if
+            there are none.
+        cut: whether a deadline ended the solve before it had converged.
+        cut_after: how often the solve asked for the time before its deadline passed; None if it did not pass.
+        converged: as in ``StepResult``, like all following attributes.
         iterations: linear solves.
         substeps: increments.
-        residual: estimated distance to the equilibrium over the body's size; infinite where a solve was cut.
+        residual: estimated distance to the equilibrium over the body's size; infinite for a solve that was cut.
         energy: strain energy [J].
         min_det: least det F.
         wall_time: time spent solving [s]; the only entry that differs between two equal runs.
-        skipped: work that was not needed, by name.
-        message: what is wrong; empty where nothing is.
+        skipped: counts of work that was left out, by name.
+        message: the defect; empty if there is none.
         energies: of a body in motion [J], by name; empty without dynamics, and then not in the text.
     """
 
@@ -81,20 +82,20 @@ class StepRecord:
     energies: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> str:
-        """Give the text that is published: one object, ``format`` first, poses as six numbers."""
+        """Return the published text: one object, ``format`` first, poses as six numbers."""
         entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
         for poses in ("handles", "bodies"):
             entries[poses] = {name: [*pose.translation, *pose.rotation] for name, pose in entries[poses].items()}
         for seldom in ("bodies", "energies"):
             if not entries[seldom]:
                 del entries[seldom]
-        # JSON has no infinity: a distance that is not known is null.
+        # JSON has no infinity: an unknown distance is null.
         entries["residual"] = self.residual if math.isfinite(self.residual) else None
         return json.dumps({"format": FORMAT, **entries, "begin": self.begin.value})
 
     @classmethod
     def from_json(cls, text: str) -> StepRecord:
-        """Read what ``to_json`` wrote.
+        """Return the record that ``to_json`` wrote.
 
         Raises:
             RecordingError: not such a text, or of another format.

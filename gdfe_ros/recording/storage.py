@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file whose space is reserved ahead of its writes, so that a full disk never cuts a record in two."""
+"""A file whose space is reserved before it is written, so that a full disk never truncates a record."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _CANNOT_RESERVE = (errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 
 
 class ReservedFile:
-    """Write-only, unbuffered file; ``reserve`` allocates before ``write`` needs it.
+    """Write-only, unbuffered file; ``reserve`` allocates space before ``write`` needs it.
 
-    A full disk, a quota or a file-size limit then shows as an ``OSError`` of ``reserve``, at a moment when
-    nothing is half written and what was promised before can still be written: the file can be ended properly.
-    Where the system or the file system cannot reserve (macOS, some network mounts), such an error comes from
-    ``write`` instead. While open, the file may be up to 4 MiB longer than what was written, filled with
-    zeros; ``close`` cuts it to length.
+    A full disk, a quota or a file-size limit then causes an ``OSError`` of ``reserve``, at a moment when
+    no record is half written and earlier reservations still hold: the file can be finished properly.
+    Systems or file systems without reservation (macOS, some network mounts) raise such an error in
+    ``write`` instead. While open, the file may be up to 4 MiB longer than the written data, filled with
+    zeros; ``close`` truncates it.
 
     Args:
         path: of the file, which must not exist.
@@ -34,7 +34,7 @@ class ReservedFile:
         self._fd: int | None = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
 
     def reserve(self, size: int) -> None:
-        """Make sure that the next ``size`` bytes [B] can be written.
+        """Ensure that the next ``size`` bytes [B] can be written.
 
         Raises:
             OSError: they cannot (ENOSPC, EDQUOT, EFBIG, ...). Earlier reservations still hold.
@@ -58,7 +58,7 @@ class ReservedFile:
         self._allocated = end
 
     def write(self, data: bytes) -> int:
-        """Append bytes; all of them or an ``OSError``."""
+        """Append all bytes, or raise ``OSError``; return their number."""
         view = memoryview(data)
         while view:
             count = os.write(self._descriptor(), view)
@@ -74,11 +74,11 @@ class ReservedFile:
         """Do nothing: writes go straight to the operating system."""
 
     def sync(self) -> None:
-        """Wait until what was written is on the device."""
+        """Wait until the written data are on the device."""
         os.fsync(self._descriptor())
 
     def close(self, *, sync: bool = False) -> None:
-        """Cut the reservation off and close; a second call does nothing.
+        """Truncate the reservation and close; a second call does nothing.
 
         Args:
             sync: also wait until the file is on the device.

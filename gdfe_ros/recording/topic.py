@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag says about a topic: its type and the quality of service that its publisher offered."""
+"""A topic in a bag: its type and the quality of service that its publisher offered."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _INFINITE = {"sec": 9223372036, "nsec": 854775807}
 
 
 class Reliability(Enum):
-    """Whether lost messages are sent again."""
+    """Whether lost messages are resent."""
 
     RELIABLE = "reliable"
     BEST_EFFORT = "best_effort"
@@ -25,7 +25,7 @@ class Reliability(Enum):
 
 
 class Durability(Enum):
-    """Whether a late subscriber gets the last messages (latched)."""
+    """Whether a late subscriber receives the last messages (latched)."""
 
     VOLATILE = "volatile"
     TRANSIENT_LOCAL = "transient_local"
@@ -35,7 +35,7 @@ class Durability(Enum):
 
 
 class History(Enum):
-    """How many messages a publisher keeps."""
+    """Extent of a publisher's queue."""
 
     KEEP_LAST = "keep_last"
     KEEP_ALL = "keep_all"
@@ -68,7 +68,7 @@ class Qos:
 
     @classmethod
     def from_rclpy(cls, profile: Any) -> Qos:
-        """Translate an ``rclpy.qos.QoSProfile`` (its policies by their names; rclpy is not imported)."""
+        """Return the profile of an ``rclpy.qos.QoSProfile`` (its policies by their names; rclpy is not imported)."""
         return cls(
             reliability=Reliability[profile.reliability.name],
             durability=Durability[profile.durability.name],
@@ -78,10 +78,10 @@ class Qos:
 
     @classmethod
     def from_rosbag2(cls, entry: Mapping[str, Any]) -> Qos:
-        """Read the mapping of metadata.yaml version 9.
+        """Return the profile of a mapping of metadata.yaml version 9.
 
         Raises:
-            RecordingError: a policy is not one of the names that ROS 2 writes since Jazzy.
+            RecordingError: a policy is not one of the names that ROS 2 has written since Jazzy.
         """
         try:
             return cls(
@@ -96,7 +96,7 @@ class Qos:
             ) from error
 
     def to_rosbag2(self) -> dict[str, Any]:
-        """Give the profile as the mapping of metadata.yaml version 9."""
+        """Return the profile as the mapping of metadata.yaml version 9."""
         return {
             "history": self.history.value,
             "depth": self.depth,
@@ -117,11 +117,11 @@ class TopicInfo:
     Args:
         name: full topic name, e.g. ``/gdfe_sim/mesh``.
         type: ROS type, e.g. ``sensor_msgs/msg/PointCloud2``.
-        qos: what the publisher offered.
+        qos: profile that the publisher offered.
         definition: concatenated ``.msg`` text; empty: taken from the ROS installation when writing.
         type_hash: ``RIHS01_...``; empty: taken from the ROS installation when writing.
-        role: what the topic is to the node that recorded, e.g. ``mesh`` or ``handles/tip/pose``, whatever it is
-            remapped to; empty where nothing says so.
+        role: purpose of the topic in the recording node, e.g. ``mesh`` or ``handles/tip/pose``, whatever its remapped
+            name; empty if unknown.
     """
 
     name: str

@@ -18,7 +18,7 @@ from gdfe_ros.recording.topic import TopicInfo
 
 
 class FsyncPolicy(Enum):
-    """When to wait for the device. A killed process loses nothing that was written; a power cut may."""
+    """When to wait for the device. A killed process loses no written data; a power failure may."""
 
     NEVER = "never"
     CLOSE = "close"
@@ -27,11 +27,11 @@ class FsyncPolicy(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class BagOptions:
-    """How a bag is written.
+    """Options for writing a bag.
 
     Args:
         compression: of the chunks.
-        chunk_size: a chunk is compressed and written when it holds this much [B], 1 KiB to 64 MiB.
+        chunk_size: a chunk is compressed and written when it holds this many bytes [B], 1 KiB to 64 MiB.
         split_bytes: begin a new file when one has reached about this size [B], 64 KiB or more; None: never.
         split_seconds: begin a new file when one spans this much log time [s], above 0; None: never.
         fsync: when to wait for the device.
@@ -56,11 +56,11 @@ class BagOptions:
 
 
 class BagWriter:
-    """Writes a bag in the caller's own time; ``recorder.Recorder`` does it from a thread.
+    """Writes a bag synchronously; ``recorder.Recorder`` does it in a thread.
 
     Args:
-        path: directory of the bag, which must not exist or be empty; parents are made.
-        topics: of the bag; ``add_topic`` adds more. Definitions and hashes that are empty are looked up.
+        path: directory of the bag, which must not exist or be empty; parents are created.
+        topics: of the bag; ``add_topic`` adds more. Missing definitions and hashes are looked up.
         run: origin of the run, embedded in every file; None: nothing is embedded.
         options: compression, splitting, fsync.
 
@@ -99,7 +99,7 @@ class BagWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file in progress, those waiting in the chunk counted uncompressed."""
+        """Bytes of the file in progress; those waiting in the chunk are counted uncompressed."""
         return self._file.size if self._file else 0
 
     def add_topic(self, topic: TopicInfo) -> None:
@@ -107,7 +107,7 @@ class BagWriter:
 
         Raises:
             RecordingError: the name is in use for another type, the type is unknown, the bag is closed, or
-                there is no room.
+                there is no space.
         """
         known = self._topics.get(topic.name)
         if known is not None:
@@ -131,8 +131,8 @@ class BagWriter:
             publish_time: the same for the publisher's stamp; None: ``log_time``.
 
         Raises:
-            RecordingError: unknown topic, closed bag, or no room or a device error; after no room the bag
-                without this message is whole and ``close`` completes it.
+            RecordingError: unknown topic, closed bag, no space, or a device error. Without space, the bag without
+                this message is intact and ``close`` completes it.
         """
         if topic not in self._topics:
             raise RecordingError(f"topic {topic} is not in bag {self.path}; it has {sorted(self._topics)}")
@@ -145,7 +145,7 @@ class BagWriter:
             raise RecordingError(f"bag {self.path} takes no more messages: {error}") from error
 
     def flush(self) -> None:
-        """Hand every message to the operating system: a kill of this process no longer loses it.
+        """Flush every message to the operating system, so that killing this process no longer loses it.
 
         Raises:
             RecordingError: the bag is closed or the device failed.
@@ -159,10 +159,10 @@ class BagWriter:
         """Complete the bag; a second call does nothing.
 
         Args:
-            notes: how the recording went, written into the file and as ``custom_data`` of metadata.yaml.
+            notes: status of the recording, written into the file and as ``custom_data`` of metadata.yaml.
 
         Raises:
-            RecordingError: the device failed; ``gdfe recover`` gets out what was written.
+            RecordingError: the device failed; ``gdfe recover`` recovers the written data.
         """
         if self._file is None:
             return
@@ -196,7 +196,7 @@ class BagWriter:
         return by_size or (seconds is not None and log_time - part.counts.start >= seconds * 1e9)
 
     def _next_part(self) -> BagFile:
-        # Opened before the last one is ended: without room for it, that one stays the bag's last file.
+        # The new file is opened before the last one is finished: without space, that one stays the bag's last file.
         following = self._open_file(len(self._done) + 1)
         self._finish_part({})
         self._file = following
@@ -220,7 +220,7 @@ class BagWriter:
 
 
 def _complete(topic: TopicInfo) -> TopicInfo:
-    """Fill in definition and hash from the ROS installation where they are empty."""
+    """Return the topic with a missing definition and hash from the ROS installation."""
     return replace(
         topic,
         definition=topic.definition or message_definition(topic.type),

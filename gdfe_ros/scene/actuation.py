@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to actuators, attached masses, loads and probes."""
+"""Construction of actuators, attached masses, loads and probes from the valid parts of a scene file."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.report import NO_VALUE, Report, suggest
 from gdfe_ros.scene.schema import Draft
 
-#: Widest allowed range of a command.
+#: Widest allowed range of a command, by its mode.
 LIMITS: Mapping[Mode, tuple[float, float]] = {
     Mode.TENSION: (0.0, math.inf),
     Mode.LENGTH: (0.0, math.inf),
@@ -49,7 +49,7 @@ LIMITS: Mapping[Mode, tuple[float, float]] = {
 
 
 def build_actuators(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Actuator, ...]:
-    """Return the actuators whose place in the body can be found."""
+    """Return the actuators whose places in the body are valid."""
     built = []
     for name, model in draft.actuators.items() if mesh is not None else ():
         kind, value = model.chosen
@@ -64,14 +64,14 @@ def build_actuators(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple
 def build_masses(
     draft: Draft, mesh: HexMesh | None, probes: Mapping[str, Embedding], names: Sequence[str], report: Report
 ) -> tuple[AttachedMass, ...]:
-    """Return the attached masses whose place in the body can be found.
+    """Return the attached masses whose places in the body are valid.
 
     Args:
-        draft: the file's sound parts.
+        draft: valid parts of the file.
         mesh: the body.
         probes: those that lie in it.
         names: of all probes of the file.
-        report: takes the defects.
+        report: collects the defects.
     """
     found = []
     for name, model in draft.masses.items() if mesh is not None else ():
@@ -94,7 +94,7 @@ def build_loads(
     masses: tuple[AttachedMass, ...],
     report: Report,
 ) -> tuple[Load, ...]:
-    """Return the loads whose place in the body can be found; gravity needs the density of every material."""
+    """Return the loads whose places in the body are valid; gravity needs the density of every material."""
     built = []
     for name, model in draft.loads.items() if mesh is not None else ():
         path = ("loads", name, model.chosen[0])
@@ -117,7 +117,7 @@ def build_probes(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str
 
 
 def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tuple[Load, ...]) -> dict[str, float]:
-    """Return the command of every actuator and load at which it does nothing to the body at rest."""
+    """Return the command of every actuator and load at which it has no effect on the body at rest."""
     commands = {load.name: 0.0 for load in loads}
     for actuator in actuators:
         commands[actuator.name] = 0.0
@@ -199,16 +199,16 @@ def _gravity(
         report.add(path, text)
         return None
     if (cell_material < 0).any() or cell_material.max() >= len(materials):
-        return None  # a material has defects, which are in the report
+        return None  # a material has defects, which are in the report already
     return Gravity(name=name, acceleration=np.array(acceleration), density=cell_densities(materials, cell_material))
 
 
 def _embedded(
     mesh: HexMesh, part: str | None, points: object, path: KeyPath, report: Report, *, key: str | None = None
 ) -> Embedding | None:
-    """Return the points as they lie in the body, or in the frame of one of its meshes.
+    """Return the points embedded in the body, or in the frame of one of its meshes.
 
-    ``path`` is that of the entry with the key `mesh`, ``key`` where the points stand in it.
+    ``path`` is that of the entry with the key `mesh`; ``key`` is the key of the points in it.
     """
     if not known_part(mesh, part, path, report):
         return None

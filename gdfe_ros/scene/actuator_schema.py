@@ -44,7 +44,7 @@ Place = Annotated[
 
 
 class DriveModel(Entry):
-    """What all actuators share."""
+    """Keys that all actuators share."""
 
     range: Annotated[tuple[float, float], _RANGE] | None = None
     rate: Annotated[float, _RATE] | None = None
@@ -97,7 +97,7 @@ class ChamberModel(DriveModel):
 
 
 class GrowthModel(DriveModel):
-    """Cells that want another size."""
+    """Cells that grow or shrink."""
 
     stretch: Annotated[tuple[float, float, float], _STRETCH]
     where: WhereModel | None = Field(
@@ -114,7 +114,7 @@ class ActuatorModel(Choice):
 
     @property
     def mode(self) -> Mode:
-        """What its command means."""
+        """Quantity that its command prescribes."""
         kind, value = self.chosen
         return Mode.GROWTH if kind == "growth" else Mode(value.command)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to materials, handles and a program, checking what depends on each other."""
+"""Construction of materials, handles and a program from the valid parts of a scene file, with cross checks."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _TESTED = {
     "cell": "cell centroids",
     "point of the skin": "points about half a cell's edge apart",
 }
-"""What of a body a place is compared with, if not its vertices."""
+"""Quantity that a selection is compared with, if it is not the vertices."""
 
 
 def build_materials(draft: Draft, report: Report) -> dict[str, Material]:
-    """Return the materials that can be made, by name."""
+    """Return the valid materials, by name."""
     materials = {}
     for name, model in draft.materials.items():
         try:
@@ -44,7 +44,7 @@ def build_materials(draft: Draft, report: Report) -> dict[str, Material]:
 
 
 def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], report: Report) -> NDArray[np.int32]:
-    """Return the index into `names` of each cell's material; -1 where defects leave it open."""
+    """Return the index into `names` of each cell's material; -1 if a defect leaves it undefined."""
     assigned = np.full(mesh.n_cells if mesh else 0, -1, dtype=np.int32)
     complete = mesh is not None and len(draft.regions) > 0 and None not in draft.regions
     for i, region in enumerate(draft.regions):
@@ -70,7 +70,7 @@ def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], repor
 
 
 def build_handles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Handle, ...]:
-    """Return the handles whose vertices can be found; no vertex may be in two of them."""
+    """Return the handles with valid vertices; no vertex may belong to two of them."""
     handles = []
     for name, model in draft.handles.items() if mesh is not None else ():
         vertices = select(select_vertices, mesh, model.where, ("handles", name, "where"), "vertex", report)
@@ -88,7 +88,7 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[H
 
 
 def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Report) -> None:
-    """Note each piece of the body that nothing holds along an axis: its place would be undetermined."""
+    """Report each piece of the body that nothing holds along an axis, because its position would be undetermined."""
     part = vertex_pieces(mesh.cells, mesh.n_vertices)
     for axis, letter in enumerate("xyz"):
         pieces_of = {handle.name: set(part[handle.vertices].tolist()) for handle in handles}
@@ -104,7 +104,7 @@ def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Report) -> 
 
 
 def _piece(mesh: HexMesh, vertices: NDArray[np.intp]) -> str:
-    """Return what to call a piece of the body that has these vertices and no others."""
+    """Return a name for the piece of the body with exactly these vertices."""
     if len(vertices) == mesh.n_vertices:
         return "the body"
     for name, part in mesh.parts.items():
@@ -125,16 +125,16 @@ def build_program(
     loads: Sequence[Load] = (),
     start: Mapping[str, float] | None = None,
 ) -> Program:
-    """Return the program; what it moves must exist, be movable, and its times ascend within the duration.
+    """Return the program; everything that it moves must exist and be movable, at ascending times within the duration.
 
     Args:
         model: the program of the file.
-        draft: the file's sound parts.
+        draft: valid parts of the file.
         movers: names of all handles and obstacles of the file, by section.
-        report: takes the defects.
+        report: collects the defects.
         actuators: those of the scene.
         loads: those of the scene.
-        start: commands at time 0 of what is commanded later only.
+        start: commands at time 0 of items whose first command comes later.
     """
     for section, names in movers.items():
         known: Mapping[str, HandleModel | ObstacleModel] = getattr(draft, section)
@@ -172,7 +172,7 @@ def _tracks(
     duration: float,
     report: Report,
 ) -> dict[str, tuple[Point, ...]]:
-    """Return the commands over time of actuators or loads; they must exist and stay in their range."""
+    """Return the commands of actuators or loads over time; they must exist and stay in their range."""
     for name, points in tracks.items():
         path = ("program", section, name)
         if name not in names:
@@ -219,9 +219,9 @@ def select(
     noun: str,
     report: Report,
 ) -> NDArray[np.int32] | None:
-    """Return what a `where` selects with one of the functions of `mesh.selection`; all cells without one.
+    """Return the result of a `where` by one of the functions of `mesh.selection`; all cells without one.
 
-    None, and a note in the report, where the selection is wrong or empty.
+    None, with an entry in the report, if the selection is invalid or empty.
     """
     if where is None:
         return np.arange(mesh.n_cells, dtype=np.int32)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to chambers: the faces that their pressure acts on."""
+"""Construction of chambers from the valid parts of a scene file: the faces on which their pressure acts."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from gdfe_ros.scene.report import NO_VALUE, Report
 
 
 def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Chamber | None:
-    """Return the chamber that an entry describes; None where it has a defect, which is reported.
+    """Return the chamber of an entry; None if it has a defect, which is reported.
 
     Args:
         value: the entry.
         mesh: the body.
         common: name, mode and range of the actuator.
-        path: where the entry stands in the file.
-        report: takes defects.
+        path: of the entry in the file.
+        report: collects the defects.
     """
     if not known_part(mesh, value.mesh, path, report):
         return None
@@ -53,7 +53,7 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, rep
 def _lined_chamber(
     value: ChamberModel, mesh: HexMesh, first: int, common: dict, path: KeyPath, report: Report
 ) -> Chamber | None:
-    """Return a chamber whose pressure acts on the skin: faces of cut cells lie beside the surface."""
+    """Return a chamber whose pressure acts on the skin, because the faces of cut cells are not on the surface."""
     if value.where is not None:
         text = "it would name faces of cut cells, which lie beside the surface; remedy: cavity, near, or cells: whole"
         report.add((*path, "where"), text, value=NO_VALUE)
@@ -73,7 +73,7 @@ def _lined_chamber(
 
 
 def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray[np.int32]]:
-    """Return the points of a skin that some faces of it lie between, and the faces by their numbers among these."""
+    """Return the points of some faces of a skin, and the faces as indices of these points."""
     used, local = np.unique(quads, return_inverse=True)
     return Embedding(skin.corners[used], skin.weights[used]), local.reshape(quads.shape).astype(np.int32)
 
@@ -81,7 +81,7 @@ def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray
 def _chosen(
     value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str, path: KeyPath, report: Report
 ) -> Cavity | None:
-    """Return the cavity of a body that is meant; ``lack`` is what to say where there is none."""
+    """Return the cavity of a body that an entry refers to; ``lack`` is the message if there is none."""
     known = ", ".join(f"{i}: {c.volume:.3g} m^3 near {np.round(c.center, 6).tolist()}" for i, c in enumerate(cavities))
     if not cavities:
         report.add(path, lack)

@@ -48,7 +48,7 @@ class Document:
         return self.lines.get(path)
 
     def is_overridden(self, path: KeyPath) -> bool:
-        """Tell whether an entry, or one that contains it, was replaced after reading."""
+        """Return whether an entry, or one that contains it, was replaced after reading."""
         return any(path[: i + 1] in self.overridden for i in range(len(path)))
 
 
@@ -57,7 +57,7 @@ def parse_document(text: str, *, heading: str) -> Document:
 
     Args:
         text: the YAML text.
-        heading: what to call it in an error, e.g. ``scene bend5.yaml``.
+        heading: name of the text in an error, e.g. ``scene bend5.yaml``.
 
     Raises:
         SceneError: the text is not YAML, is empty, or its top level is not a mapping.

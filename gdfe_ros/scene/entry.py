@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all entries of a scene file have in common."""
+"""Base classes of the entries of a scene file."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ TAG = "kind="
 
 
 class Entry(BaseModel):
-    """A mapping of the scene file: no other keys than the declared ones, immutable."""
+    """A mapping of the scene file: immutable, with the declared keys only."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Choice(Entry):
-    """An entry of which exactly one key is given, e.g. ``{face: x-}``; every field is optional.
+    """An entry with exactly one of several keys, e.g. ``{face: x-}``; every field is optional.
 
     Attributes:
         options: keys that may stand beside the chosen one.
-        alone: those of them that say enough without it.
+        alone: those of them that are sufficient without it.
     """
 
     options: ClassVar[tuple[str, ...]] = ()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An example of every entry of a scene file, as text: together they use every key."""
+"""An example of every entry of a scene file, as text; together they use every key."""
 
 from __future__ import annotations
 
@@ -224,4 +224,4 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "skip: [solve, dormant elements], torsion: section}",
     ),
 }
-"""Texts of each kind of entry; those of one kind that exclude each other stand in texts of their own."""
+"""Example texts of each kind of entry; entries that exclude each other have separate texts."""

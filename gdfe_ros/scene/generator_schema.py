@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies that a scene file describes with a few numbers."""
+"""Generated bodies: meshes that a scene file describes by a few parameters."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.quantity import ANY, Quantity
 from gdfe_ros.scene.where_schema import WhereModel
 
-#: More cells than this are a mistake: they would need tens of gigabytes.
+#: Limit of cells; more would need tens of gigabytes and are a mistake.
 MOST_CELLS = 5_000_000
-#: No soft robot is longer [m]; what is, was meant in millimetres.
+#: Limit of lengths [m]; a larger value was probably meant in millimetres.
 LONGEST = 100.0
 
 
@@ -58,11 +58,11 @@ _TAPER = Quantity("size at the tip over size at the base", above=0.0, most=1.0)
 
 
 class Generated(Entry):
-    """A generated body; too many cells are refused before they are made."""
+    """A generated body; too many cells are rejected before they are made."""
 
     @property
     def count(self) -> int:
-        """Number of cells, about."""
+        """Approximate number of cells."""
         return math.prod(self.cells)
 
     @model_validator(mode="after")
@@ -161,7 +161,7 @@ class FingerModel(Generated):
 
     @property
     def count(self) -> int:
-        """Number of cells, about."""
+        """Approximate number of cells."""
         return math.prod(max(1, math.ceil(length / self.cell)) for length in self.size)
 
     def build(self) -> HexMesh:

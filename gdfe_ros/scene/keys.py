@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a key of the scene file, by its place."""
+"""Lookup of a scene file's keys by their location."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from gdfe_ros.scene.schema import SceneModel
 
 
 def known_keys(location: KeyPath) -> list[str]:
-    """Return the keys allowed in the mapping at a location as pydantic reports it; [] where any is."""
+    """Return the keys allowed in the mapping at a location as pydantic reports it; [] if any key is allowed."""
     model = _walk(location)
     return list(model.model_fields) if _is_model(model) else []
 
 
 def describe_key(location: KeyPath) -> str:
-    """Say what belongs at a location: its meaning, unit and range, e.g. ``a number: duration [s] > 0``."""
+    """Return a description of the value at a location: meaning, unit and range, e.g. ``a number: duration [s] > 0``."""
     model = _walk(location[:-1])
     field = model.model_fields.get(location[-1]) if _is_model(model) else None
     if field is None:
@@ -36,7 +36,7 @@ def describe_key(location: KeyPath) -> str:
 
 
 def find_quantity(place: FieldInfo | Any) -> Quantity | None:
-    """Return the number, or list of numbers, that stands in a field or is spoken of by an annotation; None for none."""
+    """Return the quantity of a field or annotation for a number, or a list of numbers; None for none."""
     if isinstance(place, FieldInfo):
         given = next((item for item in place.metadata if isinstance(item, Quantity)), None)
         return given or find_quantity(place.annotation)
@@ -78,7 +78,7 @@ def _tagged(annotation: Any, part: str | int) -> bool:
 
 
 def _bare(annotation: Any) -> Any:
-    """Strip Annotated and Optional."""
+    """Return an annotation without Annotated and Optional."""
     if get_origin(annotation) is Annotated:
         return _bare(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes from files, names and text."""
+"""Loading of scenes from files, names and text."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ def load_scene(name_or_path: str | Path, *, overrides: Mapping[str, Any] | None 
 
 
 def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str, Any] | None = None) -> Scene:
-    """Make a scene from YAML text, e.g. from `Scene.source` or a bag.
+    """Return a scene from YAML text, e.g. from `Scene.source` or a bag.
 
     Args:
         text: the YAML text; it may not refer to other files by relative paths.
-        origin: what to call it in errors.
+        origin: name of the text in errors.
         overrides: as for `load_scene`.
 
     Raises:
@@ -149,7 +149,7 @@ def _validate(document: Document, report: Report, folder: Path | None) -> Draft:
 
 
 def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
-    """Copy the data without the entries that have defects: the others are checked against each other."""
+    """Return a copy of the data without defective entries, so that the others can be checked against each other."""
     sound = {key: value for key, value in data.items() if key in Draft.model_fields}
     for path in broken:
         _drop(sound, path[: _depth(path)])
@@ -189,7 +189,7 @@ def _source(
     *,
     changed: bool,
 ) -> str:
-    """Return text that needs no other file: the text itself, or the data with the files' content put in."""
+    """Return text that needs no other file: the text itself, or the data with the contents of files."""
     for path, entry in carried.items():
         within = data
         for key in path[:-1]:

@@ -49,7 +49,7 @@ class _Common(Entry):
 
     @property
     def common(self) -> dict[str, float | None]:
-        """What every law has."""
+        """Parameters that all laws share."""
         return {"poisson": self.poisson, "density": self.density, "omega": self.omega}
 
 
@@ -86,13 +86,13 @@ class OgdenModel(_Common):
         """Return the material.
 
         Raises:
-            ValueError: the terms do not make a material.
+            ValueError: the terms are inconsistent.
         """
         return Ogden(mu=self.mu, alpha=self.alpha, **self.common)
 
 
 class CurveModel(_Common):
-    """Uniaxial nominal stress against engineering strain: a polynomial, a csv file, or the two columns."""
+    """Uniaxial nominal stress over engineering strain: a polynomial, a csv file, or the two columns."""
 
     law: Literal["curve"] = Field(description="name of the material law")
     coefficients: Annotated[tuple[float, ...], _COEFFICIENTS] | None = None
@@ -118,7 +118,7 @@ class CurveModel(_Common):
         """Return the material.
 
         Raises:
-            ValueError: the data do not make a curve.
+            ValueError: the data are no valid curve.
         """
         if self.coefficients is not None:
             data = CurveData.polynomial(self.coefficients, strain_max=self.strain_max)
@@ -148,7 +148,7 @@ class PresetModel(_Common):
         """Return the material.
 
         Raises:
-            ValueError: it is a filament without Poisson's ratio.
+            ValueError: it is a filament, and Poisson's ratio is missing.
         """
         return preset(self.preset, law=Law[self.law.upper()], scale=self.scale, **self.common)
 

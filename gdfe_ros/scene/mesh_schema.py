@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `mesh` of a scene file: where the body comes from."""
+"""The key `mesh` of a scene file: the source of the body."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class MeshModel(Choice):
 
     @property
     def place(self) -> tuple[str, ...]:
-        """Key path of what describes the body, from this entry on, for errors."""
+        """Key path of the body's description, relative to this entry, for errors."""
         kind = self.chosen[0]
         return (kind, "surface") if kind == "voxels" else (kind,)
 
@@ -86,12 +86,12 @@ class MeshModel(Choice):
         return unpack_mesh(value) if kind == "embedded" else value.build()
 
     def embed(self, mesh: HexMesh) -> dict[str, Any] | None:
-        """Return the entry that carries the mesh itself, or None if the entry needs no file."""
+        """Return the entry that contains the mesh itself, or None if the entry needs no file."""
         return {"embedded": pack_mesh(mesh)} if self.chosen[0] in ("file", "voxels") else None
 
 
 class PlacedMeshModel(MeshModel):
-    """One of several meshes: exactly one kind of body, and where it is."""
+    """One of several meshes: exactly one kind of body, and its place."""
 
     options: ClassVar[tuple[str, ...]] = (*_OF_A_FILE, "at", "rotation_deg", "skin")
 
@@ -100,11 +100,11 @@ class PlacedMeshModel(MeshModel):
     skin: SkinModel | None = None
 
     def place_part(self, mesh: HexMesh) -> Part:
-        """Return the mesh, which `build` made, where it is."""
+        """Return the mesh made by `build` at its place."""
         turn = Rotation.from_rotvec(np.radians(self.rotation_deg)).as_matrix()
         return Part(mesh, at=np.array(self.at), rotation=turn)
 
     def embed(self, mesh: HexMesh) -> dict[str, Any] | None:
-        """Return the entry that carries the mesh itself where it is, without its skin; None as for one mesh."""
+        """Return the entry that contains the mesh itself at its place, without its skin; None as for one mesh."""
         entry = super().embed(mesh)
         return entry and {**entry, "at": list(self.at), "rotation_deg": list(self.rotation_deg)}

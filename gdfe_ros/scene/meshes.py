@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to the mesh that is simulated: of `mesh`, or of all `meshes` where they stand."""
+"""Construction of the simulated mesh from `mesh`, or from all `meshes`, of a scene file."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.skin_schema import SkinModel
 
 Carried = dict[KeyPath, dict[str, Any]]
-"""Entries that need no file, by where they stand; those of skins after those of their meshes."""
+"""Entries that need no file, by their key paths; those of skins after those of their meshes."""
 
 
 def require_body(data: Mapping[str, Any], report: Report) -> None:
-    """Note a scene without a body, or with two kinds of them."""
+    """Report a scene without a body, or with both `mesh` and `meshes`."""
     if "meshes" in data and "mesh" in data:
         text = "`mesh` is there, too; remedy: keep one of the two; a single body can stand in `meshes`, too"
         report.add(("meshes",), text, value=NO_VALUE)
@@ -38,12 +38,12 @@ def require_body(data: Mapping[str, Any], report: Report) -> None:
 
 
 def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[HexMesh | None, Carried]:
-    """Return the mesh with its skin, None if it, or one of several, has defects; and what carries it without files.
+    """Return the mesh with its skin, None if it has defects, and the entries that contain it without files.
 
     Args:
-        draft: the file's sound parts.
+        draft: valid parts of the file.
         names: of all `meshes` of the file.
-        report: takes the defects.
+        report: collects the defects.
     """
     carried: Carried = {}
     if not names:
@@ -61,7 +61,7 @@ def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[HexM
 def _body(
     model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
 ) -> HexMesh | None:
-    """Return a mesh in its own frame; ``paths`` are where it and its skin stand in the file."""
+    """Return a mesh in its own frame; ``paths`` are the key paths of it and of its skin."""
     if model is None:
         return None
     try:
@@ -87,7 +87,7 @@ def _body(
 
 
 def _require_apart(parts: Mapping[str, Part], report: Report) -> None:
-    """Note meshes that are in each other at rest."""
+    """Report meshes that overlap at rest."""
     placed = {name: part.placed() for name, part in parts.items()}
     for first, second in combinations(placed, 2):
         found = find_overlap(placed[first], placed[second])
@@ -101,13 +101,13 @@ def _require_apart(parts: Mapping[str, Part], report: Report) -> None:
 
 
 def known_part(mesh: HexMesh, name: str | None, path: KeyPath, report: Report) -> bool:
-    """Tell whether a mesh that a place speaks of is there, if it speaks of one; note it where it is not.
+    """Return whether the mesh that a place refers to exists, if it refers to one; report it otherwise.
 
     Args:
         mesh: the body.
         name: of one of its meshes, or None.
-        path: key path of the entry that has the key `mesh`.
-        report: takes the defect.
+        path: key path of the entry with the key `mesh`.
+        report: collects the defect.
     """
     if name is None or name in mesh.parts:
         return True

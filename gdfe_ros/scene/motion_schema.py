@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of a scene file that speak of motion: inertia, damping, attached masses."""
+"""The keys of a scene file for motion: inertia, damping, attached masses."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ _MASS = Quantity("mass", "kg", above=0.0, most=1e6)
 
 
 class DampingModel(Entry):
-    """What takes energy from a body in motion."""
+    """Damping of a body in motion."""
 
     mass: Annotated[float, _MASS_DAMPING] = 0.0
     viscosity: Annotated[float, _VISCOSITY] = 0.0
 
 
 class BranchModel(Entry):
-    """A branch of a Prony series: stiffness that relaxes. The material's law is what is left when all have."""
+    """A branch of a Prony series: stiffness that relaxes. The material's law is the stiffness after all relaxation."""
 
     share: Annotated[float, _SHARE]
     time: Annotated[float, _TIME]
 
 
 class DynamicsModel(Entry):
-    """Inertia, damping and steps in time; without this entry every step is an equilibrium."""
+    """Inertia, damping and time steps; without this entry every step is an equilibrium."""
 
     scheme: Scheme = Field(
         Dynamics.scheme,
@@ -98,7 +98,7 @@ class DynamicsModel(Entry):
 
 
 class MassModel(Entry):
-    """A mass that is attached to vertices or to a probe: it weighs where there is gravity, and resists in motion."""
+    """A mass that is attached to vertices or to a probe: it adds weight under gravity, and inertia in motion."""
 
     mass: Annotated[float, _MASS]
     where: WhereModel | None = Field(None, description="the vertices that share the mass equally, e.g. {face: x+}")

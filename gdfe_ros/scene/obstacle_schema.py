@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of a scene file that speak of obstacles."""
+"""The keys of a scene file for obstacles, rigid bodies and contact sensors."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class BoxObstacleModel(Entry):
 
 
 class CapsuleModel(Entry):
-    """A cylinder about z with round ends; its length is that between the centres of these."""
+    """A cylinder about z with round ends; its length is the distance of their centres."""
 
     radius: Annotated[float, _RADIUS]
     length: Annotated[float, _LENGTH]
@@ -76,7 +76,7 @@ class CylinderModel(Entry):
 
 
 class TriangleMeshModel(Choice):
-    """What a closed surface of triangles bounds; nested shells are cavities."""
+    """The solid inside a closed surface of triangles; nested shells are cavities."""
 
     options: ClassVar[tuple[str, ...]] = ("scale", "cell")
 
@@ -92,7 +92,7 @@ class TriangleMeshModel(Choice):
         return self
 
     def build(self) -> TriangleMesh:
-        """Return the form.
+        """Return the shape.
 
         Raises:
             MeshError: the surface cannot be read or used.
@@ -102,13 +102,13 @@ class TriangleMeshModel(Choice):
         return TriangleMesh(make_solid(*unpack_surface(self.embedded), cell=self.cell, where="the embedded surface"))
 
     def embed(self, form: TriangleMesh) -> dict[str, Any]:
-        """Return the entry that carries the surface itself."""
+        """Return the entry that contains the surface itself."""
         solid = form.solid
         return {"embedded": pack_surface(solid.vertices, solid.triangles), "cell": solid.cell}
 
 
 class ObstacleModel(Choice):
-    """A rigid thing that the body cannot enter; a pose moves it, as a handle."""
+    """A rigid object that the body cannot enter; a pose moves it like a handle."""
 
     options: ClassVar[tuple[str, ...]] = ("at", "rotation_deg", "friction", "fixed", "gaps")
 
@@ -180,7 +180,7 @@ class BodyModel(Choice):
     gaps: ContactPoints = Field(ContactPoints.FACES, description="as for obstacles")
 
     def build(self, name: str, first: int) -> RigidBody:
-        """Return the rigid body, whose vertices are numbered from ``first`` on."""
+        """Return the rigid body with vertex ids from ``first`` on."""
         form: Form = Box(self.box.size) if self.box else Cylinder(self.cylinder.radius, self.cylinder.length)
         return RigidBody(
             name=name,
@@ -194,7 +194,7 @@ class BodyModel(Choice):
 
 
 class SensorModel(Entry):
-    """A part of the surface that feels what touches it."""
+    """A part of the surface whose contact forces are measured."""
 
     where: WhereModel = Field(
         description="the sensor's faces: all faces with all four vertices in this place, e.g. {face: x+}"

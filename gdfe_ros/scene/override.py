@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values that replace those of a scene file, by dotted key."""
+"""Overrides of a scene file's values, by dotted key."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from gdfe_ros.scene.report import Report
 
 
 def apply_override(document: Document, key: str, value: Any, report: Report) -> None:
-    """Put a value into the data, making the mappings on the way that are not there yet.
+    """Replace a value in the data; missing mappings on its path are created.
 
     Args:
-        document: the scene's data, changed in place.
+        document: the scene's data, modified in place.
         key: keys and list indices joined by dots, e.g. ``program.handles.tip.1.translation``.
-        value: the value; a string is read as YAML, a numpy array or tuple becomes a list; None leaves the key out.
-        report: takes a defect if the key leads nowhere.
+        value: the value; a string is read as YAML, a numpy array or tuple becomes a list; None removes the key.
+        report: collects a defect if the key does not exist.
     """
     parts: list[str | int] = list(key.split("."))
     try:
@@ -49,7 +49,7 @@ def apply_override(document: Document, key: str, value: Any, report: Report) -> 
 
 
 def override_words(overrides: Mapping[str, Any]) -> list[str]:
-    """Write overrides as the node's parameter ``scene_overrides`` takes them: ``key=value``, the value in YAML."""
+    """Return overrides in the form of the node's parameter ``scene_overrides``: ``key=value`` with YAML values."""
     return [
         f"{key}={value if isinstance(value, str) else json.dumps(_plain(value))}" for key, value in overrides.items()
     ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Paths in a scene file start at the folder of that file."""
+"""Paths in a scene file, relative to the folder of that file."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pydantic_core import PydanticCustomError
 
 
 def resolve_path(value: Any, info: ValidationInfo) -> Path:
-    """Turn a path of the scene file into one that can be opened; the file need not exist.
+    """Return the absolute path of a path in the scene file; the file need not exist.
 
     Args:
-        value: what stands in the file.
-        info: its `context` holds the `folder` of the scene file, None for a scene given as text.
+        value: the value in the file.
+        info: its `context` has the `folder` of the scene file, None for a scene given as text.
 
     Raises:
         PydanticCustomError: the value is no text, or a relative path without a folder.

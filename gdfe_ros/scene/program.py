@@ -32,9 +32,9 @@ class Point:
 class Program:
     """Keyframes of handles, actuators and loads; between two of them everything changes linearly.
 
-    Before its first keyframe a handle comes from rest: a first keyframe later than time 0 has an implied
-    rest pose at time 0. After its last keyframe a handle stays there. Actuators and loads likewise, from what
-    `start` names.
+    Before its first keyframe a handle moves from rest: a first keyframe later than time 0 has an implied rest pose at
+    time 0. After its last keyframe a handle stays there. The same holds for actuators and loads, whose initial commands
+    are in `start`.
 
     Attributes:
         duration: length of the program [s].
@@ -52,14 +52,14 @@ class Program:
 
     @property
     def times(self) -> tuple[float, ...]:
-        """Times [s] at which something may change its speed: 0, every keyframe, the duration; ascending."""
+        """Times [s] at which a velocity may change: 0, every keyframe, the duration; ascending."""
         times = {0.0, self.duration}
         for tracks in (self.keyframes, self.actuators, self.loads):
             times.update(frame.time for frames in tracks.values() for frame in frames)
         return tuple(sorted(times))
 
     def moments(self, steps: int | None) -> list[float]:
-        """Return the ends of so many equal load steps [s]; None takes one for each of `times`."""
+        """Return the end times [s] of ``steps`` equal load steps; None: one for each of `times`."""
         if steps is None:
             return list(self.times[1:])
         return list(np.linspace(0.0, self.duration, steps + 1)[1:])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A number of a scene file: what it means, its unit, its range, and what to do when it is out of range."""
+"""A number of a scene file: its meaning, unit, range, and the remedy if it is out of range."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-#: Number of components that says "a list of any length".
+#: Number of components that stands for a list of any length.
 ANY = -1
 
 
@@ -22,16 +22,16 @@ class Quantity:
     ``Annotated[float, Quantity("Young's modulus", "Pa", above=0)]``
 
     Attributes:
-        meaning: what the number is.
+        meaning: meaning of the number.
         unit: SI unit, "" for none.
         least: smallest allowed value.
         most: largest allowed value.
         above: the value must be larger than this.
         below: the value must be smaller than this.
         count: None for one number, n for a list of n numbers, `ANY` for a list of one or more.
-        whole: only whole numbers.
-        ascending: the components must not descend.
-        infinite: infinities are allowed.
+        whole: whether only whole numbers are allowed.
+        ascending: whether the components must not descend.
+        infinite: whether infinities are allowed.
         remedy: advice for a value out of range.
     """
 
@@ -48,7 +48,7 @@ class Quantity:
     remedy: str = ""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Make pydantic call `check` for this field."""
+        """Return a schema by which pydantic calls `check` for this field."""
         return core_schema.no_info_plain_validator_function(self.check)
 
     @property
@@ -68,10 +68,10 @@ class Quantity:
         return f"{self._form}: {text}"
 
     def check(self, value: Any) -> Any:
-        """Return the value as float or int, or as a tuple of them; numbers in strings count as numbers.
+        """Return the value as float or int, or as a tuple of them; numbers in strings are converted.
 
         Raises:
-            PydanticCustomError: the value is not of the right kind, not finite or out of range.
+            PydanticCustomError: the value has the wrong type, is not finite, or is out of range.
         """
         if self.count is None:
             return self._number(value)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of a scene file as Markdown: the reference in docs/scene.md, generated so that it cannot drift.
+"""The keys of a scene file as Markdown: the reference in docs/scene.md, generated so that it cannot become outdated.
 
 ``python -m gdfe_ros.scene.reference`` prints it.
 """
@@ -26,12 +26,12 @@ _WORDS = {float: "number", int: "whole number", bool: "true or false", str: "tex
 
 
 def markdown() -> str:
-    """Return a section for each kind of entry: what it is, its keys, and examples."""
+    """Return a section for each kind of entry: its meaning, its keys, and examples."""
     return "\n".join(_section(model) for model in models())
 
 
 def models() -> list[type[BaseModel]]:
-    """Return the kinds of entries, the whole file first, each before what stands inside of it."""
+    """Return the kinds of entries, the whole file first, each before the entries inside of it."""
     found: list[type[BaseModel]] = [SceneModel]
     for model in found:
         for field in model.model_fields.values():
@@ -40,7 +40,7 @@ def models() -> list[type[BaseModel]]:
 
 
 def meaning_of(field: FieldInfo) -> str:
-    """Say what a key means: its description, that of its number, or that of the entry that stands there."""
+    """Return the meaning of a key: its description, that of its number, or that of its entry."""
     quantity = find_quantity(field)
     inner = next(iter(_inside(field.annotation)), None)
     if field.description:
@@ -70,7 +70,7 @@ def _row(name: str, field: FieldInfo, *, optional: bool) -> tuple[str, ...]:
 
 
 def _form(annotation: Any, quantity: Quantity | None) -> str:
-    """Say what is written there: a number, one of some words, an entry (with a link), a list or mapping of them."""
+    """Return the form of a value: a number, one of some words, an entry (with a link), a list or mapping of them."""
     if quantity is not None:
         noun = "whole number" if quantity.whole else "number"
         return noun if quantity.count is None else f"{'' if quantity.count == ANY else quantity.count} {noun}s".strip()
@@ -103,7 +103,7 @@ def _range(quantity: Quantity) -> str:
 
 
 def _value(value: Any) -> str:
-    """Write a default as YAML."""
+    """Return a default as YAML."""
     if value is None or value == "" or value == () or value == {}:
         return "none"
     if isinstance(value, BaseModel):
@@ -115,7 +115,7 @@ def _value(value: Any) -> str:
 
 
 def _inside(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Find the entries that an annotation speaks of."""
+    """Yield the kinds of entries in an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
         return
@@ -125,7 +125,7 @@ def _inside(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _bare(annotation: Any) -> Any:
-    """Strip Annotated and Optional."""
+    """Return an annotation without Annotated and Optional."""
     if get_origin(annotation) is Annotated:
         return _bare(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):

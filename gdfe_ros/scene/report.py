@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The defects of a scene file: key path, value, line, what is allowed and what to do."""
+"""Report of a scene file's defects: key path, value, line, allowed values and remedy."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.scene.keys import describe_key, known_keys
 from gdfe_ros.scene.material_schema import LAWS
 from gdfe_ros.spelling import closest, did_you_mean
 
-#: Says that a defect has no value worth showing.
+#: Stands for a value that is not worth showing.
 NO_VALUE = object()
 _LONGEST_VALUE = 60
 
@@ -24,7 +24,7 @@ class Report:
     """Collects defects and raises them together.
 
     Args:
-        heading: what is examined, e.g. ``scene config/scenes/bend5.yaml``.
+        heading: the examined input, e.g. ``scene config/scenes/bend5.yaml``.
         document: the parsed file, for values and lines.
     """
 
@@ -37,12 +37,12 @@ class Report:
             self.add(path, "this key is given twice; remove one of the two", value=NO_VALUE)
 
     def add(self, path: KeyPath, text: str, *, value: Any = None) -> None:
-        """Note a defect.
+        """Add a defect.
 
         Args:
             path: keys and indices from the top level.
-            text: what is allowed and what to do.
-            value: shown if given, otherwise looked up in the file when it is a plain value there;
+            text: allowed values and remedy.
+            value: shown if given; otherwise looked up in the file if it is a plain value there;
                 `NO_VALUE` shows none.
         """
         line = self._document.line(path)
@@ -56,7 +56,7 @@ class Report:
         self._found.append((line or 0, f"{key}{given}{where}: {text}"))
 
     def add_invalid(self, error: ValidationError) -> list[KeyPath]:
-        """Note every defect that pydantic found.
+        """Add every defect that pydantic found.
 
         Returns:
             Their key paths.
@@ -73,7 +73,7 @@ class Report:
         return [path for path, _ in items]
 
     def concerns(self, key: str) -> bool:
-        """Tell whether a defect was found in a part of that name: what follows from its absence is none of its own."""
+        """Return whether a defect was found in the section ``key``; consequences of it are then not reported."""
         return key in self._concerned
 
     def raise_if_any(self) -> None:
@@ -128,7 +128,7 @@ def suggest(given: Any, allowed: Iterable[str]) -> str:
 
 
 def _keys_of(location: KeyPath) -> KeyPath:
-    """Strip what pydantic adds to the keys and indices of the file."""
+    """Return a location without the parts that pydantic adds to the keys and indices of the file."""
     return tuple(part for part in location if part != "[key]" and not str(part).startswith(TAG))
 
 

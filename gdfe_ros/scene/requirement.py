@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The version of pydantic, looked at before anything of it is used: Ubuntu 24.04's package is too old."""
+"""Check of pydantic's version before its first use: Ubuntu 24.04's package is too old."""
 
 from __future__ import annotations
 

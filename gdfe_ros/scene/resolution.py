@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Remarks on meshes that are too coarse for what touches or fills them, with the errors that were measured."""
+"""Remarks on meshes that are too coarse for their contacts or chambers, with measured errors."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.scene.scene import Scene
 
 LEAST_CELLS = 3.0
-"""Cells in the radius of a ball from which on its force is right within 8 %, pressed in by a tenth of it."""
+"""Cells per radius of a ball from which on its contact force is within 8 %, at an indentation of a tenth of the
+radius."""
 ROUNDING = 1e-9
-"""Share of a radius that does not count."""
+"""Share of a radius that counts as zero."""
 THICKEST_CELL = 0.35
-"""Thickness of a cell over the radius of the round cavity before it from which on its volume is wrong by over 5 %."""
+"""Thickness of a wall cell over the radius of a round cavity from which on the volume error exceeds 5 %."""
 ROUND = 1.1
-"""Area of a cavity over that of a ball of the same volume, up to which it is taken for one; a cube has 1.24."""
+"""Area of a cavity over that of a ball of the same volume, up to which it counts as round; a cube has 1.24."""
 
 
 def coarse_contacts(scene: Scene) -> list[str]:
-    """Name the balls whose radius is small beside the cells that they may touch."""
+    """Return remarks on balls whose radius is small compared with the cells that they may touch."""
     balls = [handle for handle in scene.handles if isinstance(handle, Obstacle) and isinstance(handle.form, Sphere)]
     if not balls:
         return []
@@ -39,7 +40,7 @@ def coarse_contacts(scene: Scene) -> list[str]:
 
 
 def coarse_cavities(scene: Scene) -> list[str]:
-    """Name the round chambers whose wall is thick and has too few cells across."""
+    """Return remarks on round chambers with a thick wall and too few cells across it."""
     found = []
     for chamber in scene.actuators:
         if not isinstance(chamber, Chamber) or chamber.points is not None:
@@ -62,7 +63,7 @@ def coarse_cavities(scene: Scene) -> list[str]:
 
 
 def _depth(scene: Scene, chamber: Chamber) -> float:
-    """Return the mean distance [m] of the far corners, from the near ones, of the cells with a face in a chamber."""
+    """Return the mean thickness [m] of the cells with a face in a chamber, perpendicular to that face."""
     inner = np.isin(scene.mesh.cells, chamber.quads)
     behind = inner.sum(axis=1) == 4
     corners, near = scene.mesh.vertices[scene.mesh.cells[behind]], inner[behind, :, None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A validated scene: everything that a simulation needs."""
+"""A validated scene: all data of a simulation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from gdfe_ros.solver.settings import SolverSettings
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
-    """A body, its materials, what holds and moves it, and how to solve it. SI units.
+    """A body, its materials, handles, actuators and loads, and solver settings. SI units.
 
     Attributes:
         name: short name.
@@ -32,18 +32,18 @@ class Scene:
         materials: by name, in the order of the file.
         cell_material: index into `materials` of each cell, shape (m,), int32.
         handles: in the order of the file.
-        program: what `gdfe solve` plays; None if the scene has none.
+        program: played by `gdfe solve`; None if the scene has none.
         solver: settings.
-        source: YAML text that rebuilds this very scene without any other file, overrides included; empty for a scene
+        source: YAML text that rebuilds this scene without any other file, overrides included; empty for a scene
             that was made in Python.
-        path: file that it came from; None for text.
+        path: its file; None for text.
         actuators: cables, chambers and growths, in the order of the file.
         loads: dead loads, in the order of the file.
         probes: material points by name, in the order of the file.
         sensors: contact sensors by name, in the order of the file.
         masses: attached masses, in the order of the file.
-        self_contact: which faces of the mesh may touch each other; None where they pass through each other.
-        dynamics: inertia, damping and steps in time; None for a scene whose every step is an equilibrium.
+        self_contact: faces of the mesh that may touch each other; None if they pass through each other.
+        dynamics: inertia, damping and time steps; None for a scene whose every step is an equilibrium.
     """
 
     name: str

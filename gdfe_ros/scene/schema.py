@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of a scene file: what each means, its unit, range and default."""
+"""The keys of a scene file: meaning, unit, range and default of each."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from gdfe_ros.scene.skin_schema import SkinModel
 from gdfe_ros.scene.where_schema import WhereModel
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings, Torsion
 
-#: Names become parts of ROS topics and of command lines.
+#: Pattern of names, which become parts of ROS topics and of command lines.
 NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 Name = Annotated[str, StringConstraints(pattern=NAME.pattern)]
 
@@ -47,7 +47,7 @@ _ITERATIONS = Quantity("largest number of iterations per step", least=1, most=1_
 
 
 class RegionModel(Entry):
-    """Gives a material to cells; later regions win."""
+    """Assigns a material to cells; later regions win."""
 
     material: str = Field(description="name of one of the materials")
     where: WhereModel | None = Field(None, description="the cells (default: all)")
@@ -78,12 +78,12 @@ class HandleModel(Entry):
 
     @property
     def turning(self) -> tuple[Axis, ...]:
-        """The axes about which it turns, in ascending order."""
+        """The axes about which it rotates freely, in ascending order."""
         return tuple(axis for axis in Axis if f"r{axis.name.lower()}" in self.free)
 
 
 class KeyframeModel(Entry):
-    """The complete pose of a handle or obstacle relative to rest at a time; what is left out is zero."""
+    """The complete pose of a handle or obstacle relative to rest at a time; components left out are zero."""
 
     time: Annotated[float, _TIME]
     translation: Annotated[tuple[float, float, float], _TRANSLATION] = (0.0, 0.0, 0.0)
@@ -103,7 +103,7 @@ class PointModel(Entry):
 
 
 class ProgramModel(Entry):
-    """What `gdfe solve` plays."""
+    """The program that `gdfe solve` plays."""
 
     duration: Annotated[float, _DURATION]
     handles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving handle")
@@ -113,7 +113,7 @@ class ProgramModel(Entry):
 
 
 class SolverModel(Entry):
-    """Choices about the solver."""
+    """Solver settings."""
 
     policy: Policy = Field(
         SolverSettings.policy,
@@ -198,7 +198,7 @@ class SceneModel(Entry):
 
 
 class Draft(BaseModel):
-    """What is sound in a scene file with defects: a subset of `SceneModel`, so that the rest is checked."""
+    """The valid parts of a defective scene file: a subset of `SceneModel`, so that the rest can be checked."""
 
     mesh: MeshModel | None = None
     meshes: dict[str, PlacedMeshModel] = {}

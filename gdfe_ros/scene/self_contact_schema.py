@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key of a scene file by which surfaces of the mesh touch each other."""
+"""The key `self_contact` of a scene file, which lets surfaces of the mesh touch each other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FRICTION = Quantity("Coulomb's coefficient of friction", least=0.0, most=100.0)
 
 
 class SelfContactModel(Entry):
-    """Parts of the mesh cannot enter each other, nor each itself."""
+    """Contact of the parts of the mesh with each other, and of each with itself."""
 
     friction: Annotated[float, _FRICTION] = 0.0
     where: WhereModel | None = Field(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `skin` of a scene file: a surface that the cells carry, and that is shown and may touch for them."""
+"""The key `skin` of a scene file: a surface carried by the cells, drawn and perhaps touching instead of their faces."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="
 
 
 class SkinModel(Choice):
-    """A triangle surface that the cells carry, shown for their faces; chambers and loads of cut cells act on it."""
+    """A triangle surface carried by the cells and drawn instead of their faces; loads on cut cells act on it."""
 
     options: ClassVar[tuple[str, ...]] = ("scale", "contact")
 
@@ -37,14 +37,14 @@ class SkinModel(Choice):
 
     @property
     def place(self) -> tuple[str, ...]:
-        """Key path of what describes the surface, from this entry on, for errors."""
+        """Key path of the surface's description, relative to this entry, for errors."""
         return (self.chosen[0],)
 
     def build(self, mesh: HexMesh) -> tuple[HexMesh, dict[str, Any]]:
-        """Return the mesh with the surface on its cells, and the entry that carries it without a file.
+        """Return the mesh with the surface attached to its cells, and the entry that contains it without a file.
 
         Raises:
-            MeshError: it cannot be read, lies beside the body, or cannot touch for it.
+            MeshError: it cannot be read, does not fit the body, or cannot touch instead of it.
         """
         if self.embedded is not None:
             points, triangles = unpack_surface(self.embedded)
@@ -57,6 +57,6 @@ class SkinModel(Choice):
             entry["contact"] = self.contact
         lined = replace(mesh, skin=carry_skin(mesh.vertices, mesh.cells, points, triangles))
         touches = self.contact
-        if touches is None:  # an open one is shown; what is to touch it is refused with the remedy
+        if touches is None:  # an open surface is only drawn; contact with it is rejected with the remedy
             touches = mesh.filling is not None and is_closed(triangles)
         return touch_by_skin(lined, points, triangles) if touches else lined, entry

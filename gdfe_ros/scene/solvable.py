@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scenes that make sense one by one of their values and still cannot be solved."""
+"""Checks for scenes whose values are each valid, but which cannot be solved."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
 LARGEST_CONTRAST = 1e10
-"""Of moduli in one body: beyond it double precision leaves nothing of the softer material. 1e6 is tested."""
+"""Ratio of moduli in one body beyond which double precision loses the softer material. 1e6 is tested."""
 
 
 def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
-    """Refuse a scene that cannot be solved with these settings; what was loaded from a file was checked then.
+    """Raise an error for a scene that cannot be solved with these settings; scenes from files were checked on loading.
 
     Raises:
         SceneError: every reason.
@@ -51,7 +51,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
 
 
 def remarks(scene: Scene, policy: Policy) -> list[str]:
-    """Say what is doubtful about a scene: materials, contrasts, schemes that rattle or slip, cells too coarse."""
+    """Return remarks on a scene: materials, contrasts, schemes that chatter or slip, cells too coarse."""
     notes = [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     notes += [f"material {key!r}: {item.caveat}" for key, item in scene.materials.items() if item.caveat]
     if policy is Policy.RELATIVE:
@@ -95,10 +95,10 @@ def unsolvable(
     mesh: HexMesh | None = None,
     cut: tuple[str, ...] = (),
 ) -> list[tuple[tuple[str, ...], str]]:
-    """Return why the parts of a scene do not go together: the key in a scene file, and a sentence.
+    """Return the conflicts between the parts of a scene: the key in a scene file, and a sentence.
 
-    ``cell_material`` (m,) are places among the materials; without any, as where one is defective, no two are compared.
-    ``mesh`` is the body, if it is sound; ``cut`` the key of what fills cells in part, as of `cut_key`.
+    ``cell_material`` (m,) are indices of materials; if it is empty, as after a defect, contrasts are not checked.
+    ``mesh`` is the body, if it is valid; ``cut`` is the key of partly filled cells, as in `cut_key`.
     """
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
@@ -114,9 +114,9 @@ def unsolvable(
 
 
 def cut_key(mesh: HexMesh) -> tuple[str, ...]:
-    """Return the key of a scene file at which cells are cut by a surface; empty where none are.
+    """Return the key of a scene file at which cells are cut by a surface; empty if there is none.
 
-    Of several meshes it is the first one of these that has no skin to touch by, if there is one.
+    For several meshes it is that of the first mesh without a touching skin, if there is one.
     """
     if mesh.filling is None:
         return ()
@@ -127,7 +127,7 @@ def cut_key(mesh: HexMesh) -> tuple[str, ...]:
 
 
 def _contrast(materials: Mapping[str, Material], cell_material: NDArray[np.int32]) -> str:
-    """Say that materials are too far apart; empty where they are not."""
+    """Return a message if the moduli of materials differ too much; empty if they do not."""
     names = list(materials)
     moduli = {names[i]: materials[names[i]].young0 for i in np.unique(cell_material) if names[i] in materials}
     if not moduli:
@@ -148,7 +148,7 @@ def _forces(
     self_contact: SelfContact | None,
     policy: Policy,
 ) -> str:
-    """Say what the ``relative`` policy cannot take, which has no newtons; empty where there is nothing."""
+    """Return a message about items that the ``relative`` policy cannot simulate, having no forces; empty if none."""
     if policy is Policy.ENERGY:
         return ""
     names = [item.name for item in actuators if not isinstance(item, Growth)]
@@ -162,14 +162,14 @@ def _forces(
 
 
 def _inertia(materials: Mapping[str, Material], policy: Policy) -> str:
-    """Say why a body cannot move in time; empty where it can."""
+    """Return a message if dynamics are impossible; empty if they are possible."""
     if policy is not Policy.ENERGY:
         return "the policy 'relative' has no forces and finds equilibria only; remedy: policy: energy"
     return lacks_density(materials, "dynamics need")
 
 
 def _still(handles: Sequence[Handle]) -> str:
-    """Say that rigid bodies cannot move without dynamics; empty where there is none."""
+    """Return a message about rigid bodies, which cannot move without dynamics; empty if there are none."""
     names = ", ".join(repr(handle.name) for handle in handles if isinstance(handle, RigidBody))
     if not names:
         return ""
@@ -177,10 +177,10 @@ def _still(handles: Sequence[Handle]) -> str:
 
 
 def _inside(handles: Sequence[Handle], mesh: HexMesh | None) -> str:
-    """Say which rigid bodies begin inside of each other, of obstacles or of the body; empty where none does."""
+    """Return a message about rigid bodies that start inside of each other, obstacles or the body; empty if none."""
     if not any(isinstance(handle, RigidBody) for handle in handles):
         return ""
-    from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_at_rest  # numba, for these scenes only
+    from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_at_rest  # loads numba
 
     placed = placed_at_rest(handles)
     found = list(overlaps(placed))
@@ -198,7 +198,7 @@ def _beside(
     policy: Policy,
     mesh: HexMesh | None,
 ) -> str:
-    """Say what acts on faces of cells, which lie beside the surface where cells are cut; empty where nothing does."""
+    """Return a message about items that act on the faces of cut cells, which are not on the surface; empty if none."""
     if policy is not Policy.ENERGY:
         return "the policy 'relative' does not weight cells that are cut; remedy: cells: whole, or policy: energy"
     bare = _touch_by_cut_faces(mesh)
@@ -216,7 +216,7 @@ def _beside(
 
 
 def _touch_by_cut_faces(mesh: HexMesh | None) -> bool:
-    """Tell whether a mesh with cut cells, or one of several, has no skin that touches for its faces."""
+    """Return whether a mesh with cut cells, or one of several, has no skin that touches instead of its faces."""
     if mesh is None:
         return False
     meshes = [part.mesh for part in mesh.parts.values()] or [mesh]
@@ -224,7 +224,7 @@ def _touch_by_cut_faces(mesh: HexMesh | None) -> bool:
 
 
 def _by_skin(mesh: HexMesh | None) -> str:
-    """Say that a skin cannot touch another part of the body; empty where none is asked to touch."""
+    """Return a message if a skin is to touch another part of the body, which is impossible; empty if not."""
     if mesh is None or mesh.touching is None:
         return ""
     names = [f"meshes.{name}.skin" for name, part in mesh.parts.items() if part.mesh.touching is not None]
@@ -235,7 +235,7 @@ def _by_skin(mesh: HexMesh | None) -> str:
 
 
 def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:
-    """Say that a commanded length or volume lies between vertices that cannot give way; empty where it does not."""
+    """Return a message if a commanded length or volume lies between immovable vertices; empty if not."""
     if isinstance(actuator, Cable) and actuator.mode is not Mode.TENSION:
         vertices = actuator.points.corners[actuator.points.weights != 0.0]
     elif isinstance(actuator, Chamber) and actuator.mode is not Mode.PRESSURE:

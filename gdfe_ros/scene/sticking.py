@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A remark on schemes under which what rests by friction slides."""
+"""Remark on schemes with which bodies that should stick by friction slide."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 
 
 def slipping(scene: Scene) -> list[str]:
-    """Name what rubs under a scheme that does not damp the beat of contacts; empty where one does, or nothing rubs."""
+    """Return remarks on friction with a scheme that does not damp contact oscillations; empty if there are none."""
     dynamics = scene.dynamics
     if dynamics is None or not _beats(dynamics):
         return []
@@ -29,7 +29,7 @@ def slipping(scene: Scene) -> list[str]:
 
 
 def _beats(dynamics: Dynamics) -> bool:
-    """Tell whether a scheme leaves almost all of the fastest motion."""
+    """Return whether a scheme leaves the fastest oscillations almost undamped."""
     if dynamics.scheme is Scheme.NEWMARK:
         return True
     return dynamics.scheme is Scheme.GENERALISED_ALPHA and dynamics.rho_inf > Dynamics.rho_inf

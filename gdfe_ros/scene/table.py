@@ -13,20 +13,20 @@ _REMEDY = "allowed is a csv file with the header strain,stress and one row of nu
 
 @dataclass(frozen=True)
 class StressTable:
-    """Uniaxial nominal stress [Pa] against engineering strain, equally long."""
+    """Uniaxial nominal stress [Pa] over engineering strain, of equal length."""
 
     strain: tuple[float, ...]
     stress: tuple[float, ...]
 
 
 def read_stress_table(path: Path) -> StressTable:
-    """Read a csv file with the columns strain and stress [Pa].
+    """Return the columns strain and stress [Pa] of a csv file.
 
     Args:
-        path: the file; comma, semicolon or tab separated, with a header, lines that start with # left out.
+        path: the file; comma, semicolon or tab separated, with a header; lines that start with # are skipped.
 
     Raises:
-        ValueError: the file is not there, has no such header, or has rows that are not two finite numbers.
+        ValueError: the file does not exist, has no such header, or has rows that are not two finite numbers.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a scene file's sound parts to what can touch, and feel: obstacles, rigid bodies, the body's surface, sensors."""
+"""Construction of obstacles, rigid bodies, self-contact and contact sensors from the valid parts of a scene file."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.where_schema import WhereModel
 
 SMALLEST, LARGEST = 1e-3, 1e3
-"""Size of a mesh that is an obstacle, over the body's, beyond which its unit was mistaken."""
+"""Size of a mesh obstacle over the body's, outside of which its unit is probably wrong."""
 COARSEST = 0.25
-"""Cell of its grid over the body's size beyond which the body would not find its form."""
+"""Grid cell of a mesh obstacle over the body's size above which the body would not feel its shape."""
 
 
 def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Obstacle, ...]:
-    """Return the obstacles that can be made; no handle may have the name of one."""
+    """Return the valid obstacles; none may have the name of a handle."""
     obstacles = []
     for name, model in draft.obstacles.items():
         if name in draft.handles:
@@ -46,7 +46,7 @@ def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple
 
 
 def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Report) -> None:
-    """Note a solid that is out of all proportion to the body, or whose grid is."""
+    """Report a solid whose size, or whose grid, is out of all proportion to the body."""
     ratio = solid.size / mesh.size
     if not SMALLEST <= ratio <= LARGEST:
         allowed = f"allowed: {SMALLEST:g} to {LARGEST:g} times"
@@ -60,7 +60,7 @@ def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Report) -
 
 
 def build_bodies(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[RigidBody, ...]:
-    """Return the rigid bodies; nothing else that moves may have the name of one."""
+    """Return the rigid bodies; no handle or obstacle may have the name of one."""
     for name in draft.bodies:
         if name in draft.handles or name in draft.obstacles:
             report.add(("bodies", name), "a handle or an obstacle has this name; remedy: another one", value=NO_VALUE)
@@ -69,7 +69,7 @@ def build_bodies(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Ri
 
 
 def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Report) -> SelfContact | None:
-    """Return which faces of the mesh may touch each other; None where none may."""
+    """Return the self-contact definition with the faces that may touch; None without self-contact."""
     model = draft.self_contact
     if model is None or mesh is None:
         return None
@@ -81,7 +81,7 @@ def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Report) -> Se
 
 
 def build_sensors(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str, ContactSensor]:
-    """Return the contact sensors whose faces, or points of a skin that touches, can be found."""
+    """Return the contact sensors with valid faces, or skin points."""
     found = {}
     for name, model in draft.sensors.items() if mesh is not None else ():
         sensor = _sensor(name, mesh, model.where, report)

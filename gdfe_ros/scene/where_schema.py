@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `where` of a scene file: which vertices or cells are meant."""
+"""The key `where` of a scene file: selection of vertices or cells."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Interval = Annotated[tuple[float, float], _INTERVAL]
 
 
 class BoxModel(Entry):
-    """Closed intervals; an axis left out is open."""
+    """Closed intervals; an axis left out is unbounded."""
 
     x: _Interval | None = None
     y: _Interval | None = None
@@ -41,7 +41,7 @@ class SphereModel(Entry):
 
 
 class WhereModel(Choice):
-    """Exactly one way to select, in the whole body or in one of several meshes."""
+    """Exactly one kind of selection, in the whole body or in one of several meshes."""
 
     options: ClassVar[tuple[str, ...]] = ("mesh",)
     alone: ClassVar[tuple[str, ...]] = ("mesh",)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the state of a moving body remembers of its energy, and of a step that led nowhere."""
+"""Energy account of a moving body, and the record of a failed step."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from gdfe_ros.constraints import Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Failure:
-    """A step in time that fails from where a body is, however short its first internal step is made.
+    """A time step that fails from the present state, however short its first internal step is.
 
     Attributes:
-        poses, commands: that it was to reach.
+        poses, commands: targets of the step.
         duration: of the step [s].
-        length: of its internal steps, before one is cut [s].
+        length: of its internal steps [s], before any is cut.
         reason: why it fails.
     """
 
@@ -29,11 +29,11 @@ class Failure:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Bound:
-    """What the energy of a moving body has been, for telling whether a step makes any.
+    """Extremes of a moving body's energy; they show whether a step creates energy.
 
     Attributes:
-        start, least: kinetic + elastic + potential energy - work [J] at the beginning and at the least, each with what
-            the work since may have been more than it is booked as.
+        start, least: kinetic + elastic + potential energy - work [J] at the beginning, and its minimum. Each is raised
+            by the uncertainty of the work done since.
         most: largest kinetic + elastic energy so far [J].
     """
 
@@ -44,14 +44,14 @@ class Bound:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ledger:
-    """What a moving body was given and lost since the start, and what it owes.
+    """Work and dissipated energy of a moving body since the start, and its time in arrears.
 
     Attributes:
-        work: done on it by handles and by changing commands [J].
-        lost: to damping [J].
-        owed: time [s] that has passed without a step, too short for one.
-        failure: the step that was tried last, where it led nowhere; None where it did not.
-        bound: of its energy; None where the account begins anew with the next step.
+        work: done on the body by handles and by changing commands [J].
+        lost: energy dissipated by damping and friction [J].
+        owed: time [s] that has passed without a step because it was too short for one.
+        failure: the last step if it failed; None if it did not.
+        bound: extremes of the energy; None if the account restarts with the next step.
     """
 
     work: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Anderson acceleration of a fixed point (Anderson 1965, type II), restarted where it does not help."""
+"""Anderson acceleration of a fixed-point iteration (Anderson 1965, type II), with restarts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ GROWTH = 2.0
 
 
 class Anderson:
-    """Proposes the next iterate of x = x + f(x) from the last few pairs (x, f)."""
+    """Anderson acceleration of x = x + f(x), from the last few pairs (x, f)."""
 
     def __init__(self) -> None:
         self._iterates: list[NDArray[np.float64]] = []
@@ -32,6 +32,6 @@ class Anderson:
             return x + f
         changes = np.diff(np.array(self._residuals), axis=0)
         moves = np.diff(np.array(self._iterates), axis=0)
-        # The small normal equations: an SVD of the tall system costs more than the rest of the iteration.
+        # Solve the small normal equations: an SVD of the tall system costs more than the rest of the iteration.
         weights = np.linalg.lstsq(changes @ changes.T, changes @ f, rcond=1e-14)[0]
         return x + f - weights @ (moves + changes)

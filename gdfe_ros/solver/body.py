@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The discretised body: everything about a scene that stays constant while it is simulated."""
+"""The discretised body: all data of a scene that stay constant during a simulation."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 from gdfe_ros.solver.settings import Torsion
 
 FAR_AWAY = 10.0
-"""Body lengths from the world's origin beyond which the solver counts from the body's centre."""
+"""Distance from the world's origin, in body lengths, beyond which the solver's origin is the body's centre."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,17 @@ class Body:
     """Rest shape, operators, packed materials and the numbering of the unknowns.
 
     Attributes:
-        rest: (n, 3) float64 rest vertices [m], behind those of the mesh those that rigid bodies are.
+        rest: (n, 3) float64 rest vertices [m]: first those of the mesh, then those of rigid bodies.
         shape: operators of the elements.
-        blocks: the elements as the kernels take them.
+        blocks: the elements in the layout of the kernels.
         materials: in the order of their index.
         material: (m,) int32 material of each element.
         table: the materials packed for the kernels.
-        handles: the sets of vertices that are held or moved.
-        unknowns: what is free.
-        size: what tolerances are shares of [m]: `HexMesh.size`.
-        self_contact: which faces may touch each other; None for none.
-        skin: points that touch instead of faces; None where faces do everywhere.
+        handles: vertex sets that are held or moved.
+        unknowns: numbering of the free vertices and free motions.
+        size: reference length of relative tolerances [m]: `HexMesh.size`.
+        self_contact: faces that may touch each other; None for no self-contact.
+        skin: contact points of an embedded skin, used instead of faces; None if faces touch everywhere.
     """
 
     rest: NDArray[np.float64]
@@ -72,9 +72,10 @@ class Body:
         size: float | None = None,
         skin: Touching | None = None,
     ) -> Body:
-        """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8), filled as far as told.
+        """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8).
 
-        ``size`` [m] is that of the mesh, the diagonal of the cells' bounding box if left out.
+        ``filling`` is the filled share of cut cells. ``size`` [m] is that of the mesh; by default the diagonal of the
+        cells' bounding box.
         """
         material = np.ascontiguousarray(material, dtype=np.int32)
         shape, table = shape_operators(rest, cells, filling), pack(materials)
@@ -96,7 +97,7 @@ class Body:
 
     @cached_property
     def count(self) -> int:
-        """Number of the mesh's vertices; behind them come those that rigid bodies are."""
+        """Number of the mesh's vertices; those of rigid bodies follow them."""
         return int(self.cells.max()) + 1
 
     @property
@@ -106,7 +107,7 @@ class Body:
 
 
 def working_origin(mesh: HexMesh) -> NDArray[np.float64]:
-    """Return from where the solver counts positions (3,) [m]: the world's origin, or for a body far from it, its own.
+    """Return the solver's origin (3,) [m]: the world's origin, or the centre of a body that is far from it.
 
     Rounding grows with the distance: 1000 m away, a body of 0.4 m is solved to 1e-7 of its size at best.
     """

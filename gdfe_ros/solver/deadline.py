@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a solve has to end: by the clock, on somebody's word, or, in a replay, where one of these once ended it."""
+"""The end of a solve: by the clock, by an interruption, or at a recorded count in a replay."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from collections.abc import Callable
 
 
 class Deadline:
-    """Answers whether the time is up, and counts how often it was not.
+    """A deadline that counts how often it was asked before it passed.
 
-    Nothing else of a solve depends on the clock or the word: with the count given back, it ends at the same place to
-    the last bit.
+    A solve depends on the clock and on interruptions only through these answers. A replay that is given the count ends
+    the solve at the same place, bit by bit.
 
     Args:
-        moment: ``time.perf_counter`` from which on the time is up; None: never by the clock.
-        after: instead, this many answers "not yet" come first.
-        interrupted: tells whether to end at once; asked each time. None: nobody is asked.
+        moment: value of ``time.perf_counter`` at which the deadline passes; None: never by the clock.
+        after: number of answers "not yet", which replaces the clock in a replay.
+        interrupted: returns whether to end at once, is called each time; None: no interruption.
 
     Attributes:
-        after: number of answers "not yet" before the first "up"; None while there was none.
-        reason: what ended the solve; empty while nothing did.
+        after: number of answers "not yet" before the deadline passed; None if it has not passed.
+        reason: why the solve ends; empty if it does not.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Deadline:
         self.reason = ""
 
     def passed(self) -> bool:
-        """Tell whether the time is up; once it is, it stays so."""
+        """Return whether the deadline has passed; once it has, it stays so."""
         if self.after is not None:
             return True
         self.reason = self._ended()
@@ -45,7 +45,7 @@ class Deadline:
         return bool(self.reason)
 
     def _ended(self) -> str:
-        """Say what ends the solve now; empty where nothing does."""
+        """Return the reason to end the solve now, or an empty string."""
         if self._planned is not None:
             return "the deadline passed" if self._asked >= self._planned else ""
         if self._interrupted is not None and self._interrupted():
@@ -55,14 +55,21 @@ class Deadline:
 
     @property
     def interruption(self) -> Deadline | None:
-        """What ends work that the clock may not: who interrupts; None for nobody."""
+        """A deadline for work that the clock may not end: by interruption only. None without an interruption."""
         return None if self._interrupted is None else Deadline(interrupted=self._interrupted)
 
     @classmethod
     def of(
         cls, started: float, seconds: float | None, after: int | None, interrupted: Callable[[], bool] | None = None
     ) -> Deadline | None:
-        """Give what ends a solve that began at ``started``: seconds [s], a word, or a recorded place; None: nothing."""
+        """Return the deadline of a solve that began at ``started``, or None if nothing can end it.
+
+        Args:
+            started: ``time.perf_counter`` at the beginning [s].
+            seconds: allowed duration [s]; None for any.
+            after: recorded count of a replay; None outside of a replay.
+            interrupted: returns whether to end at once; None: no interruption.
+        """
         if after is not None:
             return cls(after=after)
         if seconds is None and interrupted is None:
@@ -71,5 +78,5 @@ class Deadline:
 
 
 def past(deadline: Deadline | None) -> bool:
-    """Tell whether there is a deadline and its time is up."""
+    """Return whether there is a deadline and it has passed."""
     return deadline is not None and deadline.passed()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far two sets of positions are apart, without arrays in between."""
+"""Compiled distances between two sets of positions, without intermediate arrays."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gdfe_ros.compiled import kernel
 
 @kernel
 def largest_shift(a, b):
-    """Return the largest difference of a coordinate of ``a`` and ``b`` (n, 3) [m]; NaN where one is no number."""
+    """Return the largest difference of a coordinate between ``a`` and ``b`` (n, 3) [m]; NaN if either contains NaN."""
     most = 0.0
     for i in range(len(a)):
         for axis in range(3):
@@ -23,7 +23,7 @@ def largest_shift(a, b):
 
 @kernel
 def largest_distance(a, b):
-    """Return the largest distance of a vertex in ``a`` from where it is in ``b`` (n, 3) [m]; NaN as above."""
+    """Return the largest distance between rows of ``a`` and ``b`` (n, 3) [m]; NaN if either contains NaN."""
     most = 0.0
     for i in range(len(a)):
         square = (a[i, 0] - b[i, 0]) ** 2 + (a[i, 1] - b[i, 1]) ** 2 + (a[i, 2] - b[i, 2]) ** 2

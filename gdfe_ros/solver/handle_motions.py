@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where handles are: as commanded, and moved on by what is free about them."""
+"""Kinematics of handles: commanded motion, and free translations and rotations on top of it."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ Vectors = NDArray[np.float64]
 
 
 LEAST_TURN = 1e-6
-"""Share of what tells a handle's rotation at rest that is left where it can still be told."""
+"""Least extent of a handle's vertices, over that at rest, for which its rotation can still be determined."""
 
 
 class HandleMotions:
-    """The kinematics of a body's handles.
+    """Kinematics of a body's handles.
 
-    A handle with free axes is placed at its commanded pose without the components of the rotation vector about free
-    axes; from there it is moved by a translation along its free axes and a rotation vector about them, which are found.
+    A handle with free axes is first placed at its commanded pose, without the components of the rotation vector about
+    free axes. A free translation along its free axes and a free rotation vector about them are then applied; these are
+    unknowns of the solve.
 
     Args:
         body: the discretised body.
 
     Attributes:
-        turn: whether any handle turns freely.
+        turn: whether any handle rotates freely.
     """
 
     def __init__(self, body: Body) -> None:
@@ -42,7 +43,7 @@ class HandleMotions:
         self.turn = bool((body.unknowns.turn_row >= 0).any())
 
     def base(self, poses: Mapping[str, Pose], last: Mapping[str, Pose], base: Vectors) -> Vectors:
-        """Return (n, 3) [m] with the handles' vertices at commanded ``poses``; ``base`` has them at the ``last``."""
+        """Return positions (n, 3) [m] with the handles at ``poses``, given ``base`` with the handles at ``last``."""
         moved = [handle for handle in self._body.handles if poses[handle.name] != last[handle.name]]
         if not moved:
             return base
@@ -53,11 +54,11 @@ class HandleMotions:
         return placed
 
     def frame(self, base: Vectors) -> Frame:
-        """Return the frame for kernels of handles at ``base`` (n, 3) [m]."""
+        """Return the kernels' frame for handles at ``base`` (n, 3) [m]."""
         return Frame(base, handle_centres(base, self._body.unknowns))
 
     def placed(self, base: Vectors, slides: Vectors, turns: Vectors) -> Vectors:
-        """Return ``base`` (n, 3) [m] with the handles that turn moved on by their free motions (p, 3)."""
+        """Return ``base`` (n, 3) [m] with the free motions (p, 3) applied to the handles that rotate freely."""
         moved = base.copy()
         for p, handle in enumerate(self._loose):
             if handle.turning:
@@ -67,14 +68,14 @@ class HandleMotions:
         return moved
 
     def put(self, slides: Vectors, turns: Vectors, places: Mapping[str, Pose]) -> tuple[Vectors, Vectors]:
-        """Return free motions (p, 3) with those of handles that move freely in all ways as their poses say."""
+        """Return the free motions (p, 3) with those of the entirely free handles in ``places`` set to their poses."""
         slides, turns = slides.copy(), turns.copy()
         for name, pose in places.items():
             slides[self._row[name]], turns[self._row[name]] = pose.translation, pose.rotation
         return slides, self.within_a_turn(turns)
 
     def turning_vertices(self) -> NDArray[np.bool_]:
-        """Tell which of the prescribed vertices (b,) belong to handles that turn freely."""
+        """Return which of the prescribed vertices (b,) belong to handles that rotate freely."""
         turning = [np.full(len(handle.vertices), bool(handle.turning)) for handle in self._body.handles]
         return np.concatenate([np.zeros(0, dtype=bool), *turning])
 
@@ -84,7 +85,7 @@ class HandleMotions:
         return np.array([rotation.as_matrix() for rotation in found]).reshape(-1, 3, 3)
 
     def pose(self, name: str, poses: Mapping[str, Pose], turns: Vectors) -> Pose:
-        """Return the pose of a handle: as commanded, turned on by its free rotation; without what it slid."""
+        """Return the pose of a handle: the commanded pose and its free rotation, without its free translation."""
         pose = poses[name]
         if name not in self._row or not self._loose[self._row[name]].turning:
             return pose
@@ -96,7 +97,7 @@ class HandleMotions:
         return Pose(pose.translation, tuple(together.as_rotvec()))
 
     def within_a_turn(self, turns: Vectors) -> Vectors:
-        """Replace rotation vectors of ball joints beyond half a turn by those of the same rotation within it."""
+        """Replace rotation vectors of ball joints beyond 180 degrees by equivalent ones below 180 degrees, in place."""
         for p, handle in enumerate(self._loose):
             angle = float(np.linalg.norm(turns[p])) if len(handle.turning) == 3 else 0.0
             if angle > np.pi:
@@ -104,15 +105,15 @@ class HandleMotions:
         return turns
 
     def fit(self, positions: Vectors, base: Vectors) -> tuple[Vectors, Vectors]:
-        """Return the free translations and rotations (p, 3) that bring handles at ``base`` nearest to ``positions``.
+        """Return the free translations and rotations (p, 3) that bring handles at ``base`` closest to ``positions``.
 
         Raises:
-            CommandError: a handle that turns freely is so flat or small there that its rotation cannot be told.
+            CommandError: a freely rotating handle is so flat or small there that its rotation is undetermined.
         """
         slides, turns = np.zeros((len(self._loose), 3)), np.zeros((len(self._loose), 3))
         for p, handle in enumerate(self._loose):
             here, there = base[handle.vertices], positions[handle.vertices]
-            # A handle that only slides keeps the offset of its first vertex: its mean would round.
+            # For a handle that only translates, the first vertex gives the exact offset; the mean would add rounding.
             shift = there[0] - here[0]
             if handle.turning:
                 shift = there.mean(axis=0) - here.mean(axis=0)
@@ -132,9 +133,10 @@ class HandleMotions:
 
 
 def _require_a_turn(handle: Handle, arms: Vectors, found: Vectors) -> None:
-    """Refuse vertices ``found`` (k, 3) [m] about their mean that do not tell how ``arms`` were turned.
+    """Raise CommandError if vertices ``found`` (k, 3) [m] about their mean do not determine the rotation of ``arms``.
 
-    The sum of the two least singular values of their covariance tells: it vanishes where either lies on a line.
+    The measure is the sum of the two smallest singular values of their covariance; it vanishes if either set is
+    collinear.
     """
     own, given = (np.linalg.svd(each.T @ arms, compute_uv=False)[1:].sum() for each in (arms, found))
     if given < LEAST_TURN * own:

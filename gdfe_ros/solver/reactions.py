@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each handle exerts on the body."""
+"""Reactions of handles and obstacles on the body."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ def handle_reactions(
     outside: NDArray[np.float64] | None = None,
     contacts: Sequence[Contact] = (),
 ) -> dict[str, NDArray[np.float64]]:
-    """Sum the corner forces at each handle, and what each obstacle exerts.
+    """Return the force and moment that each handle and each obstacle exerts on the body.
 
     Args:
         body: the discretised body.
         positions: (n, 3) [m].
         force: corner forces dE/dx (m, 8, 3) [N] at these positions.
-        outside: dE/dx (n, 3) [N] of what acts from outside; None for nothing.
-        contacts: with the body's obstacles.
+        outside: dE/dx (n, 3) [N] of the external terms; None for none.
+        contacts: contact terms of the obstacles.
 
     Returns:
-        By handle (6,): force [N], then moment [N m] about the mean of the handle's current vertices; by obstacle the
-        same, about its origin.
+        Wrenches (6,) by name: force [N], then moment [N m]; for a handle about the mean of its current vertices, for an
+        obstacle about its origin.
     """
     reactions = {contact.name: contact.wrench(positions) for contact in contacts if contact.on_body}
     for handle in body.handles:
@@ -47,7 +47,7 @@ def handle_reactions(
 
 
 def vertex_forces(body: Body, vertices: NDArray[np.int32], force: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the internal force (k, 3) [N] at chosen vertices from corner forces (m, 8, 3)."""
+    """Return the internal force dE/dx (k, 3) [N] at ``vertices`` (k,) from corner forces (m, 8, 3) [N]."""
     total = np.empty((len(vertices), 3))
     _gather_forces(force, body.unknowns, vertices, total)
     return total

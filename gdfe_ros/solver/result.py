@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What one step of a simulation returns."""
+"""The result of one step of a simulation."""
 
 from __future__ import annotations
 
@@ -19,34 +19,35 @@ class StepResult:
 
     Attributes:
         time: simulation time [s].
-        positions: (n, 3) float64 [m], a copy of your own.
+        positions: (n, 3) float64 [m], a copy.
         converged: the residual is at most the tolerance, every handle is where it was commanded, and no element is
             folded or inverted.
         iterations: linear solves with the constant matrix.
         residual: estimated largest distance to the equilibrium over the body's size: the preconditioned step, divided
-            by the factor by which it may fall short. Infinite where a solve was cut: the distance is not known then.
+            by the factor by which it may fall short. Infinite for a solve that was cut: the distance is unknown then.
         energy: strain energy [J].
-        min_det: least volume ratio at a corner of an element, of a cut cell of the box that it is, det F there; not
-            positive where one is folded or inverted.
+        min_det: least volume ratio det F at a corner of an element; for a cut cell, of the whole box. Not positive if
+            an element is folded or inverted.
         reactions: by handle and obstacle (6,) float64: the force [N] and the moment [N m] about the handle's deformed
             centre, or the obstacle's origin, that it exerts on the body.
-        contacts: by obstacle, the vertices that touch it and the forces there; under ``(self)`` those that touch the
-            body itself.
-        skipped: work that was not needed, by name.
-        substeps: increments that the step was cut into.
-        wall_time: time spent [s].
-        policy: which policy solved.
-        factorisation: what solves with the constant matrix.
-        message: what is wrong; empty where nothing is.
-        stable: the energy curves up in every direction, as looked at where a motion begins or is not smooth; False: the
-            body stands at a saddle, which it leaves when it is pushed; None: nobody looked, or it did not converge.
-        cut_after: how often the solve asked for the time before its deadline had passed; None: it never passed.
+        contacts: by obstacle, the vertices that touch it and their forces; under ``(self)`` those that touch the body
+            itself.
+        skipped: counts of work that was left out, by name.
+        substeps: increments into which the step was divided.
+        wall_time: elapsed time [s].
+        policy: the policy of the solve.
+        factorisation: the library that solves with the constant matrix.
+        message: the defect; empty if there is none.
+        stable: whether the energy curves up in every direction; this is checked where a motion begins or is not smooth.
+            False: the body is at a saddle, which it leaves when pushed. None: not checked, or not converged.
+        cut_after: how often the solve asked for the time before its deadline passed; None if it did not pass.
         actuators: by name, command, length or volume, tension or pressure of each actuator.
-        terms: reports of terms that were added to the simulation, by their names.
-        restarts: 1 where the step ended in folded or inverted elements or, from given positions, in another
-            equilibrium, and was made again from rest, or where obstacles let go of the body; the message says why.
-        velocities: (n, 3) [m/s] with dynamics, a copy of your own; None without.
-        energies: with dynamics: kinetic, elastic, potential, work done and dissipated since the start [J], by name.
+        terms: reports of the terms that were added to the simulation, by name.
+        restarts: 1 if the step was repeated from rest, because it ended in folded or inverted elements or, from given
+            positions, in another equilibrium; also 1 if contact with obstacles was dropped. The message says why.
+        velocities: (n, 3) [m/s] with dynamics, a copy; None without.
+        energies: with dynamics, by name: kinetic, elastic, potential, work done and dissipated energy since the
+            start [J].
     """
 
     time: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a user may choose about the solver."""
+"""Settings of the solver."""
 
 from __future__ import annotations
 
@@ -8,29 +8,30 @@ from enum import Enum
 
 
 class Policy(str, Enum):
-    """How an element's shape factor and desired shape follow from its material."""
+    """Rule by which an element's shape factor and desired shape follow from its material."""
 
     ENERGY = "energy"
     RELATIVE = "relative"
 
 
 class Torsion(str, Enum):
-    """As what an element resists torsion, where one integration point does not tell."""
+    """Model of an element's torsional stiffness, which one integration point cannot resolve."""
 
     CELL = "cell"
-    """A bar of its own: exact where the body is one cell across, too stiff by 14 % where it is two."""
+    """Each cell resists torsion as a separate bar: exact for a body one cell across, 14 % too stiff for two."""
     SECTION = "section"
-    """A part of the section that it lies in, which is counted: exact in square bars of one to four cells across."""
+    """Each cell resists as a part of its cross-section, whose cells are counted: exact in square bars of one to four
+    cells across."""
 
 
 FORMER_NAMES = {"elements inside plates": "elements inside handles"}
-"""Of skipped work in scenes and bags that were written before a handle had one word; each with today's."""
+"""Names of skipped work in older scenes and bags, with the present names."""
 
 
 class Skip(str, Enum):
-    """Work that is left out where a scene does not need it; the name under which results count it.
+    """Kinds of work that are left out if a scene does not need them; the value is the name in results.
 
-    What a scene lacks altogether has no code path at all, and is counted only: ``EIGENVALUES`` and ``ACTUATORS``.
+    ``EIGENVALUES`` and ``ACTUATORS`` are only counted: a scene without them has no such code path.
     """
 
     SOLVE = "solve"
@@ -55,12 +56,12 @@ class SolverSettings:
         tolerance: estimated largest distance to the equilibrium (from the preconditioned step), over the body's
             size, at which a step counts as converged; 1e-12 to 1e-1.
         steps: number of load steps for a program; None lets the solver choose.
-        max_iterations: most iterations of one increment before a step is returned as not converged; a command that
-            is cut into n increments from the start has n times as many.
-        threads: most that share the elements of a solve under ``energy``, at most numba's (``NUMBA_NUM_THREADS``, by
-            default the machine's cores); 1 to 1024. The result is the same to the last bit.
-        skip: work that is left out where it changes nothing beyond the tolerance; all of it by default.
-        torsion: as what elements resist torsion, under ``energy``.
+        max_iterations: limit of iterations of one increment, after which a step is returned as not converged; a command
+            that is divided into n increments from the start has n times as many.
+        threads: most threads that share the elements of a solve under ``energy``, at most numba's
+            (``NUMBA_NUM_THREADS``, by default the machine's cores); 1 to 1024. The result is the same bit by bit.
+        skip: kinds of work that are left out where they change nothing beyond the tolerance; all of them by default.
+        torsion: model of torsional stiffness under ``energy``.
 
     Raises:
         ValueError: a value is out of range.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a solve is asked and what it answers."""
+"""Request and answer of a solve."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gdfe_ros.solver.state import Balance, State
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Increment:
-    """What a solve is to find an equilibrium for.
+    """The commands for which a solve finds an equilibrium, and its limits.
 
     Attributes:
         poses: of every handle, relative to its rest pose.
@@ -25,8 +25,8 @@ class Increment:
         tolerance: estimated largest distance to the equilibrium over the body's size.
         limit: most iterations.
         deadline: when it has passed, the best positions so far are returned; None: never.
-        keeping: to which commanded lengths and hourglass scales are kept, likewise; None: the tolerance.
-        volumes: to which pressures keep volumes, likewise; None: as ``keeping``.
+        keeping: relative tolerance of commanded lengths and of hourglass scales; None: as ``tolerance``.
+        volumes: relative tolerance of the volumes that pressures keep; None: as ``keeping``.
     """
 
     poses: Mapping[str, Pose]
@@ -39,27 +39,28 @@ class Increment:
 
     @classmethod
     def at(cls, state: State, *, tolerance: float, limit: int, deadline: Deadline | None = None) -> Increment:
-        """Ask for the equilibrium at the commands that are in force in a state."""
+        """Return the request for the equilibrium at a state's own commands."""
         return cls(poses=state.poses, commands=state.commands, tolerance=tolerance, limit=limit, deadline=deadline)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Solution:
-    """The best that a solve found; `accept` of the equilibrium that found it makes it a state.
+    """The best result of a solve; `accept` of the equilibrium solver turns it into a state.
 
     Attributes:
-        state: everything but what acceptance adds: histories, and what is held.
+        state: the state without what acceptance adds: histories, and frozen elements.
         iterations: linear solves with the constant matrix.
-        cut: the limit or the deadline ended it.
-        diverged: the energy has no lower bound.
-        exhausted: it is as near as double precision allows: a shorter way would not lead nearer.
-        buried: surfaces are deep in each other, not only beyond the bound.
-        lost: how far the equilibrium is could not be known: a shorter way may lead nearer, but not a much shorter one.
-        began: (n, 3) where the solve began [m].
-        balance: of an equilibrium; None where it is none, or has no energy.
-        tolerance: that was asked for.
-        active: what was moved.
-        run: which of its solves this was, for `accept`.
+        cut: whether the limit or the deadline ended the solve.
+        diverged: whether the energy has no lower bound.
+        exhausted: whether it is as accurate as double precision allows; shorter increments would not help.
+        buried: whether surfaces penetrate each other deeply, not only above the tolerance.
+        lost: whether the distance to the equilibrium could not be estimated; a shorter increment may help, a much
+            shorter one does not.
+        began: (n, 3) positions at the beginning of the solve [m].
+        balance: energy balance of the equilibrium; None if it is none, or has no energy.
+        tolerance: the requested tolerance.
+        active: the unknowns of the solve.
+        run: number of the solve, for `accept`.
     """
 
     state: State
@@ -77,7 +78,7 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether it is an equilibrium, to the tolerance."""
+        """Whether it is an equilibrium to the tolerance."""
         return self.state.summary.converged
 
     @property
@@ -87,7 +88,7 @@ class Solution:
 
     @property
     def residual(self) -> float:
-        """Estimated largest distance to the equilibrium over the body's size; infinite where it is not known."""
+        """Estimated largest distance to the equilibrium over the body's size; infinite if it is unknown."""
         return self.state.summary.residual
 
     @property

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Everything that changes while a body is simulated, as one value.
+"""The whole changing state of a simulated body, as one immutable value.
 
-No array of a state is ever written again, nor is any of its mappings: a copy is a reference, two simulations can share
-one, and what a step finds is a new state. What is not in here is constant, or a workspace whose contents no result
-depends on.
+No array or mapping of a state is ever modified. A copy is a reference, two simulations can share a state, and a step
+returns a new one. All other data are constants, or workspaces whose contents affect no result.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ElementState:
-    """What elements remember under the policy ``energy``.
+    """State of the elements under the policy ``energy``.
 
     Attributes:
         pressures, pressures_before: (m,) p_e [Pa], positive in tension, of the last two accepted solves.
-        bulk: (k,) bulk modulus beside the pressures by material [Pa]; raised where pressures swing.
+        bulk: (k,) bulk modulus of the penalty beside the pressures, by material [Pa]; raised if pressures oscillate.
         hourglass_scale: (m,) hourglass stiffness over that at rest.
     """
 
@@ -44,12 +43,12 @@ class ElementState:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ShapeState:
-    """What elements remember under the policy ``relative``.
+    """State of the elements under the policy ``relative``.
 
     Attributes:
-        captured: (m, 8, 3) volume-conserving shapes of the last converged solve in the elements' own frames, taken
-            back to no growth [m].
-        strain: (m,) equivalent strains there.
+        captured: (m, 8, 3) volume-conserving shapes of the last converged solve [m], in the elements' own frames and
+            with growth divided out.
+        strain: (m,) equivalent strains at that solve.
         omega: (m,) shape factors of the last solve.
     """
 
@@ -60,13 +59,13 @@ class ShapeState:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Motion:
-    """The last accepted step, as the predictor needs it.
+    """The last accepted step, for the predictor.
 
     Attributes:
-        move: (n, 3) of all vertices [m].
-        base: (b, 3) of the handles' vertices as commanded [m].
-        change: (c,) of the commands of actuators and loads, each in its own unit.
-        slides, turns: (p, 3) of the handles' free translations [m] and rotation vectors [rad].
+        move: (n, 3) displacements of all vertices [m].
+        base: (b, 3) commanded displacements of the handles' vertices [m].
+        change: (c,) changes of the commands of actuators and loads, each in its own unit.
+        slides, turns: (p, 3) changes of the handles' free translations [m] and rotation vectors [rad].
     """
 
     move: Array
@@ -78,19 +77,20 @@ class Motion:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sleep:
-    """How much of a body is held for being at rest; see `Dormancy`.
+    """Dormancy state: the part of the body that is frozen because it is at rest; see `Dormancy`.
 
     Attributes:
-        awake: (n,) vertices that the part in force moves; None where the whole body moves.
-        known: forces and energies of the held elements; None where they are still to be evaluated.
-        border: (k, 3) dE/dx [N] of the watched vertices when the part was taken; None without ``known``.
-        yielding: displacement [m] of the held vertices by a border force of 1 N, as last found; infinite: not yet.
-        before: (n, 3) positions [m] of the last step that was looked at; None where nothing is ever held.
+        awake: (n,) vertices that the present part moves; None if the whole body moves.
+        known: forces and energies of the frozen elements; None if they are still to be evaluated.
+        border: (k, 3) dE/dx [N] of the watched vertices when the part was chosen; None without ``known``.
+        yielding: last computed displacement [m] of the frozen vertices per 1 N of change of the border's forces;
+            infinite before the first.
+        before: (n, 3) positions [m] of the last step that was examined; None if nothing is ever frozen.
         calm: (n,) vertices at rest since counting began.
         count: steps counted.
-        patience: steps in a row for which a vertex must be at rest.
-        rests, longer_rest: steps in which nobody looks, now and next time.
-        lasted: steps that the part has lasted.
+        patience: number of successive steps for which a vertex must be at rest before it is frozen.
+        rests, longer_rest: number of steps without examination, now and next time.
+        lasted: steps since the present part was chosen.
     """
 
     awake: NDArray[np.bool_] | None
@@ -108,7 +108,7 @@ class Sleep:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Known:
-    """The elements at the positions from which on a part of them is held.
+    """Forces and energies of the elements at the positions at which a part of them was frozen.
 
     Attributes:
         force: (m, 8, 3) corner forces [N].
@@ -124,11 +124,11 @@ class Known:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SoftDirection:
-    """The direction in which a stable equilibrium was softest: the first along which it may become a saddle.
+    """The softest direction of a stable equilibrium, along which it may first become a saddle.
 
     Attributes:
         direction: (3 r,) of the unknowns.
-        asked, looked: iterations since the energy's curvature along it was evaluated, and since it was found.
+        asked, looked: iterations since the energy's curvature along it was evaluated, and since it was computed.
     """
 
     direction: Array
@@ -136,19 +136,19 @@ class SoftDirection:
     looked: int
 
     def after(self, iterations: int) -> SoftDirection:
-        """Return it so many iterations later."""
+        """Return the direction with both counts increased by ``iterations``."""
         return changed(self, asked=self.asked + iterations, looked=self.looked + iterations)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Unfinished:
-    """Where a solve was cut, so that the next one goes on from there.
+    """Progress of a solve that was cut, from which the next one continues.
 
     Attributes:
-        tolerance: of the descent that was cut.
-        iterations: that were made since the last solve that was finished.
-        recent: (2 WINDOW,) displacements [m] of the last steps, in a ring.
-        seen: how many steps were seen.
+        tolerance: tolerance of the cut minimisation.
+        iterations: number of iterations since the last finished solve.
+        recent: (2 WINDOW,) displacements [m] of the last steps, as a ring buffer.
+        seen: number of steps recorded.
     """
 
     tolerance: float
@@ -159,10 +159,10 @@ class Unfinished:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Balance:
-    """What an equilibrium would give for a motion of its commands.
+    """Energy data of an equilibrium from which the work of the next increment is computed.
 
     Attributes:
-        potential: of all that acts beside the elements [J]; zero at rest and where a length or a volume is commanded.
+        potential: of all terms beside the elements [J]; zero at rest, and for commanded lengths and volumes.
         slopes: d(energy + potential)/d(command) by actuator and load.
     """
 
@@ -172,17 +172,17 @@ class Balance:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Summary:
-    """How good the last accepted solve was and what it found.
+    """Quality and results of the last accepted solve.
 
     Attributes:
-        converged: it is an equilibrium, to the tolerance.
-        residual: estimated largest distance to the equilibrium over the body's size; infinite where it is not known.
+        converged: whether it is an equilibrium to the tolerance.
+        residual: estimated largest distance to the equilibrium over the body's size; infinite if it is unknown.
         energy: strain energy [J].
         min_det: least volume ratio at a corner of an element.
         reactions: by handle (6,), as in `StepResult`.
         actuators: by name.
         terms: reports of further terms by name.
-        message: what is wrong; empty where nothing is.
+        message: the defect; empty if there is none.
         stable: as in `StepResult`.
     """
 
@@ -203,28 +203,27 @@ class State:
 
     Attributes:
         positions: (n, 3) [m].
-        base: (n, 3) [m], whose rows of handles' vertices are where they are commanded.
+        base: (n, 3) [m], positions whose rows of handle vertices are the commanded ones.
         poses: commanded, by handle.
         commands: of actuators and loads, by name, in the unit of each mode.
         slides, turns: (p, 3) free translations [m] and rotation vectors [rad] of the handles with a free axis.
-        orientation: (p, 3, 3) rotations of these handles for which the constant matrix is coupled to them.
-        motion: the last step; None where there was none.
-        terms: what each term saves.
-        elements, shapes: what elements remember under the policies ``energy`` and ``relative``.
+        orientation: (p, 3, 3) rotations of these handles with which they were last coupled to the constant matrix.
+        motion: the last step; None before the first.
+        terms: stored state of each term.
+        elements, shapes: state of the elements under the policies ``energy`` and ``relative``.
         operators: of the elements at the present growth.
-        history, part_history: of the descents in the whole body, and in the part that is awake.
-        tangent: that preconditions the descents; None for the constant matrix.
-        sleep: what is held.
-        unfinished: where the last solve was cut; None where it was not.
-        soft: direction in which it is softest; None where none was looked for.
-        balance: of the equilibrium; None where it is none, or has no energy.
+        history, part_history: quasi-Newton histories of the whole body, and of the awake part.
+        tangent: the tangent that preconditions the minimisation; None for the constant matrix.
+        sleep: dormancy state.
+        unfinished: progress of the last solve if it was cut; None if it was not.
+        soft: softest direction; None if none was computed.
+        balance: energy balance of the equilibrium; None if it is none, or has no energy.
         summary: of the last accepted solve.
-        sound: no element is folded or inverted.
-        suspect: the positions were given and have folded or inverted elements.
-        tried: it was tried in vain to come here from rest.
-        anchor: the last state that was an equilibrium, where this one is on the way to one, or where a step failed and
-            left elements crumpled.
-        ledger: of a body in motion; None without dynamics.
+        sound: whether no element is folded or inverted.
+        suspect: whether the positions were given and have folded or inverted elements.
+        tried: whether the load path from rest was tried without success.
+        anchor: the last equilibrium, if this state is none: a solve was cut, or a failed step left crumpled elements.
+        ledger: energy account of a moving body; None without dynamics.
     """
 
     positions: Array
@@ -254,16 +253,16 @@ class State:
     ledger: Ledger | None = None
 
     def change_to(self, commands: Mapping[str, float]) -> Array:
-        """Return by how much each command changes to ``commands``, (c,), each in its own unit."""
+        """Return the changes (c,) from the present commands to ``commands``, each in its own unit."""
         return np.array([commands[name] - value for name, value in self.commands.items()])
 
     @property
     def dissipated(self) -> float:
-        """What terms have turned to heat so far [J]: each keeps it as `lost`."""
+        """Energy that the terms have dissipated so far [J]: the sum of their ``lost``."""
         return sum(float(saved["lost"][0]) for saved in self.terms.values() if "lost" in saved)
 
     def with_(self, **changes: object) -> State:
-        """Return a state that differs in the named attributes.
+        """Return a copy of the state with the named attributes replaced.
 
         Raises:
             TypeError: there is no such attribute.
@@ -279,7 +278,7 @@ class Snapshot:
         state: of the body.
         time: simulation time [s].
         targets, commands: poses by handle; values by actuator and load, before rate limits.
-        scene: text of the scene, policy and torsion that it is of.
+        scene: text of its scene, policy and torsion.
     """
 
     state: State

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States as trees of plain values and arrays, for archives: nothing in them is code."""
+"""Conversion of states to trees of plain values and arrays, for archives that contain no code."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _VALUES = (
     Tangent,
 )
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
-"""What a tree may be made of besides plain values."""
+"""Dataclasses that a tree may contain besides plain values."""
 
 _ADDED = {
     Tangent: {"ends", "ways", "softest"},
@@ -49,15 +49,15 @@ _ADDED = {
     states.Summary: {"stable"},
     Ledger: {"bound"},
 }
-"""Parts that archives of earlier states do not have, by class."""
+"""Fields that older archives lack, by class."""
 
 
 class TreeError(ValueError):
-    """A tree that this package does not write."""
+    """A tree that was not written by this package."""
 
 
 def to_tree(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
-    """Return a value as a tree that JSON takes; its arrays are put into ``arrays``, each once."""
+    """Return a value as a tree of JSON types; each of its arrays is added to ``arrays`` once."""
     if value is None or (isinstance(value, (bool, int, float, str)) and not isinstance(value, Enum)):
         return value
     if isinstance(value, np.generic):
@@ -80,10 +80,10 @@ def to_tree(value: Any, arrays: dict[str, NDArray[Any]]) -> Any:
 
 
 def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
-    """Return the value of a tree; operators, which follow from the commands, are left to the caller (None).
+    """Return the value of a tree; operators follow from the commands and are left to the caller (None).
 
     Raises:
-        TreeError: it is none that `to_tree` made.
+        TreeError: the tree was not written by `to_tree`.
     """
     if tree is None or isinstance(tree, (bool, int, float, str)):
         return tree

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values that change by being replaced."""
+"""Replacement of attributes in immutable values."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ Value = TypeVar("Value")
 
 
 def changed(value: Value, **changes: object) -> Value:
-    """Return a value of a frozen dataclass that differs in the named attributes.
+    """Return a copy of a frozen dataclass with the named attributes replaced.
 
-    `dataclasses.replace` checks the same and takes ten times as long; with the handful that a step makes of its values
-    that is a tenth of a step of a small body. What a class does on construction is not done again.
+    `dataclasses.replace` does the same check and takes ten times as long, which would be a tenth of a step of a small
+    body. ``__post_init__`` is not called again.
 
     Raises:
         TypeError: there is no such attribute.

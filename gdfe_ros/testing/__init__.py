@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""For tests of controllers: the real node in a process of its own, in lockstep, with a controller in the loop.
+"""Tools to test controllers: the real node in a process of its own, in lockstep, with a controller in the loop.
 
 Example, a test of a controller that holds the tip of a bar at a height:
 
@@ -9,12 +9,10 @@ Example, a test of a controller that holds the tip of a bar at a height:
     from gdfe_ros.simulation import Command
     from gdfe_ros.testing import Simulator, tracking_error
 
-
     def controller(state):
         height = state.positions[:, 2].max() - 0.025
         push = state.poses["tip"].translation[2] + 0.5 * (0.1 - height)
         return Command(handles={"tip": Pose((0.0, 0.0, push))})
-
 
     def test_the_controller_reaches_the_height():
         with Simulator("bend5") as simulator:
@@ -22,9 +20,10 @@ Example, a test of a controller that holds the tip of a bar at a height:
         heights = [[0.0, 0.0, state.poses["tip"].translation[2]] for state in states]
         assert tracking_error(heights[20:], np.array([0.0, 0.0, 0.1])).largest < 1e-3
 
-Every run of such a test is the same to the last bit.
+Every run of such a test gives bitwise the same results.
 
-`make_env` makes a scene an environment of Gymnasium, in this process and without ROS: names are fetched on first use.
+`make_env` turns a scene into an environment of Gymnasium, in this process and without ROS. Public names are imported on
+first use.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS node beside the process of a ``sim_node``: waits for it and calls its services."""
+"""A ROS node beside the process of a ``sim_node`` that waits for it and calls its services."""
 
 from __future__ import annotations
 
@@ -23,26 +23,27 @@ from gdfe_ros.testing.discovery import await_discovery
 from gdfe_ros.testing.process import NodeProcess
 
 PATIENCE = 300.0
-"""Longest wait for anything but a step [s]; the first start of all compiles kernels: minutes on a busy machine."""
+"""Longest time to wait for anything except a step [s]: the very first start compiles kernels, minutes on a busy
+machine."""
 _DISCOVERY = 1.5
-"""Time [s] in which nodes that are there already are discovered, on a busy machine, too."""
+"""Time [s] in which running nodes are discovered, even on a busy machine."""
 STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Of subscriptions to what each step publishes; the last step is heard by who comes late."""
+"""QoS of subscriptions to the topics of a step: a late subscriber receives the last step."""
 
 
 class Client:
-    """A node in a context of its own, beside the simulation's in its namespace.
+    """ROS node in a context of its own, in the namespace of the simulation's node.
 
     Args:
-        process: of the simulation.
+        process: process of the simulation.
         name: full name of the simulation's node.
-        label: what this node is called.
-        patience: longest wait for anything [s].
-        context: to make it in; None: a new one.
+        label: name of this node.
+        patience: longest time to wait for anything [s].
+        context: ROS context of the node; None: a new one.
 
     Attributes:
-        node: for publishers and subscriptions.
-        executor: spun by every wait.
+        node: the node, on which publishers and subscriptions are made.
+        executor: executor of the node; every wait spins it.
     """
 
     def __init__(
@@ -58,10 +59,10 @@ class Client:
         self._change = self.node.create_client(ChangeState, f"{name}/change_state")
 
     def wait(self, done: Callable[[], Any], what: str) -> None:
-        """Spin until ``done`` gives something true.
+        """Spin the node until ``done`` returns a true value; ``what`` names the awaited thing in the error.
 
         Raises:
-            GdfeError: the simulation ended, it took too long, or another node has its name.
+            GdfeError: the simulation's process ended, the patience is over, or another node has the simulation's name.
         """
         begin = time.monotonic()
         end, look = begin + self._patience, begin + _DISCOVERY
@@ -76,16 +77,16 @@ class Client:
             self.executor.spin_once(timeout_sec=0.05)
 
     def meet(self, services: Sequence[ServiceClient] = ()) -> None:
-        """Wait until the simulation answers services, and knows all that this node listens to."""
+        """Wait until the simulation offers its services and has discovered this node's subscriptions and clients."""
         for service in (self._change, *services):
             self.wait(service.service_is_ready, f"the service {service.srv_name}")
         await_discovery(self.node, self._name, partial(self.wait, what="diagnostics"))
 
     def require_alone(self) -> None:
-        """Wait until the simulation knows this node, and make sure that no other node has the simulation's name.
+        """Wait until the simulation has discovered this node, and check that no other node has the simulation's name.
 
         Raises:
-            GdfeError: another one has; commands would reach both.
+            GdfeError: another node has the name; commands would reach both.
         """
         waiting = partial(self.wait, what="diagnostics")
         await_discovery(self.node, self._name, waiting, process=self._process.pid)
@@ -102,7 +103,7 @@ class Client:
             )
 
     def await_listeners(self, publishers: Iterable[Publisher]) -> None:
-        """Wait until the simulation listens to what is published: before that, messages reach nobody."""
+        """Wait until the simulation subscribes to each publisher: messages sent before are lost."""
         for publisher in publishers:
             self.wait(publisher.get_subscription_count, f"a subscription of {publisher.topic_name}")
 
@@ -113,7 +114,7 @@ class Client:
         return future.result()
 
     def transition(self, label: str) -> None:
-        """Have the simulation make a transition of its lifecycle."""
+        """Request a lifecycle transition of the simulation's node, e.g. ``configure``."""
         request = ChangeState.Request()
         request.transition.label = label
         if not self.call(self._change, request).success:

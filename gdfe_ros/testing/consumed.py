@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the commands that a recorded step consumed to messages that make a node consume the very same."""
+"""Messages with which a node consumes exactly the commands that a recorded step consumed."""
 
 from __future__ import annotations
 
@@ -26,21 +26,22 @@ Quaternion = tuple[float, float, float, float]
 
 
 class Consumed:
-    """Makes messages of the records of a run.
+    """Converts the step records of a run to messages for the node that replays it.
 
-    A step of the replaying node begins when every input that the run uses has a message; what a step did not command
-    is filled up with the command in force, which changes nothing.
+    A step of the replaying node begins when every input that the run uses has a message. For an input that the step
+    did not command, the message repeats the command in force, which changes nothing.
 
-    A target's rotation vector is what the node made of a quaternion; turned back, it may give one whose rotation
-    vector differs in the last bit. So the quaternions that were sent are looked up among the messages in the bag.
+    The recorded target is a rotation vector that the node computed from a quaternion. The quaternion computed back from
+    it may have a rotation vector that differs in the last bit, so that the sent quaternions are searched among the
+    messages in the bag.
 
     Args:
-        run: that was recorded.
+        run: recorded run.
 
     Attributes:
-        inputs: topics after the node's name that the run uses, and a step of the replay waits for.
-        puts: topics on which it puts rigid bodies; their messages come before those of ``inputs``.
-        inexact: number of targets met so far that no message in the bag gives to the last bit.
+        inputs: topics relative to the node's name that the run uses, and that a step of the replay waits for.
+        puts: topics that place rigid bodies; their messages are sent before those of ``inputs``.
+        inexact: number of targets so far that no message in the bag reproduces bitwise.
     """
 
     def __init__(self, run: BagRun) -> None:
@@ -58,12 +59,12 @@ class Consumed:
         self.inexact = 0
 
     def start(self, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> None:
-        """Note what is in force before the next step."""
+        """Set the targets and commands in force before the next step."""
         self._poses = {name: targets[name] for name in self._handles}
         self._values = {name: commands[name] for name in self._driven}
 
     def messages(self, record: StepRecord) -> dict[str, PoseStamped | JointState]:
-        """Give one message for each of ``inputs``; none where the step consumed nothing."""
+        """Return a message for each of ``inputs``, after those that place bodies; empty if the step has no commands."""
         values = {**record.actuators, **record.loads}
         messages: dict[str, PoseStamped | JointState] = {}
         for name, pose in record.bodies.items():
@@ -88,7 +89,7 @@ class Consumed:
 
 
 class _SentTurns:
-    """The targets and velocities of one handle or obstacle in a bag."""
+    """Quaternions and angular velocities with which one handle or obstacle was commanded in a bag."""
 
     def __init__(self, run: BagRun, handle: Handle) -> None:
         self._handle = handle.name
@@ -100,7 +101,7 @@ class _SentTurns:
         self._stride = float(run.reader.run.settings.get("node", {}).get("dt", math.inf))
 
     def find(self, last: Pose, target: Pose, dt: float) -> Quaternion | None:
-        """Give a quaternion that brings ``last`` to the very rotation of ``target``; None: there is none."""
+        """Return a quaternion that turns ``last`` into exactly the rotation of ``target``; None if there is none."""
         for turn in self._candidates(last, target, min(dt, self._stride)):
             if PoseOrder(self._handle, target.translation, turn).after(last) == target:
                 return turn
@@ -115,7 +116,7 @@ class _SentTurns:
 
 
 def _sent_turns(run: BagRun, key: str) -> dict[tuple[float, float, float], list[Quaternion]]:
-    """Return the quaternions that were sent on a topic, by translation."""
+    """Return the quaternions sent on a topic, by the translation sent with them."""
     sent: dict[tuple[float, float, float], list[Quaternion]] = {}
     for message in _messages(run, key):
         place, turn = message.pose.position, message.pose.orientation
@@ -128,7 +129,7 @@ def _quaternion(pose: Pose) -> Quaternion:
 
 
 def _messages(run: BagRun, key: str) -> Iterator[Any]:
-    """Iterate over the decoded messages of a topic that the bag may not have."""
+    """Yield the decoded messages of a topic; none if the bag does not have the topic."""
     if run.topics(f"/{key}"):
         for _, message in run.messages(f"/{key}"):
             yield message

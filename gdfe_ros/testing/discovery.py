@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When a simulation's process knows what another one listens to."""
+"""Wait until the process of a simulation has discovered the subscriptions of another node."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ def await_discovery(
 ) -> None:
     """Wait until a simulation has discovered every subscription and service client that ``node`` has so far.
 
-    A service is "ready" once requests arrive; its answer is lost where the server does not know the client yet. DDS
-    announces what listens in the order in which it was made: who hears diagnostics on a subscription made now is known
-    with all that was made before.
+    A service counts as ready as soon as requests reach it, but its response is lost while the server has not discovered
+    the client. DDS announces the endpoints of a node in the order of their creation. So once a subscription made now
+    receives diagnostics, the simulation has discovered all earlier endpoints too.
 
     Args:
-        node: that listens.
+        node: node with the subscriptions and clients.
         simulation: full name of the simulation's node.
-        wait: spins until what it is given returns something true.
-        process: number of the simulation's process, where another node may have its name; None takes any.
+        wait: function that spins the node until its argument, a function, returns a true value.
+        process: process id of the simulation, in case another node has its name; None accepts any.
     """
     heard: list[DiagnosticArray] = []
     wanted = f"{simulation.lstrip('/')}: "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene as an environment of Gymnasium: commands are actions, probes and actuators are observed. Needs no ROS."""
+"""A scene as an environment of Gymnasium: actions are commands, observations are probes and actuators. Needs no ROS."""
 
 from __future__ import annotations
 
@@ -27,25 +27,26 @@ Reward = Callable[[Simulation, NDArray[np.float64]], float]
 Ending = Callable[[Simulation], bool]
 
 _WALK = 5
-"""Most steps that the way to a goal has; a reset costs no more."""
+"""Largest number of steps towards a new goal in one reset: bounds the time of a reset."""
 _LONG = 1e9
-"""Time [s] in which every rate limit lets every command through."""
+"""Time of a step [s] so long that no rate limit cuts a command."""
 _SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
-"""Of a change of commands, tried one after the other until a step converges."""
+"""Fractions of the change of the commands, tried in this order until a step converges."""
 _BUDGET = 400
-"""Rounds of iterations after which a body without inertia tries a smaller share; a step has some 20 to 150."""
+"""Limit of iterations of a step without dynamics, after which a smaller fraction is tried; most steps need 20 to
+150."""
 
 
 class SoftRobotEnv(Env):
-    """A simulation in lockstep: each step follows one command for ``dt``.
+    """Gymnasium environment of a simulation in lockstep: each step applies one action for ``dt``. Made by `make_env`.
 
-    Actions are commands of all actuators, in the scene's order and in the units of their modes; numbers beyond a range
-    count as its end. In a step a command changes by at most its range * dt / slew_time, and by less where the step
-    would not converge; ``info["applied"]`` has what it came to. Made by `make_env`.
+    An action holds the commands of all actuators, in the scene's order and in the units of their modes; values outside
+    an actuator's range are clipped. In one step a command changes by at most range * dt / slew_time, and by less if the
+    step does not converge otherwise; ``info["applied"]`` holds the applied commands.
 
     Attributes:
-        simulation: that is stepped; to be read, not to be stepped.
-        goal: (3,) where the first probe shall be [m], with the reward that this class has by itself; else None.
+        simulation: the simulation, for reading only; `step` advances it.
+        goal: (3,) goal of the first probe [m], used by the default reward; None with a reward function.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  gymnasium's own declaration
@@ -85,11 +86,11 @@ class SoftRobotEnv(Env):
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Go back to rest, and draw a goal.
+        """Return to the rest state and draw a goal.
 
         Args:
-            seed: of the goals; None: goes on with those of the last seed.
-            options: ``goal``, (3,) [m], instead of one that is drawn.
+            seed: of the random goals; None: continue the sequence of the last seed.
+            options: ``goal``, (3,) [m], replaces the random goal.
         """
         super().reset(seed=seed)
         self.simulation.reset()
@@ -102,12 +103,12 @@ class SoftRobotEnv(Env):
         return self._observation(), {"time": 0.0}
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
-        """Follow a command for ``dt``.
+        """Apply an action for ``dt``.
 
-        A step that did not converge truncates the episode, as does the last one; ``info["why"]`` says which it was.
+        The episode is truncated by a step that did not converge and by the last step; ``info["why"]`` holds the reason.
 
         Raises:
-            CommandError: the action has another shape, or a number is not finite; the state is unchanged.
+            CommandError: the action has the wrong shape, or a value is not finite; the state is unchanged.
         """
         given = np.asarray(action, dtype=np.float64)
         if given.shape != self._low.shape or not np.isfinite(given).all():
@@ -126,7 +127,10 @@ class SoftRobotEnv(Env):
     def _approach(
         self, simulation: Simulation, wanted: NDArray[np.float64], dt: float, shares: Sequence[float]
     ) -> StepResult:
-        """Step towards commands, by the first of some shares with which it converges; the last is kept as it is."""
+        """Step towards the commands ``wanted``, with the first of ``shares`` that converges.
+
+        If none converges, the result of the last share stays.
+        """
         present, before = self._applied(simulation), simulation.snapshot()
         change = np.clip(wanted - present, -self._reach, self._reach)
         for share in shares:
@@ -134,7 +138,7 @@ class SoftRobotEnv(Env):
                 simulation.restore(before)
             values = np.clip(present + share * change, self._low, self._high).tolist()
             command = Command(actuators=dict(zip(self._names, values, strict=True)))
-            # The last try, and a body in motion, are left to come to their end.
+            # No limit of iterations for the last attempt, nor for a scene with dynamics.
             budget = _BUDGET if share and not simulation.scene.dynamics else None
             result = simulation.step(command, dt=dt, cut_after=budget)
             if result.converged:
@@ -142,14 +146,14 @@ class SoftRobotEnv(Env):
         return result
 
     def _applied(self, simulation: Simulation) -> NDArray[np.float64]:
-        """Give the commands that the last step was given."""
+        """Return the commands applied in the last step, (actuators,)."""
         return np.array([simulation.commands[name] for name in self._names], dtype=np.float64)
 
     def _observation(self) -> NDArray[np.float64]:
         return np.asarray(self._observe(self.simulation), dtype=np.float64)
 
     def _seen(self, simulation: Simulation) -> NDArray[np.float64]:
-        """Observe probes [m], commands in force of the actuators and what they exert [N], [Pa], and the goal [m]."""
+        """Return the default observation: probe positions [m], actuator commands, efforts [N] or [Pa], and goal [m]."""
         states = simulation.actuator_states().values()
         parts = [*simulation.probe_positions().values(), [state.command for state in states]]
         parts += [[state.effort for state in states], [] if self.goal is None else self.goal]
@@ -161,7 +165,10 @@ class SoftRobotEnv(Env):
         return -float(np.linalg.norm(_tip(self.simulation) - self.goal))
 
     def _draw(self) -> NDArray[np.float64]:
-        """Give where the first probe is on the way from the last goal to some command: a goal that can be reached."""
+        """Return a reachable goal (3,) [m]: the first probe's position after some steps towards a random command.
+
+        The steps start at the last goal; they end at ``_WALK`` steps or before the first one that does not converge.
+        """
         start, wanted = self._applied(self._walker), self.np_random.uniform(self._low, self._high)
         steps = max(1.0, np.ceil(np.max(np.abs(wanted - start) / np.maximum(self._reach, np.finfo(float).tiny))))
         dt = self._dt if self._walker.scene.dynamics else _LONG
@@ -185,23 +192,24 @@ def make_env(
     steps: int = 200,
     slew_time: float = 1.0,
 ) -> SoftRobotEnv:
-    """Make an environment of a scene.
+    """Make an environment of Gymnasium from a scene.
 
     Args:
-        scene: name, path, or as loaded.
-        observation: gives an array of the simulation; None: probes, actuators, and the goal where there is one.
-        reward: gives a number of the simulation and the action (clipped); None: minus the distance [m] of the first
-            probe to a goal, which is drawn at each reset: where it is some steps on the way to a random command, from
-            rest with a seed, else from the last goal. A body with mass that nothing holds walks there as it moves.
-        terminated: tells whether an episode has come to its end; None: never.
-        observation_space: None: numbers without bounds, of the shape of the observation at rest.
-        overrides: over the scene, by dotted key; its program is not played.
+        scene: name, path, or loaded scene.
+        observation: function of the simulation that returns an array; None: probes, actuators, and the goal if any.
+        reward: function of the simulation and the clipped action that returns a number; None: minus the distance [m] of
+            the first probe from a goal. Each reset draws a goal: the position of the probe after a few steps towards a
+            random command, starting at rest if a seed is given, else at the last goal. A scene with handles is
+            stepped there without dynamics, one without handles with its dynamics.
+        terminated: function of the simulation, true at the end of an episode; None: never.
+        observation_space: None: unbounded, with the shape of the observation at rest.
+        overrides: values that replace those of the scene, by dotted key; its program is not played.
         dt: simulation time of a step [s].
-        steps: after which an episode is truncated.
-        slew_time: simulation time in which an action crosses its range at most [s]; 0: at once.
+        steps: number of steps after which an episode is truncated.
+        slew_time: shortest simulation time in which a command crosses its whole range [s]; 0: at once.
 
     Raises:
-        GdfeError: the scene has no actuators, one of them has no range, or it has no probes and these are needed.
+        GdfeError: the scene has no actuators, an actuator has no range, or probes are needed and missing.
 
     Example:
         >>> env = make_env("tendon_finger")
@@ -215,25 +223,25 @@ def make_env(
 
 
 def make_vector_env(scene: str | Path, count: int, *, context: str = "spawn", **options: Any) -> AsyncVectorEnv:
-    """Make environments that run at the same time, each in a process of its own.
+    """Make environments that run in parallel, each in a process of its own.
 
     Args:
         scene: name or path.
-        count: of the environments.
-        context: how processes are begun; ``fork`` would take the compiler's threads along half.
-        options: of `make_env`.
+        count: number of environments.
+        context: start method of the processes; ``fork`` would copy the threads of the compiler in an invalid state.
+        options: keyword arguments of `make_env`.
     """
     return AsyncVectorEnv([partial(make_env, scene, **options)] * count, context=context)
 
 
 def _walker(scene: Scene) -> Simulation:
-    """Make what goes to goals: a held body without inertia, which would swing on its way; else the body as it is."""
+    """Return the simulation that finds goals: without dynamics, which would oscillate, if the scene has handles."""
     held = any(handle.section == "handles" for handle in scene.handles)
     return Simulation(replace(scene, dynamics=None) if held else scene)
 
 
 def _tip(simulation: Simulation) -> NDArray[np.float64]:
-    """Give where the first probe is (3,) [m]."""
+    """Return the position of the first probe, (3,) [m]."""
     return next(iter(simulation.probe_positions().values()))
 
 
@@ -245,7 +253,7 @@ def _goal(given: ArrayLike) -> NDArray[np.float64]:
 
 
 def _require_ranges(scene: Scene) -> list[str]:
-    """Name the actuators of a scene, each of which must have a range."""
+    """Return the names of the actuators; raise ``GdfeError`` if there is none or one has no range."""
     if not scene.actuators:
         raise GdfeError(f"scene {scene.name!r} has no actuators, so that there are no actions; add the key 'actuators'")
     endless = [item.name for item in scene.actuators if not math.isfinite(item.high - item.low)]

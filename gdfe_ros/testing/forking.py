@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes that are forked off a process which has imported all that they need, and loaded their kernels.
+"""Nodes forked from a server process that has already imported the package and loaded the kernels.
 
-A fresh ``sim_node`` takes seconds for that. After ``prepare`` each later ``NodeProcess`` starts in a fraction of the
-time; it is a process of its own as before, with its own log, signals and exit status. For the conftest.py of tests that
-start many nodes.
+A fresh ``sim_node`` takes seconds to start. After ``prepare`` each later ``NodeProcess`` starts in a fraction of that
+time; it still is a process of its own, with its own log, signals and exit status. Meant for the conftest.py of tests
+that start many nodes.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ _SERVER: list[ForkServerContext] = []
 
 
 def prepare() -> None:
-    """Fork all nodes that this process starts from now on; variables that numba reads must be set by then."""
+    """Fork all nodes that this process starts from now on; set environment variables of numba before."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([_PRELOAD])
     _SERVER[:] = [context]
 
 
 def start(arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> subprocess.Popen[bytes] | Forked:
-    """Start ``sim_node`` with command-line arguments and a file for all that it prints."""
+    """Start ``sim_node`` with command-line arguments; ``log`` receives its standard output and error."""
     if _SERVER:
         return Forked(_SERVER[0], arguments, log, environment)
     with log.open("wb") as file:
@@ -38,10 +38,10 @@ def start(arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -
 
 
 class Forked:
-    """What a caller needs of ``subprocess.Popen``, for a process that is forked off the server.
+    """Process forked from the server, with the part of the interface of ``subprocess.Popen`` that ``NodeProcess`` uses.
 
     Attributes:
-        pid: number of the process.
+        pid: process id.
     """
 
     def __init__(
@@ -54,14 +54,14 @@ class Forked:
         self.pid = self._process.pid
 
     def poll(self) -> int | None:
-        """Return the exit status, negative: the signal that ended it; None while it runs."""
+        """Return the exit status, or -n after signal n; None while the process runs."""
         return self._process.exitcode
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for the end, at most ``timeout`` [s], and return the exit status.
+        """Wait at most ``timeout`` [s] for the process to end and return the exit status.
 
         Raises:
-            TimeoutExpired: of ``subprocess``.
+            TimeoutExpired: of ``subprocess``; the process still runs.
         """
         self._process.join(timeout)
         if (status := self.poll()) is None:
@@ -69,24 +69,24 @@ class Forked:
         return status
 
     def send_signal(self, number: int) -> None:
-        """Send a signal, unless the process has ended."""
+        """Send a signal to the process, unless it has ended."""
         if self.poll() is None:
             os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End the process at once."""
+        """Kill the process."""
         self._process.kill()
 
 
 def _run(arguments: tuple[str, ...], log: str, environment: dict[str, str]) -> None:
-    """Be ``sim_node``, in the forked process."""
+    """Run ``sim_node`` in the forked process."""
     from gdfe_ros.entry import sim_node
 
     file = os.open(log, os.O_WRONLY)
     for descriptor in (1, 2):
         os.dup2(file, descriptor)
     os.close(file)
-    faulthandler.enable()  # a crash tells in the log what each thread was at
+    faulthandler.enable()  # after a crash the log has the stack of each thread
     os.environ.clear()
     os.environ.update(environment)
     sys.argv[:] = ["sim_node", *arguments]

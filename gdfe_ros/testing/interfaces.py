@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message packages that the wheels of ROS lack, built from their definitions with the generators that the wheels bring.
+"""Build ROS message packages that are missing among the wheels, with the generators of the wheels.
 
-For tests: a package from apt or from a workspace is better. Needs compilers for C and C++, and the headers of Python.
+Meant for tests: a package from apt or from a workspace is better. Needs compilers for C and C++, and Python's headers.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ _LINKED = (
 
 
 def build_interfaces(definitions: Path, folder: Path) -> Path:
-    """Build a Python package of messages, services and actions, once; return what belongs into ``PYTHONPATH``.
+    """Build a Python package of messages, services and actions unless it exists; return its entry for ``PYTHONPATH``.
 
     Args:
-        definitions: directory with msg/, srv/ and action/; its name is the package's.
-        folder: to build in, kept for the next time. Each package has a folder of its own there: who imports one sees
-            none that another process is building.
+        definitions: directory with msg/, srv/ and action/, named as the package.
+        folder: directory of built packages, kept for later runs. Each package has its own subdirectory, so that a
+            process that imports one never finds another one that is being built.
 
     Raises:
-        GdfeError: ROS is not from wheels, there is no compiler, or it failed.
+        GdfeError: ROS is not installed from wheels, there is no compiler, or the compiler failed.
     """
     folder = folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
@@ -56,7 +56,7 @@ def build_interfaces(definitions: Path, folder: Path) -> Path:
 
 
 class _Builder:
-    """One package on its way from definitions to shared libraries.
+    """Builds one package: from message definitions to shared libraries.
 
     Args:
         definitions: directory of the definitions.
@@ -70,7 +70,7 @@ class _Builder:
 
     def build(self) -> None:
         """Generate the sources, compile and link them."""
-        with contextlib.redirect_stdout(io.StringIO()):  # the generators tell of every file
+        with contextlib.redirect_stdout(io.StringIO()):  # the generators print every file name
             self._generate()
         for support in _TYPE_SUPPORTS:
             self._link(f"lib{self._name}__{support}.so", self._sources(support))
@@ -81,7 +81,7 @@ class _Builder:
         ]
         suffix = sysconfig.get_config_var("EXT_SUFFIX")
         beside = [f"-l:lib{self._name}__{support}.so" for support in _TYPE_SUPPORTS]
-        # Loaded along with the module, so that the dispatch by name finds them.
+        # The module links to the type supports, so that the lookup by name at run time finds them loaded.
         options = ["-L.", "-Wl,--no-as-needed", *beside, "-Wl,--as-needed", "-Wl,-rpath,$ORIGIN"]
         self._link(f"{self._name}_s__rosidl_typesupport_c{suffix}", sources, *options)
         for path in (self._build / "rosidl_generator_py" / self._name).iterdir():
@@ -124,7 +124,7 @@ class _Builder:
         rosidl_generator_py.generate_py(self._arguments("rosidl_generator_py"), ["rosidl_typesupport_c"])
 
     def _arguments(self, generator: str, **more: list[str]) -> str:
-        """Write the file of arguments of a generator, make its header of visibilities, and return the file's path."""
+        """Write the arguments of a generator to a file and its header of visibility macros; return the file's path."""
         output, templates = self._build / generator / self._name, self._share / generator / "resource"
         output.mkdir(parents=True)
         for template in templates.glob("*__visibility_control.h.in"):
@@ -157,7 +157,7 @@ class _Builder:
         common = ["-O0", "-w", "-fPIC", *(f"-I{path}" for path in folders)]
         folder = self._build / name
         folder.mkdir()
-        # In C++ one unit for all: the headers, which cost most, are read once. In C the names would clash.
+        # In C++ one unit for all: headers, the main cost, are read once. In C the names would collide.
         unit = folder / "unit.cpp"
         unit.write_text("".join(f'#include "{path}"\n' for path in sources if path.suffix == ".cpp"), encoding="utf-8")
         self._run("g++", *common, "-c", str(unit), folder=folder)
@@ -193,7 +193,7 @@ class _Builder:
 
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Hold a file's lock: several test workers may want the same package."""
+    """Hold an exclusive lock on a file: several test workers may build the same package."""
     with path.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield

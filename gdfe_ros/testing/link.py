@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A client of one ``sim_node`` process: messages out, services called, steps counted."""
+"""Client of one ``sim_node`` process that publishes messages, calls services and follows the step number."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _TRIGGERS = ("step", "reset", "load_state")
 
 
 class Link:
-    """Talks to a node; a context manager.
+    """Connection to a node; a context manager.
 
     Args:
-        process: of the node.
+        process: process of the node.
         name: full name of the node.
-        topics: types of the topics to publish on, by name after the node's.
-        patience: longest wait for anything [s].
+        topics: message types of the topics to publish on, by name relative to the node's.
+        patience: longest time to wait for anything [s].
 
     Attributes:
-        step: number of the last step that was published; -1 before the first.
+        step: number of the last published step; -1 before the first.
     """
 
     def __init__(self, process: NodeProcess, name: str, topics: Mapping[str, type], *, patience: float) -> None:
@@ -46,24 +46,24 @@ class Link:
         node.create_subscription(String, STEP_RECORD.name.replace("~", name), self._see, STATE_QOS)
 
     def wait_for_services(self) -> None:
-        """Wait until the node answers."""
+        """Wait until the node offers its services."""
         self._client.meet(list(self._services.values()))
 
     def wait_for_listener(self) -> None:
-        """Wait until the node listens to every topic."""
+        """Wait until the node subscribes to every topic."""
         self._client.await_listeners(self._publishers.values())
 
     def wait_for_step(self, number: int) -> None:
-        """Wait until a step is published."""
+        """Wait until step ``number`` or a later one is published."""
         self.wait(lambda: self.step >= number, f"step {number}")
 
     def publish(self, messages: Mapping[str, Any]) -> None:
-        """Publish one message on each of some topics."""
+        """Publish messages, given by topic name."""
         for key, message in messages.items():
             self._publishers[key].publish(message)
 
     def set(self, **values: Any) -> None:
-        """Set parameters."""
+        """Set parameters of the node; raise ``GdfeError`` if it rejects one."""
         messages = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         request = SetParameters.Request(parameters=messages)
         for result in self._client.call(self._services["set_parameters"], request).results:
@@ -71,7 +71,7 @@ class Link:
                 raise GdfeError(result.reason)
 
     def trigger(self, service: str) -> None:
-        """Call one of the services step, reset, load_state."""
+        """Call the service ``step``, ``reset`` or ``load_state``; raise ``GdfeError`` if it fails."""
         response = self._client.call(self._services[service], Trigger.Request())
         if not response.success:
             raise GdfeError(f"{service}: {response.message}")

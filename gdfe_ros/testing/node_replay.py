@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run made again by the node itself, commanded over topics, and compared with its bag."""
+"""Replay of a recorded run by the node itself, commanded over topics, with comparison of the two bags."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ from gdfe_ros.testing.link import Link
 from gdfe_ros.testing.process import NodeProcess
 
 _SLOWER = 20.0
-"""How many times slower than the recorded one a step may be."""
+"""Longest time to wait for a step, as a multiple of the time of the recorded step."""
 _NO_CUT = -1
 
 
 class NodeReplay:
-    """Starts a node in lockstep with the scene of a bag, sends each step what it consumed, and records again.
+    """Starts a node in lockstep with the scene of a bag, sends the commands that each step consumed, and records anew.
 
-    Steps that consumed nothing are made by ``~/step``; where the clock varied the time of a step, the parameter ``dt``
-    follows; where a deadline ended a solve, ``cut_after`` ends it at the same place; a bag that begins in the middle of
-    a run holds the state, which the node loads.
+    Steps that consumed nothing are made by the service ``~/step``. Where the time step of the recorded run varies, the
+    parameter ``dt`` is set before the step. Where a deadline ended a solve, ``cut_after`` ends it after the same number
+    of iterations. A bag that begins in the middle of a run holds the state, which the node loads.
 
     Args:
-        run: that was recorded.
-        overrides: of the scene, by dotted key; then the runs differ, and no solve is cut.
+        run: recorded run.
+        overrides: values that replace those of the scene, by dotted key; then the runs differ, and no solve is cut.
 
     Raises:
-        RecordingError: the bag does not hold what a replay needs.
+        RecordingError: the bag lacks data that a replay needs.
         SceneError: the overrides do not fit the scene.
     """
 
@@ -64,10 +64,10 @@ class NodeReplay:
                 raise RecordingError(f"{text}; replay it without --ros")
 
     def run(self) -> ReplayReport:
-        """Replay the whole bag.
+        """Replay the whole bag and return the comparison.
 
         Raises:
-            GdfeError: the node ended or did not answer.
+            GdfeError: the node ended or did not respond.
         """
         started = time.perf_counter()
         with TemporaryDirectory(prefix="gdfe_replay_") as folder:
@@ -75,7 +75,7 @@ class NodeReplay:
             return self._compare(BagRun(Path(folder) / "bag"), started)
 
     def _repeat(self, folder: Path) -> None:
-        """Run the node and have it record."""
+        """Run the node on the recorded commands and record it in ``folder``."""
         source = self._run.reader.run
         (folder / "scene.yaml").write_text(source.scene, encoding="utf-8")
         if STATE_FILE in source.files:
@@ -119,7 +119,7 @@ class NodeReplay:
             link.wait_for_step(count)
 
     def _step(self, link: Link, count: int, record: StepRecord) -> None:
-        """Have the node make one step."""
+        """Make the node repeat the step of a record."""
         if count == 0 or record.begin is Begin.REST:
             if count > 0:
                 self._simulation.reset()
@@ -156,7 +156,10 @@ class NodeReplay:
 
 
 def _require_a_node(run: BagRun, record: StepRecord) -> None:
-    """Refuse a first step, of the run or after a reset, that is more than the state that a node begins with."""
+    """Raise ``RecordingError`` if the first step, of the run or after a reset, has a command or a time step.
+
+    A node only publishes the initial state there.
+    """
     begins = record is run.records[0] or record.begin is Begin.REST
     if begins and (record.dt or record.handles or record.actuators or record.loads or record.bodies):
         raise RecordingError(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene's program played over topics to a node in a process of its own, which records it."""
+"""Play the program of a scene over topics to a node in a process of its own, which records it."""
 
 from __future__ import annotations
 
@@ -35,19 +35,20 @@ def play_program(
     parameters: Mapping[str, Any] | None = None,
     tell: Callable[[float], None] = lambda _: None,
 ) -> float:
-    """Start a node, command it step by step, and stop it; return the time from its start to its first step [s].
+    """Start a node, command it step by step and stop it; return the time from its start to its first step [s].
 
     Args:
-        scene: with a program.
-        source: what the node is to load: name of the scene, or path of its file.
-        bag: directory to record to.
+        scene: scene with a program.
+        source: scene that the node loads: name, or path of its file.
+        bag: directory of the recorded bag.
         dt: simulation time of a step [s].
-        steps: into which the program is cut; None: as many as it lasts.
-        parameters: of the node, over those that make it step in lockstep.
-        tell: is called with the moment of the program [s] that each step was for.
+        steps: number of steps of the program; None: its duration / dt.
+        parameters: of the node; they replace those that set lockstep and recording.
+        tell: function called after each step with the program's time of the step [s].
 
     Raises:
-        GdfeError: the node ended, did not answer, or did not end well; with its log. Or another node has its name.
+        GdfeError: the node ended, did not respond, ended with an error, or another node has its name; the message
+            contains the node's log if it has one.
     """
     topics, duration = _topics(scene), scene.program.duration
     settings = {
@@ -61,7 +62,7 @@ def play_program(
     }
     started = time.perf_counter()
     with NodeProcess(settings) as node, Link(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
-        # Step 0 is the body at rest; heard later, it would pass for the step of the first command.
+        # Step 0 is the body at rest; received later, it would be mistaken for the step of the first command.
         link.wait_for_step(0)
         link.wait_for_listener()
         link.require_alone()
@@ -78,14 +79,14 @@ def play_program(
 
 
 def _topics(scene: Scene) -> dict[str, type]:
-    """Give the types of the topics that play the scene's program, by name after the node's."""
+    """Return the message types of the topics that play the scene's program, by name relative to the node's."""
     program = scene.program
     topics: dict[str, type] = {target_key(_handle(scene, name)): PoseStamped for name in program.keyframes}
     return topics | ({ACTUATION: JointState} if program.actuators or program.loads else {})
 
 
 def _messages(scene: Scene, moment: float) -> dict[str, Any]:
-    """Give one message for each topic, with what the program commands at a moment [s]."""
+    """Return one message for each topic, with the program's commands at the time ``moment`` [s]."""
     program, head = scene.program, Header()
     poses = program.handle_poses(moment).items()
     messages = {target_key(_handle(scene, name)): pose_stamped(head, pose) for name, pose in poses}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A ``sim_node`` in a process of its own."""
+"""``sim_node`` in a process of its own."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ import gdfe_ros
 from gdfe_ros.testing.forking import start
 
 _PATIENCE = 180.0
-"""How long a process may take to end after a signal [s]."""
+"""Longest time for a process to end after a signal [s]."""
 
 
 class NodeProcess:
-    """Runs ``sim_node``; a context manager that ends it.
+    """Process of a ``sim_node``; a context manager that ends it.
 
     Args:
-        parameters: of the node, by name.
-        namespace: of the node.
-        remaps: other names of topics, e.g. ``{"/clock": "clock"}``.
-        home: directory of the package that is run, e.g. of another commit; None: this one's.
+        parameters: parameters of the node, by name.
+        namespace: namespace of the node.
+        remaps: new names of topics, by old name, e.g. ``{"/clock": "clock"}``.
+        home: directory that contains the package to run, e.g. of another commit; None: this package.
 
     Attributes:
-        status: exit status; None while it runs.
+        status: exit status; None while the process runs.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class NodeProcess:
         self._folder = tempfile.TemporaryDirectory(prefix="gdfe_node_")
         folder = Path(self._folder.name)
         values = {"/**": {"ros__parameters": dict(parameters or {})}}
-        # JSON is YAML; a file spares the quoting that -p asks for.
+        # JSON is YAML; a file avoids the quoting that -p needs.
         (folder / "parameters.yaml").write_text(json.dumps(values), encoding="utf-8")
         self._log = folder / "log.txt"
         arguments = ["--ros-args", "--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:={namespace}"]
@@ -56,17 +56,17 @@ class NodeProcess:
 
     @property
     def log(self) -> str:
-        """Everything that the process has printed."""
+        """Standard output and error of the process so far."""
         return self._log.read_text(encoding="utf-8", errors="replace")
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
+        """Process id."""
         return self._process.pid
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
+        """Whether the process still runs."""
         return self._process.poll() is None
 
     def wait(self) -> int:
@@ -75,7 +75,7 @@ class NodeProcess:
         return self.status
 
     def stop(self, number: signal.Signals = signal.SIGINT) -> int:
-        """End the process with a signal and return its exit status (negative: the signal that killed it)."""
+        """End the process with a signal, or kill it if that fails; return its exit status, -n after signal n."""
         if self.status is None:
             self._process.send_signal(number)
             try:
@@ -86,7 +86,7 @@ class NodeProcess:
         return self.status
 
     def kill(self) -> None:
-        """End the process at once, as a power cut would."""
+        """Kill the process, without a chance to close its files."""
         self._process.kill()
         self.status = self._process.wait()
 
@@ -106,7 +106,7 @@ class NodeProcess:
 
 
 def package_environment(home: Path | None = None) -> dict[str, str]:
-    """Give this process's environment, with the package in a directory first in the path; None: this very one."""
+    """Return this process's environment with a directory first in ``PYTHONPATH``; None: that of this package."""
     home = home or Path(gdfe_ros.__file__).resolve().parents[1]
     path = os.pathsep.join(filter(None, [str(home), os.environ.get("PYTHONPATH", "")]))
     return {**os.environ, "PYTHONPATH": path}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node on a scene in lockstep, commanded step by step."""
+"""The node with a scene in lockstep, commanded step by step from a test."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from gdfe_ros.testing.process import NodeProcess
 from gdfe_ros.testing.state import Moment, State, moment_of, unpack
 
 _PRESENT = (Mode.LENGTH, Mode.VOLUME)
-"""Modes whose neutral command is the present value; that of the others is zero."""
+"""Modes whose neutral command is the present value; the neutral command of the others is zero."""
 _numbers = itertools.count()
 
 
@@ -53,18 +53,18 @@ class Simulator:
 
     Args:
         scene: name of a scene, or path of a scene file.
-        overrides: over the scene, by dotted key, e.g. ``{"mesh.bar.cells": [20, 2, 2]}``.
-        parameters: of the node, over what this class sets.
-        inputs: command topics after the node's name whose commands make one step together. None: all targets and
-            ``actuation``, for ``step`` and ``run``. For a controller that is a ROS node: what it publishes.
+        overrides: values that replace those of the scene, by dotted key, e.g. ``{"mesh.bar.cells": [20, 2, 2]}``.
+        parameters: parameters of the node; they replace those that this class sets.
+        inputs: command topics, relative to the node's name, of which each step consumes one message. None: all targets
+            and ``actuation``, as `step` and `run` need. For a controller that is a ROS node: the topics it publishes.
         bag: directory of a bag to record.
-        patience: longest wait for anything [s]; the first start of all compiles: minutes on a busy machine.
+        patience: longest time to wait for anything [s]; the very first start compiles, minutes on a busy machine.
 
     Attributes:
-        scene: as loaded.
-        name: full name of the node; topics are below it.
-        context: of ROS, for nodes in the loop.
-        state: the last step.
+        scene: the loaded scene.
+        name: full name of the node; its topics are below it.
+        context: ROS context for nodes in the loop.
+        state: state after the last step.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Simulator:
                 "scene_overrides": override_words(overrides or {}) or [""],
                 "autostart": False,
                 "clock": "lockstep",
-                # Stamps in simulation time: every run is the same, and a controller reads the time from any message.
+                # Stamps in simulation time: runs are bitwise equal, and a controller reads the time from any message.
                 "publish_clock": "clock" not in (parameters or {}),
                 "command_set": list(self._inputs() if inputs is None else inputs) or [""],
                 "record": bag is not None,
@@ -105,14 +105,15 @@ class Simulator:
         )
 
     def step(self, command: Command | None = None) -> State:
-        """Make one step and return it; what is not commanded keeps its last command.
+        """Make one step and return its state; inputs without a command keep their last one.
 
-        A refused command is forgotten: the next step is as if it had never been given.
+        A refused command has no effect on later steps.
 
         Raises:
-            CommandError: as by ``gdfe_ros.Simulation.step``, before anything is sent; or the node refuses the command.
-            OverlapError: a body is put where something else is; the step was made without it.
-            GdfeError: nothing is called so, or the node ended or did not answer.
+            CommandError: as by ``gdfe_ros.Simulation.step``, before any message is sent; or the node refuses the
+                command.
+            OverlapError: a body is placed where it overlaps another one; the step was made without placing it.
+            GdfeError: a name is unknown, ``inputs`` were given, or the node ended or did not respond.
         """
         command = command or Command()
         values = {**command.actuators, **command.loads}
@@ -128,7 +129,7 @@ class Simulator:
         try:
             state = self._order(command, poses, values)
         except CommandError:
-            self._client.call(self._forget, Trigger.Request())  # what of it was taken waits for the rest
+            self._client.call(self._forget, Trigger.Request())  # accepted parts would wait for the others
             raise
         self._poses, self._values = poses, values
         if unplaced := sorted(set(command.bodies) - set(state.record.bodies)):
@@ -137,11 +138,11 @@ class Simulator:
         return state
 
     def _order(self, command: Command, poses: Mapping[str, Pose], values: Mapping[str, float]) -> State:
-        """Send the commands of one step and wait for it, or for a refusal."""
+        """Send the commands of one step and wait for the step or a refusal."""
         count = self.state.record.step + 1
         self._refusals.clear()
         self._overlaps.clear()
-        # Before all others: what completes the command set makes the step.
+        # Before all others: the message that completes the command set starts the step.
         for name, pose in command.bodies.items():
             self._puts[name].publish(pose_stamped(Header(), pose))
         for name, publisher in self._targets.items():
@@ -156,11 +157,11 @@ class Simulator:
         return self._made
 
     def run(self, controller: Callable[[State], Command], *, steps: int) -> list[State]:
-        """Close the loop with a function for a number of steps and return them."""
+        """Run steps with the commands that ``controller`` computes from the last state; return their states."""
         return [self.step(controller(self.state)) for _ in range(steps)]
 
     def jacobian(self) -> NDArray[np.float64]:
-        """Ask for d(probe position) / d(command) at the present equilibrium, (probes, 3, actuators).
+        """Request d(probe position) / d(command) at the present equilibrium and return it, (probes, 3, actuators).
 
         Raises:
             GdfeError: the scene has no probes or no actuators.
@@ -174,7 +175,7 @@ class Simulator:
         return np.array(message.data).reshape([dimension.size for dimension in message.layout.dim])
 
     def spin(self, node: Node, *, steps: int) -> list[State]:
-        """Close the loop with a node of the same ``context`` until it has commanded a number of steps; return them."""
+        """Spin a controller node of the same ``context`` until it has commanded ``steps`` steps; return the states."""
         states: list[State] = []
         self._listeners.append(states.append)
         self._client.executor.add_node(node)
@@ -238,7 +239,7 @@ class Simulator:
                 self._actuation = make(JointState, f"{self.name}/{ACTUATION}")
 
     def _meet(self) -> None:
-        """Make the service clients, and wait until the node knows it and the subscriptions."""
+        """Make the service clients, and wait until the node has discovered them and the subscriptions."""
         self._jacobians: list[Float64MultiArray] = []
         topic = JACOBIAN.name.replace("~", self.name)
         self._node.create_subscription(Float64MultiArray, topic, self._jacobians.append, 10)
@@ -252,7 +253,7 @@ class Simulator:
         self._client.meet([self._differentiate, self._walk, self._forget])
 
     def _hear(self, message: String) -> None:
-        """Keep the refusal of a command of one's own; after one for an overlap the step is made all the same."""
+        """Store the node's refusal of a command of this object; a refusal for an overlap does not prevent the step."""
         entries = json.loads(message.data)
         text = f"command on {entries['source']} refused: {entries['message']}"
         own = [*self._targets.values(), *self._puts.values(), *([self._actuation] if self._actuation else [])]
@@ -265,20 +266,20 @@ class Simulator:
         return [*self._movable.values()] + ([ACTUATION] if self.scene.actuators or self.scene.loads else [])
 
     def _receive(self, topic: str, message: Any) -> None:
-        """Collect one message of each topic: every step publishes them all."""
+        """Collect one message of each topic; when those of a step are complete, update the state."""
         self._arrived[topic].append((moment_of(message), message))
         while (messages := self._whole_step()) is not None:
             self.state = unpack(self.scene, messages)
-            # What begins anew was reset or loaded by somebody: no command made it.
+            # A step with another beginning follows a reset or a loaded state, not a command.
             if self._made is None or self.state.record.begin is Begin.LAST:
                 self._made = self.state
             for listener in self._listeners:
                 listener(self.state)
 
     def _whole_step(self) -> dict[str, Any] | None:
-        """Take the first step that every topic has told of.
+        """Remove and return the messages of the first step that has arrived on every topic; None if there is none.
 
-        Those before it are dropped: under the wall clock, a topic may lose a step to a slow subscriber.
+        Earlier steps are dropped: with the wall clock, a slow subscriber may lose the message of a step on one topic.
         """
         first, *others = ([moment for moment, _ in queue] for queue in self._arrived.values())
         moment = next((moment for moment in first if all(moment in other for other in others)), None)

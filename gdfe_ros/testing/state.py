@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a controller under test sees of a step: the node's messages, unpacked."""
+"""State after a step for a controller under test: the contents of the node's messages."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ Moment = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """One step as published.
+    """State of the simulation after one step, as published.
 
     Attributes:
-        record: what the step consumed and how it went.
+        record: commands that the step consumed, and the result of its solve.
         positions: (n, 3) float32 vertices [m].
         displacements: (n, 3) float32 [m].
         strain: (m, 8) float32, columns as in ``~/strain``.
-        poses: of handles and obstacles, relative to rest.
-        wrenches: that handles and obstacles exert on the body (6,), force [N] then moment [N m].
-        probes: of the material points.
-        joints: of the actuators: position, velocity, effort, as in ``~/joint_states``.
-        contacts: (k,) what touches, as `gdfe_ros.contacts.POINT`; empty without obstacles and rigid bodies.
-        sensors: what contact sensors feel (6,), force [N] then moment [N m].
-        velocities: (n, 3) float32 of the vertices [m/s]; None where the scene has no dynamics.
-        imus: what inertial units at the probes read, as `Simulation.imus` has it; empty without dynamics.
+        poses: poses of handles and obstacles, relative to rest.
+        wrenches: wrenches (6,) of handles and obstacles on the body, force [N] then moment [N m].
+        probes: poses of the material points.
+        joints: position, velocity and effort of each actuator, as in ``~/joint_states``.
+        contacts: (k,) contact points, as `gdfe_ros.contacts.POINT`; empty without obstacles and rigid bodies.
+        sensors: wrenches (6,) measured by contact sensors, force [N] then moment [N m].
+        velocities: (n, 3) float32 of the vertices [m/s]; None if the scene has no dynamics.
+        imus: readings of inertial measurement units at the probes, as by `Simulation.imus`; empty without dynamics.
     """
 
     record: StepRecord
@@ -64,13 +64,13 @@ class State:
 
 
 def moment_of(message: Any) -> Moment:
-    """Give the stamp of the step that a message of ``state_topics`` is of, in seconds and nanoseconds."""
+    """Return the time stamp of the step of a message of ``state_topics``, in seconds and nanoseconds."""
     given = message.header.stamp if hasattr(message, "header") else to_time(StepRecord.from_json(message.data).stamp)
     return given.sec, given.nanosec
 
 
 def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
-    """Make a state of one message of each topic of ``state_topics``."""
+    """Return the state from one message of each topic of ``state_topics``."""
     mesh, moving = _vertices(messages[topics.MESH.key()]), scene.dynamics is not None
     joints = messages.get(topics.JOINT_STATES.key())
     poses, wrenches = {}, {}
@@ -97,7 +97,7 @@ def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
 
 
 def _vertices(message: PointCloud2) -> NDArray[np.float32]:
-    """Return the columns (n, 6) of a cloud of vertices."""
+    """Return the columns (n, 6) of a point cloud of vertices."""
     return np.frombuffer(message.data, "<f4").reshape(-1, 6)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a controlled motion is from the wanted one."""
+"""Distance between a controlled motion and its reference."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True)
 class TrackingError:
-    """Distances [m] between where something was and where it should have been.
+    """Distances [m] between actual and wanted positions.
 
     Attributes:
-        largest: of all.
-        rms: root of the mean square.
-        last: at the end.
+        largest: largest distance.
+        rms: root mean square of the distances.
+        last: distance at the end.
     """
 
     largest: float
@@ -25,14 +25,14 @@ class TrackingError:
 
 
 def tracking_error(actual: ArrayLike, wanted: ArrayLike) -> TrackingError:
-    """Compare two motions.
+    """Return the distances between an actual and a wanted motion.
 
     Args:
         actual: (k, 3) positions [m].
         wanted: (k, 3), or one position (3,) for all [m].
 
     Raises:
-        ValueError: the shapes do not fit, nothing is given, or a number is not finite.
+        ValueError: the shapes do not fit, an array is empty, or a value is not finite.
     """
     actual, wanted = np.asarray(actual, dtype=np.float64), np.asarray(wanted, dtype=np.float64)
     if actual.ndim != 2 or actual.shape[1:] != (3,) or wanted.shape not in ((3,), actual.shape) or not len(actual):

@@ -32,6 +32,7 @@ def test_vtk_series_holds_the_run(make_bag: Callable[..., Path], tmp_path: Path)
     assert set(grid.cell_data) == {"eps_eq", "J", "omega", "tangent", "energy_density"}
 
 
+@pytest.mark.exact("an exact zero without a shift")
 def test_npz_holds_every_array(make_bag: Callable[..., Path], tmp_path: Path) -> None:
     """Export to numpy: steps first, float32 as published."""
     out = tmp_path / "run.npz"

@@ -77,6 +77,7 @@ def bag(ros: Any, start: Callable[[], forking.Forked], tmp_path: Path) -> Path:
     return tmp_path / "bag"
 
 
+@pytest.mark.exact("the node's process shifts nothing")
 def test_a_remapped_run_is_replayed_and_reported(bag: Path, tmp_path: Path) -> None:
     """Remap outputs, the record and an input: replay compares as much as ever, also after a recovery; report works."""
     run = BagRun(bag)

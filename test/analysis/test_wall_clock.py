@@ -16,6 +16,7 @@ from gdfe_ros.simulation import Command
 from gdfe_ros.testing.simulator import Simulator
 
 
+@pytest.mark.exact("the node's process shifts nothing")
 @pytest.mark.parametrize("deadline", [0.0, 0.001])
 def test_a_run_under_the_wall_clock_replays(tmp_path: Path, deadline: float) -> None:
     """Stream poses at 100 Hz, without and with a deadline that cuts most solves: the replay has the same bits."""

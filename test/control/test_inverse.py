@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.control import InverseControl, Target
 from gdfe_ros.control.programme import least_squares
-from gdfe_ros.errors import CommandError, DependencyError
+from gdfe_ros.errors import CommandError, DependencyError, GdfeError
 
 TIP = Target(probe="tip", axes=(0, 2))
 MIDDLE = {"flexor": 5.0, "extensor": 15.0}
@@ -68,6 +68,17 @@ def test_a_move_keeps_to_rates() -> None:
     assert found.distances[0] < np.linalg.norm((goal - before)[[0, 2]])
 
 
+def test_reaching_takes_the_time_that_rates_want() -> None:
+    """Limit both tendons' rates: the goal is reached all the same, in the simulation time that its commands take."""
+    rates = {f"actuators.{name}.cable.rate": 10.0 for name in MIDDLE}
+    simulation = Simulation(load_scene("tendon_finger", overrides=rates))
+    simulation.step(Command(actuators=MIDDLE), dt=10.0)
+    before, goal = simulation.time, simulation.probe_positions()["tip"] + np.array([0.0, 0.0, 2e-3])
+    found = InverseControl(simulation, [Target(probe="tip", axes=(2,))]).reach([goal])
+    assert found.reached, found.message
+    assert simulation.time - before >= max(abs(found.commands[name] - MIDDLE[name]) for name in MIDDLE) / 10.0
+
+
 def test_priorities_decide_between_targets() -> None:
     """Ask for two places of one tip: it goes to their mean by the weights."""
     middle, away = finger().probe_positions()["tip"], np.array([3e-4, 0.0, 0.0])
@@ -94,6 +105,62 @@ def test_the_programme_is_solved_exactly() -> None:
         np.testing.assert_allclose(found * lengths, best.x, atol=1e-6)
         assert (found >= low).all()
         assert (found <= high).all()
+
+
+def test_a_move_takes_exact_columns_and_no_further_solve() -> None:
+    """Count the solver's iterations in a move: they are those of its one step; its columns are those of differences."""
+    simulation = Simulation(load_scene("tendon_finger", overrides={"solver.tolerance": 1e-8}))
+    assert simulation.step(Command(actuators=MIDDLE)).converged
+    control, seen = InverseControl(simulation, [TIP]), []
+    differences = simulation.jacobian(["tip"])[0][[0, 2]]
+    before = simulation.snapshot()
+    simulation.observe_energy(lambda *iteration: seen.append(iteration))
+    moved = control.move([simulation.probe_positions()["tip"] + np.array([2e-4, 0.0, 2e-4])], 0.02)
+    assert moved.tries == 1
+    during = len(seen)
+    simulation.restore(before)
+    seen.clear()
+    simulation.step(Command(actuators=moved.commands), dt=0.02)
+    assert during == len(seen) > 0
+    simulation.restore(before)
+    np.testing.assert_allclose(1e-5 * control._exact(), differences, rtol=0, atol=1e-4 * np.abs(differences).max())
+
+
+def test_the_jacobian_is_kept_between_moves() -> None:
+    """Go an eighth of a circle in small moves: exact columns are taken at the start, and the tip keeps up with them."""
+    simulation = finger()
+    control, taken = InverseControl(simulation, [TIP]), []
+    exact = control._exact
+    control._jacobian._exact = lambda: taken.append(simulation.time) or exact()
+    middle, errors = simulation.probe_positions()["tip"], []
+    for number in range(13):
+        angle = 2.0 * np.pi * number / 100.0
+        goal = middle + RADIUS * np.array([np.cos(angle) - 1.0, 0.0, np.sin(angle)])
+        errors.append(control.move([goal], 0.02).distances[0])
+    assert len(taken) <= 4
+    assert np.mean(errors) < 0.01 * RADIUS
+    simulation.step(Command(actuators={"flexor": 8.0}))  # by somebody else
+    count = len(taken)
+    control.move([middle], 0.02)
+    assert len(taken) > count
+
+
+def test_a_state_without_derivative_ends_nothing_halfway() -> None:
+    """Ask a body that cannot converge: the error names the reason, and commands and shape are those before."""
+    simulation = finger()
+    control, goal = InverseControl(simulation, [TIP]), simulation.probe_positions()["tip"] + np.array([0, 0, 1e-3])
+    stuck = Simulation(load_scene("tendon_finger", overrides={"solver.max_iterations": 2}))
+    stuck.step(Command(actuators=MIDDLE))
+    for made in (
+        lambda: InverseControl(stuck, [TIP]).reach([goal]),
+        lambda: InverseControl(stuck, [TIP]).move([goal], 0.1),
+    ):
+        before = stuck.positions.copy()
+        with pytest.raises(GdfeError, match="no derivative: the state is no equilibrium"):
+            made()
+        np.testing.assert_array_equal(stuck.positions, before)
+        assert stuck.commands["flexor"] == MIDDLE["flexor"]
+    assert control.reach([goal]).reached
 
 
 def test_wrong_input_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -152,6 +152,7 @@ def test_what_a_topic_does_not_have(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.exact("the processes that it starts shift nothing")
 def test_workers_find_what_one_process_finds(robot_bag: Path, pulled_text: str, tmp_path: Path) -> None:
     """Simulate in two processes and in this one: the same trajectories to the last bit."""
     match = tmp_path / "match.yaml"

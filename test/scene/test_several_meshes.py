@@ -90,6 +90,7 @@ def test_a_chamber_is_that_of_its_mesh() -> None:
     assert "mesh 'left' has no closed cavity" in broken(PAIR + "actuators: {one: {chamber: {mesh: left}}}")
 
 
+@pytest.mark.exact("one body is shifted otherwise than two")
 def test_it_moves_as_each_would_alone() -> None:
     """Bend a bar beside another one, turned and moved: it takes the shape that it takes in a scene of its own."""
     alone = f"name: x\nmesh: {{{BAR}}}\n" + PAIR[PAIR.index("materials:") :].replace("mesh: left, ", "")

@@ -132,6 +132,7 @@ def test_nothing_moves_where_no_handle_moves(predictor: Predictor, movable: Mova
     np.testing.assert_array_equal(found.positions, bent(0.1))
 
 
+@pytest.mark.exact("an exact ratio without a shift")
 def test_commands_count_like_handles(predictor: Predictor, movable: Movable, rest: State) -> None:
     """Ramp a tension without moving a handle: extrapolated; reverse it: not."""
     pulled = after(rest, predictor, bent(0.1), REST, np.array([2.0]))

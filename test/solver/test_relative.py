@@ -72,6 +72,7 @@ def joint(x: NDArray[np.float64]) -> float:
     return float(x[MESH.vertices[:, 0] == 0.2, 0].mean() / x[:, 0].max())
 
 
+@pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 def test_rest_is_an_equilibrium(make_body: MakeBody, end: End, law: Material) -> None:
     """Command nothing: no iteration, nothing moves."""
     body = make_body(MESH, law, [Handle("base", end(MESH, "x-"), fixed=True)])

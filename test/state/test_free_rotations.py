@@ -102,6 +102,7 @@ def test_turning_handles_keep_to_the_iterations(lab: Any, free: str, most: int) 
     assert results[-1].converged, results[-1].message
 
 
+@pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 @pytest.mark.parametrize("onto", ["a point", "a line"])
 def test_positions_that_hide_a_rotation_are_refused(lab: Any, onto: str) -> None:
     """Flatten a handle that turns freely: how it is turned cannot be told, and the handle is named."""

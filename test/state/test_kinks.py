@@ -132,6 +132,7 @@ def test_jacobian_at_the_limit_is_not_small(filled: Filled, below: float) -> Non
 # --- cables that hold on to handles ---
 
 
+@pytest.mark.exact("an exact zero without a shift")
 @pytest.mark.parametrize("mode", ["tension", "shortening", "length"])
 def test_a_cable_inside_a_fixed_handle_is_refused_or_reads_sense(lab: Any, mode: str) -> None:
     """Shorten what cannot be shortened: refused with its name, or a tension of the body's order and soon an end."""
@@ -160,6 +161,7 @@ def test_a_straight_cable_between_two_handles_draws_them_together(lab: Any, mode
     assert result.actuators["pull"].effort == pytest.approx(-push, rel=0.02)
 
 
+@pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 @pytest.mark.parametrize("mode", ["shortening", "length"])
 def test_a_cable_shorter_than_its_handles_are_apart_is_named(lab: Any, mode: str) -> None:
     """Command it to 90 mm between handles 100 mm apart: nothing moves, and it is named; nearer, they can follow."""

@@ -37,6 +37,7 @@ def test_a_grown_state_goes_on_elsewhere_to_the_bit(lab: Any) -> None:
     assert second.actuator_states() == first.actuator_states()
 
 
+@pytest.mark.exact("it compares with the vertices of the mesh to the bit")
 @pytest.mark.parametrize("poisson", [0.3, 0.499, 0.5])
 def test_a_saved_rest_is_rest_after_growth(lab: Any, poisson: float) -> None:
     """Load a state of rest into a grown simulation: it steps as if it had never grown, also after a reset."""

@@ -21,10 +21,10 @@ def write_npz(steps: Iterable[BagStep], scene: Scene, path: Path) -> int:
     """Write steps (t) and return their number.
 
     Keys: ``time`` (t,) [s]; ``X`` (n, 3) rest vertices [m]; ``cells`` (m, 8); ``positions`` (t, n, 3) float32 [m];
-    ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for everything else, but
-    ``contacts/<field>`` (p,) of all points that touched, with ``contacts/row`` (p,): of which of the t steps each is.
-    A step that lacks a message has NaN there. ``joint_names`` names the k entries of joint states; ``units`` is JSON
-    text: the SI unit of each array that has one and the same throughout.
+    ``eps_eq, J, omega, tangent, energy_density`` (t, m) float32; ``<topic>/<field>`` (t, k) for all other topics,
+    except ``contacts/<field>`` (p,) of all contact points, with ``contacts/row`` (p,), the index of the step of each
+    one. A step without a message has NaN there. ``joint_names`` are the names of the k entries of joint states;
+    ``units`` is JSON text: the SI unit of each array that has a single one.
 
     Raises:
         OSError: the file cannot be written.

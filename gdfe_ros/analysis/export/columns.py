@@ -16,10 +16,10 @@ _RATES = {"m": "m/s", "m^3": "m^3/s", "": "1/s"}
 
 
 class Columns:
-    """Names the entries of joint states by their actuators, and knows the unit of every column.
+    """Names of the entries of joint states, and units of all columns.
 
     Args:
-        actuators: of the scene, in the order that joint states have.
+        actuators: of the scene, in the order of joint states.
     """
 
     def __init__(self, actuators: Iterable[Actuator]) -> None:
@@ -31,7 +31,7 @@ class Columns:
         return list(self._actuators)
 
     def unit(self, column: str) -> str:
-        """Give the SI unit of a column of a table, or of an array; empty for numbers, texts and ratios."""
+        """Return the SI unit of a column of a table, or of an array; empty for numbers, texts and ratios."""
         topic, _, field = column.replace("/", ".").rpartition(".")
         if column in _TIMES:
             return "s"
@@ -44,11 +44,11 @@ class Columns:
             return self._joint_unit(self._actuators[topic.partition(".")[2]].mode, field)
         if ".orientation." in column:
             return ""
-        # Of wrench.force.z the word before the component tells: it is no length.
+        # For wrench.force.z the word before the component determines the unit; z alone would be a length.
         return unit_of(f".{topic.rpartition('.')[2]}.{field}") or unit_of(field)
 
     def headed(self, column: str) -> str:
-        """Give a column's name with its unit, e.g. ``time [s]``."""
+        """Return a column's name with its unit, e.g. ``time [s]``."""
         unit = self.unit(column)
         return f"{column} [{unit}]" if unit else column
 

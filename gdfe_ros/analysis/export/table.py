@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A row for each step with every single number of it: CSV for table programs, Parquet for data frames."""
+"""A row for each step with all its single numbers: CSV for spreadsheets, Parquet for data frames."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TARGET = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def step_row(step: BagStep, known: Columns) -> Row:
-    """Give time and outcome, what was consumed, and every published number that is no array.
+    """Return the row of a step: time and outcome, consumed commands, and every published number that is no array.
 
     Columns: ``step, time, dt`` [s], ``wall_time`` [s], outcomes, ``target.<handle>.x`` to ``rz`` [m, rad],
     ``set.<body>.x`` to ``rz``, ``command.<actuator>``, then ``<topic>.<field>``, and
@@ -41,7 +41,7 @@ def step_row(step: BagStep, known: Columns) -> Row:
 
 
 def write_csv(rows: Iterable[Row], path: Path, known: Columns) -> None:
-    """Write rows under names with units, as ``time [s]``; what a row does not have stays empty."""
+    """Write rows under names with units, such as ``time [s]``; missing values are empty."""
     rows = list(rows)
     names = columns(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -51,12 +51,12 @@ def write_csv(rows: Iterable[Row], path: Path, known: Columns) -> None:
 
 
 def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None) -> None:
-    """Write rows; what a row does not have becomes null.
+    """Write rows; missing values become null.
 
     Args:
         rows: of any columns.
         path: of the file.
-        known: tells units, which become the entry ``unit`` of the columns' metadata; None: no units.
+        known: units, for the entry ``unit`` of the columns' metadata; None: no units.
     """
     import pyarrow
     import pyarrow.parquet
@@ -70,12 +70,12 @@ def write_parquet(rows: Iterable[Row], path: Path, known: Columns | None = None)
 
 
 def columns(rows: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Give the names of all columns in the order in which they first appear."""
+    """Return the names of all columns in the order of their first occurrence."""
     return list(dict.fromkeys(name for row in rows for name in row))
 
 
 def _cells(topic: str, field: str, values: np.ndarray, known: Columns) -> Row:
-    """Give the numbers of a message that holds few; arrays over the mesh are left out."""
+    """Return the numbers of a message with few of them; arrays over the mesh are left out."""
     if topic == CONTACTS:
         return {f"{topic}.points": len(values)} if field == "x" else {}
     if topic == JOINTS and len(values) == len(known.joints):

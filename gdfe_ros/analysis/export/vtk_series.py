@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as a series of VTK files with a ParaView collection that knows their times."""
+"""A run as a series of VTK files with a ParaView collection of their times."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gdfe_ros.mesh import HexMesh
 def write_vtk_series(steps: Iterable[BagStep], mesh: HexMesh, directory: Path) -> int:
     """Write ``step_<number>.vtu`` for each step with a mesh, and ``run.pvd``; return the number of files.
 
-    Points are the current vertices [m] with ``displacement`` [m]; cells carry what the strain topic published.
+    Points are the current vertices [m] with ``displacement`` [m]; cells have the fields of the strain topic.
 
     Raises:
         OSError: a file cannot be written.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The moving surface, packed small enough to lie in a page."""
+"""Animation of the surface, packed small enough for an HTML page."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from gdfe_ros.mesh import HexMesh
 
 MOST_FRAMES = 400
 BUDGET = 12 << 20
-"""Most bytes of all frames before base64 adds a third."""
+"""Limit of the bytes of all frames before base64 adds a third."""
 _LEVELS = 65535
 _NOT_COLOURS = frozenset({"x", "y", "z"})
 
 
 @dataclass(eq=False)
 class Animation:
-    """Frames of the surface, gathered by ``add``; it is the skin of a mesh that has one.
+    """Frames of the surface, collected by ``add``; it is the skin of a mesh that has one.
 
     Args:
         mesh: at rest.
-        steps: number of steps of the run, from which the thinning follows.
-        fields: published fields of cells and vertices that the surface can be coloured by.
+        steps: number of steps of the run, which determines the thinning.
+        fields: published fields of cells and vertices for colouring the surface.
 
     Attributes:
-        frames: numbers of the steps that are frames.
+        frames: indices of the steps that are frames.
     """
 
     mesh: HexMesh
@@ -52,7 +52,7 @@ class Animation:
         self._colours: dict[tuple[str, str], list[NDArray[np.float32]]] = {name: [] for name in self.fields}
 
     def add(self, number: int, step: BagStep) -> None:
-        """Take step ``number`` of the run if it is a frame and has a mesh and every field."""
+        """Add step ``number`` of the run if it is a frame and has a mesh and every field."""
         mesh = step.samples.get("mesh")
         if number not in self._wanted or mesh is None or any(topic not in step.samples for topic, _ in self.fields):
             return
@@ -65,12 +65,12 @@ class Animation:
             self._colours[topic, name].append(on_faces.astype(np.float32))
 
     def to_page(self) -> tuple[dict[str, Any], dict[str, str]]:
-        """Give the description for the page's script, and arrays in base64 by name.
+        """Return the description for the page's script, and arrays in base64 by name.
 
-        The page opens on the frame of the largest eps_eq, or on the last one where there are no strains.
+        The page opens on the frame with the largest eps_eq, or on the last one without strains.
 
-        Positions and colours are 16-bit levels between the least and the largest value of the run: positions are
-        off by at most 1/131070 of the box that the run fills.
+        Positions and colours are 16-bit levels between the least and the largest value of the run: positions have an
+        error of at most 1/131070 of the bounding box of the run.
         """
         arrays = {"faces": _encode(self._outside.faces.astype("<u4"))}
         low, high, levels = _levels(np.array(self._positions).reshape(-1, 3))
@@ -94,13 +94,13 @@ class Animation:
         return description, arrays
 
     def _most_strained(self) -> int:
-        """Return the place of the frame with the largest eps_eq; the last one where none is published."""
+        """Return the index of the frame with the largest eps_eq; the last one if no strain is published."""
         frames = self._colours.get(("strain", "eps_eq"), [])
         return int(np.argmax([np.nanmax(values) for values in frames])) if frames else max(0, len(self._times) - 1)
 
 
 def colour_fields(step: BagStep) -> tuple[tuple[str, str], ...]:
-    """Name the published fields that a surface can be coloured by: eps_eq first, then displacements."""
+    """Return the published fields that can colour a surface: eps_eq first, then displacements."""
     found = [(topic, name) for topic in ("strain", "mesh") for name in step.samples.get(topic, {})]
     return tuple((topic, name) for topic, name in found if name not in _NOT_COLOURS)
 
@@ -108,7 +108,7 @@ def colour_fields(step: BagStep) -> tuple[tuple[str, str], ...]:
 def _levels(
     values: NDArray[np.float32], *, least_span: float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint16]]:
-    """Spread the columns of (k, c) over 16-bit levels; return least, largest and levels.
+    """Quantise the columns of (k, c) to 16-bit levels; return least, largest and levels.
 
     The largest value is at least ``least_span`` above the least one.
     """

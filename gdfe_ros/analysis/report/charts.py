@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Charts over time, as the data and layout that plotly.js draws."""
+"""Charts over time, as data and layout for plotly.js."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gdfe_ros.analysis.report.history import JOINTS, History
 from gdfe_ros.scene import Scene
 
 MOST_POINTS = 3000
-"""Longest series of a chart; longer ones are thinned."""
+"""Limit of points in a series; longer ones are thinned."""
 COLUMNS, BINS = 300, 48
 _COLOURS = ("#3266ad", "#c2562d", "#2e8b57", "#8455a8", "#a07b1f", "#4b9fb5", "#b0436e", "#6b6f76")
 _AXES = "xyz"
@@ -35,11 +35,11 @@ Chart = dict[str, Any]
 
 
 def all_charts(history: History, scene: Scene, *, dt: float) -> list[Chart]:
-    """Draw everything that a run has; charts without a series are left out.
+    """Return all charts of a run; charts without a series are left out.
 
     Args:
         history: of the run.
-        scene: that was simulated.
+        scene: of the run.
         dt: simulation time of most steps [s], shown beside the wall times; 0: not shown.
     """
     charts = [
@@ -64,7 +64,7 @@ def all_charts(history: History, scene: Scene, *, dt: float) -> list[Chart]:
 
 
 def thinning(history: History) -> str:
-    """State how the charts are thinned; empty where they are not."""
+    """Return a text about the thinning of the charts; empty if they are not thinned."""
     stride = _stride(len(history.time))
     if stride == 1:
         return ""
@@ -75,7 +75,7 @@ def thinning(history: History) -> str:
 
 
 def _motion(history: History, scene: Scene) -> list[Chart]:
-    """Commanded and found position, and commanded rotation, of each handle and obstacle that was commanded."""
+    """Return charts of commanded and computed position, and of rotation, of commanded handles and obstacles."""
     charts, sections = [], {handle.name: handle.section for handle in scene.handles}
     for name, targets in history.targets.items():
         table = np.array(targets)
@@ -102,7 +102,7 @@ def _vector_chart(history: History, title: str, stem: str, *, sensors: bool = Fa
 
 
 def _actuators(history: History, scene: Scene) -> list[Chart]:
-    """What cables and chambers do: by kind, because newtons and pascals share no axis."""
+    """Return charts of cables and of chambers, separately because newtons and pascals share no axis."""
     charts = []
     for title, unit, field, modes in _ACTUATION:
         series = {
@@ -115,7 +115,7 @@ def _actuators(history: History, scene: Scene) -> list[Chart]:
 
 
 def _others(history: History) -> list[Chart]:
-    """One chart for the numbers of every further topic; components of a vector share one."""
+    """Return one chart for the numbers of every further topic; components of a vector share one."""
     charts: dict[tuple[str, str], dict[str, list[float]]] = {}
     for (topic, field), values in history.responses.items():
         if topic not in (RECORD, JOINTS) and not topic.endswith(("/pose", "/wrench")):
@@ -177,19 +177,19 @@ def _level(history: History, value: float, name: str) -> list[dict[str, Any]]:
 
 
 def _lines(history: History, title: str, unit: str, series: dict[str, Sequence[float]]) -> Chart:
-    """Draw series over time, thinned to every so-manieth step; those that stay zero are left out."""
+    """Return a chart of series over time, thinned to every n-th step; series that stay zero are left out."""
     stride = _stride(len(history.time))
     kept = slice(stride - 1, None, stride) if stride > 1 else slice(None)
     moving = {name: np.asarray(values, dtype=float)[kept] for name, values in series.items()}
     moving = {name: values for name, values in moving.items() if np.nanmax(np.abs(values), initial=0.0) > 0.0}
     scale = max((np.nanmax(np.abs(values)) for values in moving.values()), default=0.0)
-    # A component that is rounding noise beside the others would only fill the legend.
+    # A component that is rounding noise compared with the others would only fill the legend.
     moving = {name: values for name, values in moving.items() if np.nanmax(np.abs(values)) > 1e-9 * scale}
     return _chart(title, f"[{unit}]" if unit else "", _traces(np.array(history.time)[kept], moving))
 
 
 def _cost(history: History, title: str, label: str, series: dict[str, Sequence[float]]) -> Chart:
-    """Draw costs over time, thinned to the largest of each group of steps."""
+    """Return a chart of costs over time, thinned to the largest of each group of steps."""
     stride = _stride(len(history.time))
     starts = np.arange(0, len(history.time), stride)
     ends = np.minimum(starts + stride, len(history.time)) - 1
@@ -228,5 +228,5 @@ def _stride(steps: int) -> int:
 
 
 def _numbers(values: Iterable[float]) -> list[float | None]:
-    """Give seven digits; JSON has no NaN and no infinity."""
+    """Return numbers with seven digits; JSON has no NaN and no infinity."""
     return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The balance of energy of a run in motion: what the body has beside what was put in and lost."""
+"""Energy balance of a run in motion: the body's energy compared with work and dissipation."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ DIFFERENCE = "difference"
 def energy_balance(history: History) -> dict[str, NDArray[np.float64]]:
     """Return both sides of the balance and their difference at each step [J]; empty without dynamics.
 
-    What steps in time made or lost is their difference. It begins at zero with the recording, and again wherever a
-    step begins from another state: after a reset, or from a state that was loaded.
+    Their difference is the energy created or lost by the time integration. It begins at zero with the recording, and
+    again at each step from another state: after a reset, or from a loaded state.
     """
     if not history.energies:
         return {}
@@ -32,7 +32,7 @@ def energy_balance(history: History) -> dict[str, NDArray[np.float64]]:
 
 
 def balance_text(history: History) -> str:
-    """Say how far the balance is from closing; empty without dynamics."""
+    """Return a text about the error of the balance; empty without dynamics."""
     balance = energy_balance(history)
     if not balance:
         return ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run did over time: one series of numbers for each command, response and cost."""
+"""Time series of a run: one series of numbers for each command, response and cost."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ REST = (0.0,) * 6
 
 @dataclass(eq=False)
 class History:
-    """Series over the steps of a run, gathered by ``add``.
+    """Series over the steps of a run, collected by ``add``.
 
     Args:
-        strain: takes eps_eq of each step.
+        strain: receives eps_eq of each step.
 
     Attributes:
         time: at the end of each step [s].
-        targets: by handle, translation [m] and rotation vector [rad] in force, six numbers a step.
-        commands: other commands in force, by name; NaN before the first.
+        targets: by handle, translation [m] and rotation vector [rad] of its target, six numbers per step.
+        commands: other commands, by name; NaN before the first.
         costs: of each solve: ``iterations, substeps, residual, wall_time`` [s] and ``skipped.<name>``.
-        responses: numbers that were published once a step, by topic and field; NaN where none was.
+        responses: numbers that were published once per step, by topic and field; NaN if missing.
         energies: of a body in motion [J], by name; empty for a run without dynamics.
-        starts: places of the steps that begin from another state than the last step's.
+        starts: indices of the steps that begin from another state than the last step's.
         not_converged: times of the steps that did not converge [s].
         cut: number of steps that a deadline cut.
     """
@@ -49,7 +49,7 @@ class History:
     cut: int = 0
 
     def add(self, step: BagStep) -> None:
-        """Take the numbers of one step."""
+        """Add the numbers of one step."""
         record, count = step.record, len(self.time)
         self.time.append(record.time)
         self._add_commands(step, count)
@@ -72,7 +72,7 @@ class History:
         self.cut += record.cut
 
     def _add_commands(self, step: BagStep, count: int) -> None:
-        """Carry commands forward: what a step did not consume keeps its last value."""
+        """Carry commands forward: commands that a step did not consume keep their last value."""
         for name, pose in step.record.handles.items():
             series = self.targets.setdefault(name, [REST] * count)
             series.append((*pose.translation, *pose.rotation))
@@ -85,9 +85,9 @@ class History:
 
 
 def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
-    """Give the numbers of a message that holds only a few; entries of joint states by their place, as ``effort.0``.
+    """Return the numbers of a message with few of them; entries of joint states by index, as ``effort.0``.
 
-    Of what touches: how many points do.
+    For contacts it is the number of points.
     """
     found = {}
     if topic == CONTACTS:
@@ -101,7 +101,7 @@ def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
 
 
 def _extend(table: dict, values: Mapping, count: int, missing: float) -> None:
-    """Append one row; a series that begins now, or that has no value now, is filled up."""
+    """Append one row; a new series, or one without a value in this row, is filled with ``missing``."""
     for name, value in values.items():
         table.setdefault(name, [missing] * count).append(value)
     for series in table.values():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures put together to a moving one: a GIF, or an mp4 video."""
+"""Animations from pictures: a GIF, or an mp4 video."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from PIL import Image
 from gdfe_ros.errors import GdfeError
 
 SECONDS = 4
-"""How long a moving picture takes [s]."""
+"""Duration of an animation [s]."""
 _QUALITY = "18"
-"""Constant rate factor of H.264: without visible loss."""
+"""Constant rate factor of H.264, without visible loss."""
 
 
 def write_gif(pictures: Sequence[Image.Image], path: Path) -> Path:
-    """Write a GIF that is repeated for ever.
+    """Write a GIF that repeats for ever.
 
     Raises:
         OSError: the file cannot be written.
@@ -42,7 +42,7 @@ def require_video() -> None:
 
 
 def write_mp4(pictures: Sequence[Image.Image], path: Path) -> Path:
-    """Write an H.264 video that browsers and slides play; an odd last row or column is left out, as they need it.
+    """Write an H.264 video for browsers and slides; an odd last row or column is dropped, as they require.
 
     Raises:
         GdfeError: PyAV is not installed.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page itself: everything in one file, nothing fetched from anywhere."""
+"""The HTML page: everything in one file, without external resources."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def build_page(
     arrays: Mapping[str, str],
     remarks: Sequence[str],
 ) -> str:
-    """Give the HTML text.
+    """Return the HTML text.
 
     Args:
         title: of the page.
         description: one sentence below it.
         tables: rows by heading.
-        charts: as ``charts.all_charts`` gives them.
-        animation: as ``Animation.to_page`` describes it.
-        arrays: base64 by name, as ``Animation.to_page`` gives them.
-        remarks: one line each, e.g. how the data were thinned.
+        charts: from ``charts.all_charts``.
+        animation: description from ``Animation.to_page``.
+        arrays: base64 by name, from ``Animation.to_page``.
+        remarks: one line each, e.g. about the thinning of the data.
     """
     parts = {
         "title": escape(title),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a run: of the step of most strain, and of evenly spread steps."""
+"""Pictures of a run: of the step with the largest strain, and of evenly spaced steps."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from gdfe_ros.errors import RecordingError
 from gdfe_ros.scene import Scene
 
 STRAIN = "eps_eq"
-"""The field whose largest value chooses the step that is drawn."""
+"""Field whose largest value selects the drawn step."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A step as it is drawn.
+    """Data of a drawn step.
 
     Attributes:
         time: [s].
@@ -46,7 +46,7 @@ def write_png(bag: str | Path, path: Path, *, field: str = STRAIN) -> Path:
     """Draw the step with the largest eps_eq, coloured by a field of the cells.
 
     Raises:
-        RecordingError: the bag holds no mesh or no such field.
+        RecordingError: the bag has no mesh or no such field.
         OSError: the file cannot be written.
     """
     run = BagRun(bag)
@@ -62,10 +62,10 @@ def write_png(bag: str | Path, path: Path, *, field: str = STRAIN) -> Path:
 
 
 def draw_steps(bag: str | Path, *, field: str = STRAIN, frames: int = 40) -> Iterator[Image.Image]:
-    """Draw ``frames`` steps, evenly spread, with one scale of colours and one of lengths.
+    """Yield pictures of ``frames`` evenly spaced steps, with one colour scale and one length scale.
 
     Raises:
-        RecordingError: the bag holds no mesh or no such field, or no frame is asked for.
+        RecordingError: the bag has no mesh or no such field, or no frame is requested.
     """
     if frames < 1:
         raise RecordingError(f"{frames} frames are asked for; allowed: 1 or more")

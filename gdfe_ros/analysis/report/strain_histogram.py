@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the strain is spread over the cells, over time, in memory that does not grow with the run."""
+"""Histogram of the strain over the cells, over time, in memory independent of the run's length."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _SMALLEST = 1e-6
 class StrainHistogram:
     """Shares of the cells by strain, for groups of consecutive steps.
 
-    Its range doubles when a strain lies beyond it, and then pairs of classes become one: the largest strain of a run
-    need not be known before.
+    Its range doubles when a strain exceeds it, and pairs of classes are then merged, so that the largest strain of a
+    run need not be known in advance.
 
     Args:
         steps: number of steps of the run.
-        columns: most groups.
+        columns: limit of groups.
     """
 
     def __init__(self, steps: int, *, columns: int) -> None:
@@ -43,11 +43,11 @@ class StrainHistogram:
         self._times[column] = time
 
     def shares(self, bins: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Give the result in ``bins`` classes up to the largest strain of the run.
+        """Return the histogram in ``bins`` classes up to the largest strain of the run.
 
         Returns:
             End of each group (c,) [s], edges of the classes (bins + 1,), and the share of the cells in each class,
-            averaged over the group (bins, c); c is 0 where nothing was added.
+            averaged over the group (bins, c); c is 0 if nothing was added.
         """
         seen = np.isfinite(self._times)
         edges = np.linspace(0.0, max(self._most, _SMALLEST) * (1.0 + 1e-9), bins + 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run was and how it went, in rows for people."""
+"""Summary of a run, in rows for users."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Rows = list[tuple[str, str]]
 
 
 def run_rows(run: BagRun, history: History) -> Rows:
-    """Say how the run went."""
+    """Return rows about the outcome of the run."""
     costs = {name: np.array(values) for name, values in history.costs.items()}
     span = max(history.time) - min(history.time)
     solving = float(costs["wall_time"].sum())
@@ -37,7 +37,7 @@ def run_rows(run: BagRun, history: History) -> Rows:
 
 
 def scene_rows(run: BagRun) -> Rows:
-    """Say what was simulated and how."""
+    """Return rows about the scene and the settings."""
     scene, origin = run.scene, run.reader.run
     node = origin.settings.get("node", {})
     rows = [
@@ -63,7 +63,7 @@ def scene_rows(run: BagRun) -> Rows:
 
 
 def _movable(scene: Scene) -> Rows:
-    """Name handles and obstacles, a row for each kind that there is."""
+    """Return handles and obstacles, a row for each kind."""
     rows: dict[str, list[str]] = {}
     for handle in scene.handles:
         rows.setdefault(handle.section, []).append(f"{handle.name}{' (fixed)' if handle.fixed else ''}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a bag to the page: one pass over the messages."""
+"""Report of a bag as an HTML page, in one pass over the messages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gdfe_ros.errors import RecordingError
 
 @dataclass(frozen=True)
 class ReportFacts:
-    """What was put into a report: steps of the run, frames of the animation, size of the file [B]."""
+    """Contents of a report: steps of the run, frames of the animation, size of the file [B]."""
 
     steps: int
     frames: int
@@ -37,7 +37,7 @@ def write_report(bag: str | Path, path: Path) -> ReportFacts:
         path: of the HTML file.
 
     Raises:
-        RecordingError: the bag cannot be read, or holds no step.
+        RecordingError: the bag cannot be read, or has no step.
         OSError: the file cannot be written.
 
     Example:

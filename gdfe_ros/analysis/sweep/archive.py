@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The directory of a sweep: one small file for each case that is done, so that a sweep can go on where it ended."""
+"""Directory of a sweep: one small file for each completed case, so that an interrupted sweep can be resumed."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Archive:
     """Results on disk.
 
     Args:
-        directory: of the sweep; made where it does not exist.
-        scene: YAML text that all cases start from.
+        directory: of the sweep; created if it does not exist.
+        scene: YAML text from which all cases start.
 
     Raises:
-        GdfeError: the directory holds results of another scene, or something else.
-        OSError: the directory cannot be made.
+        GdfeError: the directory has results of another scene, or other contents.
+        OSError: the directory cannot be created.
     """
 
     def __init__(self, directory: Path, scene: str) -> None:
@@ -42,12 +42,12 @@ class Archive:
         _write(known, facts)
 
     def find(self, case: Case) -> Result | None:
-        """Give the result of a case, or None if it is not done."""
+        """Return the result of a case, or None if it is not completed."""
         path = self._cases / f"{case.name}.json"
         return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
     def keep(self, case: Case, result: Result) -> None:
-        """Write a result; a kill leaves either all of it or nothing."""
+        """Write a result; if the process is killed, either all of it or nothing is written."""
         _write(self._cases / f"{case.name}.json", result)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a worker does: cases from rest to the end of their program, in numbers."""
+"""Work of a sweep's worker: cases from rest to the end of their program, as numbers."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def run_cases_in_turn(scene: str, cases: Sequence[Mapping[str, Any]]) -> list[Re
 def run_case(scene: str, overrides: Mapping[str, Any]) -> Result:
     """Play a scene's program with overrides and return numbers about its end.
 
-    A scene that makes no sense with these overrides is a result, too: ``status`` is ``failed`` and ``error`` says why.
+    A scene that is invalid with these overrides gives a result too: ``status`` is ``failed`` and ``error`` says why.
 
     Args:
         scene: YAML text that needs no other file.
         overrides: by dotted key.
 
     Returns:
-        By name; ``elapsed`` and ``cpu_time`` [s] are of the whole case, reading the scene included.
+        Values by name; ``elapsed`` and ``cpu_time`` [s] are of the whole case, reading the scene included.
     """
     started, worked = time.perf_counter(), time.thread_time()
     result = _run(scene, overrides)

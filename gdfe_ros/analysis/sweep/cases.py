@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The cases of a sweep: which overrides, and the name that a case has on disk."""
+"""The cases of a sweep: their overrides, and their names on disk."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class Case:
 
     @property
     def name(self) -> str:
-        """Give a name that depends on the overrides only, so that a second sweep finds what the first has done."""
+        """Name that depends on the overrides only, so that a second sweep finds the results of the first."""
         text = json.dumps(dict(self.overrides), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def grid_cases(axes: Mapping[str, Sequence[Any]], rows: Sequence[Mapping[str, Any]] = ({},)) -> list[Case]:
-    """Combine every value of every axis with every row of a list; equal cases are made once."""
+    """Return the combinations of every value of every axis with every row of a list; equal cases once."""
     cases = [
         Case({**row, **dict(zip(axes, values, strict=True))}) for row in rows for values in product(*axes.values())
     ]
@@ -58,10 +58,10 @@ def read_axes(entries: Iterable[str]) -> dict[str, list[Any]]:
 
 
 def read_list(path: Path) -> list[dict[str, Any]]:
-    """Read a list of overrides: CSV with keys in its first line, or YAML, a list of mappings.
+    """Return a list of overrides from CSV with keys in its first line, or from YAML, a list of mappings.
 
     Raises:
-        GdfeError: the file does not hold such a list.
+        GdfeError: the file is no such list.
         OSError: it cannot be read.
     """
     text = path.read_text(encoding="utf-8")

@@ -19,7 +19,7 @@ _LABELS = {"energy": "strain energy [J]", "eps_eq_max": "largest eps_eq", "solve
 
 
 def flat_row(case: str, overrides: dict[str, Any], result: dict[str, Any]) -> Row:
-    """Give a row of the table: what was set (``set.<key>``, lists as JSON text), then the result."""
+    """Return a row of the table: the settings (``set.<key>``, lists as JSON text), then the result."""
     settings = {f"set.{key}": _plain(value) for key, value in overrides.items()}
     return {"case": case, **settings, **result}
 
@@ -34,9 +34,9 @@ def draw_results(rows: Sequence[Row], path: Path, *, title: str) -> None:
 
 
 def results_figure(rows: Sequence[Row], *, title: str, shown: Sequence[str] = SHOWN) -> Figure:
-    """Draw quantities over the first varied key, a line for each combination of the others.
+    """Draw quantities over the first varied key, with a line for each combination of the others.
 
-    Crosses are cases that failed, at the bottom, or did not converge, at the value that they ended with.
+    Crosses mark failed cases, at the bottom, and cases that did not converge, at their last value.
     """
     keys = [key for key in rows[0] if key.startswith("set.") and len({row.get(key) for row in rows}) > 1]
     first, others = (keys[0], keys[1:]) if keys else ("case", [])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cases spread over the workers of a dask cluster."""
+"""Distribution of cases to the workers of a dask cluster."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.workers import THREAD_COUNTS
 
 TASK_SECONDS = 1.0
-"""How long a task should take [s]: short cases are put together, as every task costs the scheduler some milliseconds,
-which it takes from the workers on a machine where they have all cores."""
+"""Intended duration of a task [s]. Short cases are combined, because every task costs the scheduler some milliseconds,
+which the workers lose on a machine where they use all cores."""
 _SHARE = 4
-"""The last cases are cut into so many tasks for each thread, so that all threads end at the same time."""
+"""Tasks per thread into which the last cases are divided, so that all threads end at the same time."""
 PATIENCE = 600.0
-"""Longest time without a worker on this machine [s]; a user's own scheduler may be waited for without end."""
+"""Longest time without a worker on this machine [s]; the wait for a user's own scheduler is unlimited."""
 _POLL = 0.02
 _LOOK = 1.0
-"""Interval at which workers are looked for while no task is done [s]."""
+"""Interval at which workers are checked while no task is completed [s]."""
 _SETTINGS = {
     # Solves run in one thread each; dask's profiler would stop them every 10 ms.
     "distributed.nanny.pre-spawn-environ": dict.fromkeys(THREAD_COUNTS, 1),
     "distributed.worker.profile.enabled": False,
-    # The scheduler's own watching of itself: 3 % of a core, which the workers have better use for.
+    # The scheduler's self-monitoring takes 3 % of a core, which the workers need.
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.worker.memory.monitor-interval": "1s",
@@ -45,7 +45,7 @@ _SETTINGS = {
 def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
     """Connect to a user's own scheduler, or start ``workers`` processes of one thread each on this machine.
 
-    A worker that dies is started again, and its cases go to another one.
+    A worker that dies is restarted, and its cases go to another one.
     """
     if scheduler:
         with Client(scheduler) as client:
@@ -60,24 +60,24 @@ def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
 
 
 def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tuple[Case, Result]]:
-    """Run cases and yield each with its result as it is done.
+    """Run cases and yield each with its result on completion.
 
-    What goes wrong in a worker, its death included (after four attempts), is the result of that case.
+    A failure in a worker, its death included (after four attempts), is the result of that case.
 
     Raises:
-        GdfeError: the workers on this machine are gone, and none comes back.
+        GdfeError: all workers on this machine died and do not restart.
     """
     queue = _Queue(client, scene, cases)
     finished = as_completed(queue.refill())
     for future in _as_done(client, finished):
         done = list(queue.take(future))
-        for task in queue.refill():  # before the results are kept: workers do not wait for the disk
+        for task in queue.refill():  # before the results are written, so that workers do not wait for the disk
             finished.add(task)
         yield from done
 
 
 def _as_done(client: Client, finished: as_completed) -> Iterator[Future]:
-    """Yield tasks as they are done, and look after the workers meanwhile."""
+    """Yield tasks on completion, and check the workers meanwhile."""
     looked = seen = time.monotonic()
     while not finished.is_empty():
         if finished.has_ready():
@@ -98,13 +98,13 @@ def _as_done(client: Client, finished: as_completed) -> Iterator[Future]:
 
 
 class _Queue:
-    """Cases on their way into tasks, and tasks on their way back.
+    """Cases that wait to be combined into tasks, and running tasks.
 
-    Cases whose task lost its worker run alone from then on, so that none of them takes others with it again.
+    Cases whose task lost its worker then run alone, so that none of them affects others again.
     """
 
     def __init__(self, client: Client, scene: str, cases: Sequence[Case]) -> None:
-        # Every task carries the scene: what was scattered is lost when all workers die, and the sweep waits for ever.
+        # Every task contains the scene: scattered data are lost if all workers die, and the sweep would wait for ever.
         self._client, self._scene = client, scene
         self._left, self._alone = deque(cases), deque[Case]()
         self._running: dict[Future, tuple[Case, ...]] = {}
@@ -112,9 +112,9 @@ class _Queue:
         self._count = 0
 
     def refill(self) -> list[Future]:
-        """Start a task for each thread that has none, and return them.
+        """Start a task for each idle thread, and return the tasks.
 
-        None waits at a worker: dask blames the death of a worker on all tasks that it had been given.
+        No task waits at a worker, because dask blames the death of a worker on all tasks assigned to it.
         """
         threads = max(1, sum(self._client.nthreads().values()))
         started = []
@@ -123,13 +123,13 @@ class _Queue:
         return started
 
     def take(self, future: Future) -> Iterator[tuple[Case, Result]]:
-        """Give the cases of a task that is done; where its worker died, they are run once more, one by one."""
+        """Yield the cases of a completed task; if its worker died, they are run once more, one by one."""
         cases, results, error = self._running.pop(future), [], None
         try:
             results = future.result()
         except CancelledError:  # the results were lost with the worker that held them
             self._alone.extend(cases)
-        except Exception as failure:  # whatever the task raised, or what says that its workers died
+        except Exception as failure:  # the task's exception, or the one about the death of its workers
             error = failure
         if results:
             self._seconds = sum(result["elapsed"] for result in results) / len(results)
@@ -141,7 +141,7 @@ class _Queue:
         future.release()
 
     def _next(self, threads: int) -> list[Case]:
-        """Choose the cases of the next task by how long the last ones took."""
+        """Return the cases of the next task, as many as the duration of the last ones suggests."""
         if self._alone:
             return [self._alone.popleft()]
         count = 1
@@ -152,7 +152,7 @@ class _Queue:
 
     def _submit(self, cases: list[Case]) -> Future:
         overrides = [dict(case.overrides) for case in cases]
-        self._count += 1  # a key that was used before may still be on its way out of the scheduler
+        self._count += 1  # the scheduler may not have removed an earlier use of the key yet
         key = f"gdfe-{cases[0].name}-{self._count}-{len(cases)}"
         future = self._client.submit(run_cases_in_turn, self._scene, overrides, key=key, pure=False)
         self._running[future] = tuple(cases)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A page for a node that runs somewhere else: heard and commanded over its topics. Needs rclpy."""
+"""A page for a node in another process, which it reads and commands over topics. Needs rclpy."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is sent to a node: orders on its topics, requests to its services."""
+"""Orders on a node's topics, and requests to its services."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ SERVICES = {
     Ability.RESET: services.RESET,
     Ability.RECORD: services.RECORD,
 }
-"""What a node can be asked for."""
+"""Services for the requests to a node."""
 
 
 class Commander:
-    """Sends orders and requests; from any thread.
+    """Sends orders and requests, from any thread.
 
     Args:
-        node: that publishes and calls.
+        node: publishes and calls.
         name: full name of the simulation's node.
-        scene: of that.
+        scene: of that node.
     """
 
     def __init__(self, node: Node, name: str, scene: Scene) -> None:
@@ -66,10 +66,10 @@ class Commander:
         }
 
     def require(self, name: str, order: Order) -> None:
-        """Refuse an order of ``name`` that `send` would refuse.
+        """Raise an error for an order of ``name`` that `send` would refuse.
 
         Raises:
-            GdfeError: a number is not finite, or something is led too far away.
+            GdfeError: a number is not finite, or a target is too far away.
         """
         require_order(name, order, self._scene.mesh.size)
 
@@ -77,7 +77,7 @@ class Commander:
         """Publish an order of ``name``.
 
         Raises:
-            GdfeError: a number is not finite, something is led too far away, or it is another kind of order.
+            GdfeError: a number is not finite, a target is too far away, or it is another kind of order.
         """
         self.require(name, order)
         if isinstance(order, (PoseOrder, PutOrder)):
@@ -92,12 +92,12 @@ class Commander:
             raise GdfeError(f"a page gives poses and values, not {type(order).__name__}")
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
-        """Set Young's moduli [Pa] of materials, the node's parameters, all or none.
+        """Set Young's moduli [Pa] of materials, which are parameters of the node, all or none.
 
-        The answer is empty, as the body shows it; where the node refuses, a GdfeError.
+        The answer is empty, because the body shows the effect, or a GdfeError if the node refuses.
 
         Raises:
-            GdfeError: the node does not answer at the moment.
+            GdfeError: the node does not answer at present.
         """
         if not self._parameters.services_are_ready():
             raise GdfeError(f"the parameters of {self._name} are not there; is the node running?")
@@ -115,12 +115,13 @@ class Commander:
         return answer
 
     def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
-        """Call a service; ``on`` is what one that switches something gets.
+        """Call a service; ``on`` is the request of a switching service.
 
-        The answer is what the node says of a bag, empty of all else, which is seen; where it refuses, a GdfeError.
+        The answer is the node's message about a bag, empty for other services, whose effect is visible, or a GdfeError
+        if the node refuses.
 
         Raises:
-            GdfeError: the node does not offer it at the moment.
+            GdfeError: the node does not offer it at present.
         """
         client = self._clients[ability]
         if not client.service_is_ready():

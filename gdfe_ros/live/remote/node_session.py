@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A running node as a session: heard over its topics, commanded over them and its services."""
+"""A running node as a session: read over its topics, commanded over them and its services."""
 
 from __future__ import annotations
 
@@ -42,24 +42,24 @@ from gdfe_ros.testing.state import State
 PATIENCE = 5.0
 """Longest wait for a node's scene [s]."""
 _SILENT = 3.5
-"""Time without a report after which it is told that nothing is heard [s]; a node reports once a second."""
+"""Time without a report after which the node counts as silent [s]; it reports once a second."""
 _OWN = "gdfe_live"
 
 
 class NodeSession:
-    """Shows a node that runs somewhere; its scene is known once this is made.
+    """Shows a node in another process; its scene is known after construction.
 
     Args:
         name: of the node, e.g. ``gdfe_sim`` or ``/left/gdfe_sim``.
         patience: longest wait for its scene [s].
-        say: takes the text of what is waited for.
+        say: receives texts about the wait.
 
     Raises:
-        GdfeError: no name of a node, no such node, or none that is configured; says which there are.
+        GdfeError: the name is invalid, there is no such node, or none that is configured; the message lists the nodes.
 
     Attributes:
-        failure: why the listening ended by itself, or None.
-        outdated: whether the node has another scene by now; make another session then.
+        failure: reason for an end of the reception that was not requested, or None.
+        outdated: whether the node has another scene now, so that a new session is needed.
     """
 
     def __init__(
@@ -91,12 +91,12 @@ class NodeSession:
 
     @property
     def abilities(self) -> frozenset[Ability]:
-        """What its services and parameters offer; to play the program where the scene has one."""
+        """Requests that its services and parameters offer; playback only if the scene has a program."""
         return frozenset(Ability) - ({Ability.PLAY} if self._scene.program is None else frozenset())
 
     @property
     def title(self) -> str:
-        """The scene's name and the node's."""
+        """Names of the scene and of the node."""
         return f"{self._scene.name} of {self.name}"
 
     @property
@@ -106,7 +106,7 @@ class NodeSession:
 
     @property
     def commands(self) -> Mapping[str, float]:
-        """Commands heard of, else what the actuators are at; loads only once their factor was heard of."""
+        """Commands received, else the present values of the actuators; loads only after their first command."""
         state, known = self._state, {}
         for actuator in self._scene.actuators if state is not None else ():
             position, _, effort = state.joints[actuator.name]
@@ -115,31 +115,31 @@ class NodeSession:
 
     @property
     def targets(self) -> Mapping[str, Pose]:
-        """Targets heard of, else where handles and obstacles are."""
+        """Targets received, else the present poses of handles and obstacles."""
         poses = {handle.name: Pose() for handle in self._scene.handles}
         return poses | (self._state.poses if self._state is not None else {}) | self._led
 
     @property
     def moduli(self) -> Mapping[str, float]:
-        """Young's moduli in force [Pa] by material."""
+        """Present Young's moduli [Pa] by material."""
         return moduli_of(self._scene)
 
     @property
     def paused(self) -> bool:
-        """Whether the node holds its steps."""
+        """Whether the node is paused."""
         return self._report.paused
 
     @property
     def recording(self) -> str | None:
-        """The bag that the node writes, or None."""
+        """Path of the bag that the node writes, or None."""
         return self._report.bag
 
     def start(self, *, told: Callable[[View], None], warn: Callable[[str], None]) -> None:
-        """Begin to listen.
+        """Begin to receive steps.
 
         Args:
-            told: called with what is shown of each step, in a thread of its own.
-            warn: takes the text of what a user should know.
+            told: called with the view of each step, in a separate thread.
+            warn: receives texts for the user.
         """
         self._told, self._warn, self._heard = told, warn, time.monotonic()
         node, name = self._node, self.name
@@ -150,7 +150,7 @@ class NodeSession:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the listening."""
+        """End the reception."""
         self._ending.set()
         if self._thread is not None:
             self._thread.join()
@@ -167,11 +167,11 @@ class NodeSession:
         self.stop()
 
     def watch(self, wanted: bool) -> None:
-        """Hear all of the steps, or no more than what they consume."""
+        """Receive whole steps, or only their records."""
         self._watched = wanted
 
     def doing(self) -> tuple[str, bool]:
-        """Say what the node reports and whether that is bad; nothing where its steps tell it."""
+        """Return the node's report and whether it is a problem; empty if its steps show the activity."""
         silence = time.monotonic() - self._heard
         if self.failure is not None:
             return f"the listening ended: {self.failure}", True
@@ -187,7 +187,7 @@ class NodeSession:
         """Publish an order.
 
         Raises:
-            GdfeError: a number is not finite, or something is led too far away.
+            GdfeError: a number is not finite, or a target is too far away.
         """
         self._commander.require(name, order)
         self._player.leave(order.values if isinstance(order, ActuatorOrder) else (name,))
@@ -197,7 +197,7 @@ class NodeSession:
         """Call a service, or play the program.
 
         Raises:
-            GdfeError: the node does not offer it at the moment.
+            GdfeError: the node does not offer it at present.
         """
         match ability:
             case Ability.PLAY:
@@ -220,12 +220,12 @@ class NodeSession:
         """Set parameters of the node.
 
         Raises:
-            GdfeError: the node does not answer at the moment.
+            GdfeError: the node does not answer at present.
         """
         return self._commander.set_moduli(moduli)
 
     def _find(self, patience: float, say: Callable[[str], None]) -> Scene:
-        """Wait for the node's scene, and say how the node is meanwhile."""
+        """Wait for the node's scene, and report the node's state meanwhile."""
         profile = qos_profile(topics.SCENE.delivery)
         self._node.create_subscription(String, f"{self.name}/{topics.SCENE.key()}", self._hear_scene, profile)
         end, waiting = time.monotonic() + patience, Waiting(self._node, self.name, say)
@@ -237,7 +237,7 @@ class NodeSession:
         return scene_from_text(self._text, origin=f"of the node {self.name}")
 
     def _hear_scene(self, message: String) -> None:
-        """Keep the scene; later another one of other moduli only."""
+        """Store the scene; later only scenes that differ by moduli."""
         before, self._text = self._text, message.data
         if before in (None, message.data):
             return
@@ -253,7 +253,7 @@ class NodeSession:
             self._report, self._heard = report, time.monotonic()
 
     def _keep(self, record: StepRecord) -> None:
-        """Keep what a step has consumed; have the program command the next one."""
+        """Store the commands that a step has consumed; let the program command the next one."""
         try:
             self._player.follow(record)
         except GdfeError as error:
@@ -265,12 +265,12 @@ class NodeSession:
         self._led = {**self._led, **record.handles}
 
     def _take(self, state: State) -> None:
-        """Tell of a step."""
+        """Pass on the view of a step."""
         self._state = state
         self._told(view_of(state, self._scene))
 
     def _note_pause(self, paused: bool) -> None:
-        """Show a pause before the node reports it."""
+        """Record a pause before the node reports it."""
         self._report = replace(self._report, paused=paused)
 
     def _spin(self) -> None:
@@ -285,7 +285,7 @@ class NodeSession:
             self._fail(error)
 
     def _note_silence(self) -> None:
-        """Tell once that a node is silent, and once that it is back."""
+        """Report once that a node is silent, and once that it is back."""
         silent = time.monotonic() - self._heard > _SILENT
         if silent and not self._silent:
             ended = f"nothing is heard of {self.name} any more: it has ended, was killed, or is out of reach"

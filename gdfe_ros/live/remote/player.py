@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a scene's program to a node: orders over its topics, at the pace of the steps that it tells of."""
+"""Playback of a scene's program to a node: orders over its topics, at the pace of its steps."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
 
 LOST = 1.0
-"""Wall time [s] without a step after which it is commanded again: an order, or the word of a step, may be lost, and a
-node at rest makes none by itself."""
+"""Wall time [s] without a step after which orders are repeated: an order, or the record of a step, may be lost, and a
+node at rest makes no step by itself."""
 
 
 class Player:
-    """One program at a time; it begins at the first step that is heard after `play`.
+    """Plays one program at a time, which begins at the first step received after `play`.
 
     Args:
-        scene: whose program it is.
+        scene: with the program.
         send: publishes an order of a name.
     """
 
@@ -32,7 +32,7 @@ class Player:
 
     @property
     def text(self) -> str:
-        """What is played, and how far; empty where nothing is."""
+        """Progress of the program; empty if none is played."""
         programme = self._programme
         if programme is None:
             return ""
@@ -40,41 +40,41 @@ class Player:
         return f"plays the program, {moment:.2f} of {programme.duration:g} s"
 
     def play(self) -> None:
-        """Begin anew, with what is commanded at the program's beginning: a node at rest makes a step of it."""
+        """Start from the beginning; the first command makes a node at rest step."""
         self._begun, programme = False, Programme(self._scene.program, self._time)
         self._programme = programme
         self._give(programme, self._time)
 
     def stop(self) -> None:
-        """Command nothing any more."""
+        """Stop commanding."""
         self._programme = None
 
     def leave(self, names: Iterable[str]) -> None:
-        """Leave handles, actuators and loads to the viewer."""
+        """Stop commanding handles, actuators and loads, which the viewer commands now."""
         if self._programme is not None:
             self._programme.leave(names)
 
     def follow(self, record: StepRecord) -> None:
-        """Hear of a step, and command the one that comes next."""
+        """Receive a step, and command the next one."""
         back, self._time = record.begin is not Begin.LAST, record.time
         programme = self._programme
         if programme is None:
             return
         if not self._begun:
-            # Time may have stood, or leapt, until this step.
+            # Simulation time may have stood still, or jumped, until this step.
             self._begun, programme.start = True, record.time
             self._give(programme, record.time)
         elif back:
             self._programme = None
         elif programme.over(record.time):
-            if not programme.over(self._next):  # steps of which nothing was heard led past the end
+            if not programme.over(self._next):  # unreceived steps may have passed the end
                 self._give(programme, record.time)
             self._programme = None
         else:
             self._give(programme, record.time + record.dt)
 
     def remind(self) -> None:
-        """Command again what no step has followed for a while."""
+        """Repeat the last orders if no step has followed for a while."""
         programme = self._programme
         if programme is not None and monotonic() - self._given > LOST:
             self._give(programme, self._next)

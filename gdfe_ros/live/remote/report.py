@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a node says on ``/diagnostics`` that it is doing."""
+"""Reports of a node on ``/diagnostics``."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import dataclass
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 _ACTIVE, _RECORDING, _PAUSED = "active", "recording", "paused"
-"""What the node says of its lifecycle, of a bag that it writes, and in the place of its clock."""
+"""Texts of the node about its lifecycle, about a bag that it writes, and in place of its clock."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a node reports once a second.
+    """Report of a node, once a second.
 
     Attributes:
-        text: what it does, or what is wrong; empty where it is active and all is well.
-        bad: whether something is wrong.
-        paused: whether its steps are held.
-        bag: that it writes, or None.
+        text: activity or problem; empty if it is active without problems.
+        bad: whether there is a problem.
+        paused: whether it is paused.
+        bag: path of the bag that it writes, or None.
     """
 
     text: str = ""
@@ -29,7 +29,7 @@ class Report:
 
     @classmethod
     def of(cls, message: DiagnosticArray, name: str) -> Report | None:
-        """Read the statuses of a node by its full name; None where none is its."""
+        """Return the report of a node by its full name; None if the message has none."""
         parts = {status.name: status for status in message.status}
         whole, recording, clock = (
             parts.get(f"{name.lstrip('/')}: {part}") for part in ("simulation", "recording", "clock")

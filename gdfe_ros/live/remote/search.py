@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of nodes that simulate."""
+"""Search for simulation nodes by name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def full_name(name: str) -> str:
     """Return the full name of a node.
 
     Raises:
-        GdfeError: it cannot be one.
+        GdfeError: the name is invalid.
     """
     full = f"/{name.strip('/')}"
     try:
@@ -33,12 +33,12 @@ def full_name(name: str) -> str:
 
 
 class Waiting:
-    """Tells how a node is whose scene is waited for, each time that it says another state of its lifecycle.
+    """Reports the lifecycle state of a node whose scene is awaited, each time that it changes.
 
     Args:
-        node: that listens.
-        name: full name of the node that is waited for.
-        say: takes what is told.
+        node: receives.
+        name: full name of the awaited node.
+        say: receives the texts.
     """
 
     def __init__(self, node: Node, name: str, say: Callable[[str], None]) -> None:
@@ -47,7 +47,7 @@ class Waiting:
         self._answer: Any = None
 
     def look(self) -> None:
-        """Ask, and tell what has been answered; in the thread that spins the node."""
+        """Request the state, and report the last answer; called in the thread that spins the node."""
         if self._answer is None and self._client.service_is_ready():
             self._answer = self._client.call_async(GetState.Request())
         elif self._answer is not None and self._answer.done():
@@ -60,17 +60,17 @@ class Waiting:
 
 
 def configuring(name: str) -> str:
-    """Name the command that configures a node."""
+    """Return the command that configures a node."""
     return f"ros2 lifecycle set {name} configure, then activate"
 
 
 def absence(node: Node, name: str, patience: float) -> str:
-    """Say why a node has told of no scene, and which others there are.
+    """Return a message why no scene of a node was received, with the other nodes.
 
     Args:
-        node: that has listened.
-        name: full name of the node that was looked for.
-        patience: for how long [s].
+        node: the receiving node.
+        name: full name of the awaited node.
+        patience: duration of the wait [s].
     """
     space, _, own = name.rpartition("/")
     if (own, space or "/") in node.get_node_names_and_namespaces():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of a node, put together to the steps that they tell of."""
+"""Assembly of a node's messages to steps."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ from gdfe_ros.testing.state import Moment, State, moment_of, unpack
 
 _QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _MOST = 16
-"""Steps of which only a part has been heard."""
+"""Limit of incomplete steps that are kept."""
 _INTERVAL = 1.0 / 60.0
-"""Least time between two steps that are unpacked [s]; of those in between nothing is shown."""
+"""Least time between two steps that are decoded [s]; steps in between are not shown."""
 
 
 class Steps:
-    """Hears the topics of a scene's state, and tells of the newest step of which all has come.
+    """Subscribes to the topics of a scene's state, and passes on the newest complete step.
 
-    The records of steps it always hears, all else while somebody wants it: a node makes no message that nobody hears.
+    The records of steps are always received, other topics only while needed, because a node makes no message without a
+    subscriber.
 
     Args:
-        node: that subscribes.
+        node: subscribes.
         name: full name of the simulation's node.
-        scene: of that.
+        scene: of that node.
         consumed: called with the record of each step, shown or not.
-        told: called with each step that is shown, in a thread of its own.
-        failed: called there with what ended it.
+        told: called with each step that is shown, in a separate thread.
+        failed: called in that thread with the exception that ended it.
     """
 
     def __init__(
@@ -64,7 +65,7 @@ class Steps:
         self._thread.start()
 
     def listen(self, wanted: bool) -> None:
-        """Begin or end to hear what is shown, in the thread that spins the node."""
+        """Begin or end the subscriptions for drawing, in the thread that spins the node."""
         if wanted and not self._subscriptions:
             others = [key for key in self._specs if key != topics.STEP_RECORD.key()]
             self._subscriptions = [self._subscribe(key) for key in others]
@@ -84,7 +85,7 @@ class Steps:
         return self._node.create_subscription(kind, f"{self._name}/{key}", partial(self._hear, key), _QOS)
 
     def _hear(self, key: str, message: Any) -> None:
-        """Keep a message until all of its step are there; what came before them is never complete any more."""
+        """Store a message until its step is complete; older steps are then dropped."""
         if key == topics.STEP_RECORD.key():
             self._consumed(StepRecord.from_json(message.data))
         moment = moment_of(message)
@@ -113,7 +114,7 @@ class Steps:
 
 
 def view_of(state: State, scene: Scene) -> View:
-    """Show a step that was heard."""
+    """Return the view of a received step."""
     columns = dict(zip(STRAIN_FIELDS, state.strain.T, strict=True))
     return View(
         record=state.record,
@@ -128,7 +129,7 @@ def view_of(state: State, scene: Scene) -> View:
 
 
 def _readings(actuator: Actuator, position: float, speed: float, effort: float) -> list[Reading]:
-    """Name what ``~/joint_states`` says of an actuator."""
+    """Return the values of an actuator in ``~/joint_states``."""
     match actuator.mode:
         case Mode.GROWTH:
             return [("growth", position, "")]

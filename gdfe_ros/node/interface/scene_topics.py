@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which topics a scene has: what commands its handles and obstacles, and what tells of a step."""
+"""The topics of a scene: commands of its handles and obstacles, and outputs of a step."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from gdfe_ros.scene.scene import Scene
 
 
 def is_commanded(handle: Handle) -> bool:
-    """Tell whether a handle or obstacle takes commands."""
+    """Return whether a handle or obstacle accepts commands."""
     return not handle.fixed and topics.MOVED[handle.section].target is not None
 
 
 def target_key(handle: Handle) -> str:
-    """Name the target topic of a handle or obstacle, after the node's name."""
+    """Return the target topic of a handle or obstacle, relative to the node's name."""
     return topics.MOVED[handle.section].target.key(**{handle.noun: handle.name})
 
 
 def put_key(handle: Handle) -> str:
-    """Name the topic that puts a rigid body somewhere, after the node's name."""
+    """Return the topic that teleports a rigid body, relative to the node's name."""
     return topics.MOVED[handle.section].put.key(**{handle.noun: handle.name})
 
 
 def pose_and_wrench(handle: Handle) -> dict[str, TopicSpec]:
-    """Give the topics of the pose and the wrench of a handle, obstacle or rigid body, in this order, by key."""
+    """Return the topics of the pose and the wrench of a handle, obstacle or rigid body, in this order, by key."""
     moved, brace = topics.MOVED[handle.section], {handle.noun: handle.name}
     return {spec.key(**brace): spec for spec in (moved.pose, moved.wrench)}
 
 
 def state_topics(scene: Scene) -> dict[str, TopicSpec]:
-    """List the topics that make up the state after a step, by key; the record, which begins a step in a bag, first."""
+    """Return the topics of the state after a step, by key; first the record, which begins a step in a bag."""
     found = {spec.key(): spec for spec in (topics.STEP_RECORD, topics.MESH, topics.STRAIN)}
     for handle in scene.handles:
         found |= pose_and_wrench(handle)

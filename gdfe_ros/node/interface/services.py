@@ -88,9 +88,9 @@ FOLLOW_TRAJECTORY = ServiceSpec(
     "present values",
 )
 STANDARD_SERVICES = (GET_FEATURES, GET_STATE, SET_STATE, RESET_SIMULATION, STEP_SIMULATION, SIMULATE_STEPS)
-"""Where the package simulation_interfaces is installed."""
+"""Services offered if the package simulation_interfaces is installed."""
 ACTIONS = (FOLLOW_TRAJECTORY,)
-"""Where the package control_msgs is installed."""
+"""Actions offered if the package control_msgs is installed."""
 
 SERVICES = (
     RESET,

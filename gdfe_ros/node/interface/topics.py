@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of the node: `COMMANDS` are what it takes, `OUTPUTS` what it publishes."""
+"""Topics of the node: `COMMANDS` are its inputs, `OUTPUTS` its publications."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ TRAJECTORY = TopicSpec(
     delivery=Delivery.COMMAND,
 )
 FOLLOWED = TopicSpec(
-    name="",  # the parameter names it
+    name="",  # named by the parameter
     type="geometry_msgs/msg/PoseStamped",
     meaning="pose at which a handle or obstacle with `follow` is held: the place of its frame in the header's "
     "frame; an empty `frame_id` is the node's frame",
@@ -273,9 +273,9 @@ OUTPUTS = (
 
 @dataclass(frozen=True)
 class Moved:
-    """The topics of a handle, obstacle or rigid body; ``target`` and ``velocity`` of those that are commanded.
+    """The topics of a handle, obstacle or rigid body; those with commands have ``target`` and ``velocity``.
 
-    What moves freely has ``put`` instead, which puts it somewhere.
+    Freely moving bodies have ``put`` instead, which teleports them.
     """
 
     pose: TopicSpec
@@ -286,7 +286,7 @@ class Moved:
 
     @property
     def commands(self) -> tuple[TopicSpec, ...]:
-        """Topics that the node takes commands on."""
+        """Topics on which the node accepts commands."""
         return tuple(spec for spec in (self.target, self.velocity, self.put) if spec is not None)
 
 
@@ -295,4 +295,4 @@ MOVED = {
     "obstacles": Moved(OBSTACLE_POSE, OBSTACLE_WRENCH, OBSTACLE_TARGET, OBSTACLE_VELOCITY),
     "bodies": Moved(BODY_POSE, BODY_WRENCH, put=BODY_SET),
 }
-"""By the section of a scene that it stands in."""
+"""Topics by the section of the scene."""

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact as terms: gaps between points of the body's surface and rigid obstacles, and friction there."""
+"""Contact terms: gaps and Coulomb friction of the body's surface with obstacles, rigid bodies and itself."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closest points on bilinear faces, compiled, and which of them a vertex can touch."""
+"""Compiled closest points on bilinear faces, and the search for the face that a vertex can touch."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import math
 from gdfe_ros.compiled import inlined, kernel
 
 MOST_STEPS = 12
-"""Of Gauss and Newton's method on a face: two where it is flat."""
+"""Limit of Gauss-Newton steps on one face. A flat face needs two."""
 OPPOSED = -0.1
-"""Cosine between the normals of two faces below which they can touch."""
+"""Largest cosine between the normals of two faces that can touch each other."""
 
 
 @kernel
 def face_areas(x, quads, out):
-    """Write area vectors (q, 3) [m^2] of faces, out of the body."""
+    """Write the area vectors (q, 3) [m^2] of faces; they point out of the body."""
     for f in range(len(quads)):
         a, b, c, d = quads[f, 0], quads[f, 1], quads[f, 2], quads[f, 3]
         p0, p1, p2 = x[c, 0] - x[a, 0], x[c, 1] - x[a, 1], x[c, 2] - x[a, 2]
@@ -27,13 +27,13 @@ def face_areas(x, quads, out):
 
 @kernel
 def corner_normals(areas, starts, smooth, out):
-    """Write unit normals (q, 4, 3) at the corners of faces: the mean over faces that go on smoothly there.
+    """Write unit normals (q, 4, 3) at the corners of faces: the area-weighted mean over the smoothly adjoining faces.
 
     Args:
-        areas: (q, 3) [m^2] of the faces.
-        starts: (4 q + 1,) where those of each corner begin among ``smooth``.
-        smooth: faces.
-        out: is written.
+        areas: (q, 3) [m^2] area vectors of the faces.
+        starts: (4 q + 1,) index into ``smooth`` at which the list of each corner begins.
+        smooth: indices of the faces that are averaged at each corner.
+        out: (q, 4, 3), is written.
     """
     for f in range(len(areas)):
         for a in range(4):
@@ -47,19 +47,19 @@ def corner_normals(areas, starts, smooth, out):
 
 @inlined
 def weights_at(u, v):
-    """Return the weights of a face's corners at its coordinates, each from 0 to 1."""
+    """Return the bilinear weights of a face's four corners at its coordinates u, v, each in [0, 1]."""
     return (1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v
 
 
 @inlined
 def clamped(value):
-    """Return a coordinate within a face."""
+    """Return a face coordinate clamped to [0, 1]."""
     return min(max(value, 0.0), 1.0)
 
 
 @inlined
 def closest_on(x, quads, f, px, py, pz):
-    """Return the coordinates of the point of a face that is closest to a point [m]."""
+    """Return the coordinates u, v of the point of a face that is closest to the point p [m]."""
     a, b, c, d = quads[f, 0], quads[f, 1], quads[f, 2], quads[f, 3]
     u, v = 0.5, 0.5
     for _ in range(MOST_STEPS):
@@ -77,7 +77,7 @@ def closest_on(x, quads, f, px, py, pz):
             break
         du, dv = (vv * ru - uv * rv) / det, (uu * rv - uv * ru) / det
         if not (0.0 <= u + du <= 1.0 and 0.0 <= v + dv <= 1.0):
-            # The least of a quadratic over a square lies on one of the sides that its free least is beyond.
+            # If the free minimum lies outside of the square, the constrained minimum lies on a side that it crossed.
             du1 = clamped(u + du) - u
             dv1 = clamped(v + (rv - uv * du1) / vv) - v
             dv2 = clamped(v + dv) - v
@@ -93,7 +93,7 @@ def closest_on(x, quads, f, px, py, pz):
 
 @inlined
 def point_on(x, quads, f, u, v):
-    """Return the point [m] of a face at its coordinates."""
+    """Return the point (3,) [m] of a face at its coordinates u, v."""
     w = weights_at(u, v)
     p0, p1, p2 = 0.0, 0.0, 0.0
     for a in range(4):
@@ -104,7 +104,7 @@ def point_on(x, quads, f, u, v):
 
 @inlined
 def opposes(areas, starts, about, vertex, n0, n1, n2):
-    """Tell whether one of the faces about a vertex looks against a normal."""
+    """Return whether one of the faces around a vertex points against the normal n (cosine below `OPPOSED`)."""
     for i in range(starts[vertex], starts[vertex + 1]):
         m0, m1, m2 = areas[about[i], 0], areas[about[i], 1], areas[about[i], 2]
         if m0 * n0 + m1 * n1 + m2 * n2 < OPPOSED * math.sqrt(m0 * m0 + m1 * m1 + m2 * m2):
@@ -114,7 +114,7 @@ def opposes(areas, starts, about, vertex, n0, n1, n2):
 
 @inlined
 def among(starts, values, row, value):
-    """Tell whether a value is among those of a row, which ascend."""
+    """Return whether a value is in one row of a list of ascending rows, by bisection."""
     low, high = starts[row], starts[row + 1]
     while low < high:
         middle = (low + high) // 2
@@ -129,24 +129,25 @@ def among(starts, values, row, value):
 def nearest_faces(
     x, last, sunk, pairs, faces, surface, areas, normals, reach, distance, face, weights, normal, gap, support
 ):
-    """Find of each vertex the nearest face that it can touch.
+    """Find the nearest face that each vertex can touch.
 
     Args:
-        x: (n, 3) [m].
-        last: (n, 3) [m] where nothing had entered anything.
-        sunk: (k,) which vertices had all the same: those come out through the nearest face.
-        pairs: (p,) places of vertices among the surface's.
-        faces: (p,) of faces that may be nearest.
-        surface: the topology of a `OwnSurface`.
-        areas: (q, 3) [m^2] of the faces at ``x``.
-        normals: (q, 4, 3) at their corners.
-        reach: [m] beyond which nothing is found.
-        distance: (k,) [m]; infinite where nothing is found, as all the following are written.
-        face: (k,) int64; -1 where there is none.
-        weights: (k, 4) of its corners at the closest point.
-        normal: (k, 3) of the plane that the vertex must stay in front of.
-        gap: (k,) [m] to that plane.
-        support: (k,) share that the face bears: 1 over it, 0 at the rim beside its edge.
+        x: (n, 3) [m] positions.
+        last: (n, 3) [m] last positions at which nothing penetrated.
+        sunk: (k,) vertices that penetrated at ``last`` nevertheless: they leave through the nearest face.
+        pairs: (p,) index of each candidate pair's vertex among the surface's vertices.
+        faces: (p,) face of each candidate pair.
+        surface: the topology of an `OwnSurface`.
+        areas: (q, 3) [m^2] area vectors of the faces at ``x``.
+        normals: (q, 4, 3) unit normals at the corners of the faces.
+        reach: [m] search distance.
+        distance: (k,) [m], is written: distance to the nearest face, infinite where none is within reach.
+        face: (k,) int64, is written: the nearest face, -1 where none is within reach.
+        weights: (k, 4), is written: weights of the face's corners at the closest point.
+        normal: (k, 3), is written: unit normal of the plane that the vertex must stay in front of.
+        gap: (k,) [m], is written: signed distance to that plane.
+        support: (k,), is written: share of the contact force that the face carries, 1 above the face and falling to 0
+            at the outer edge of its rim.
     """
     quads = surface.quads
     for pair in range(len(pairs)):
@@ -181,7 +182,7 @@ def nearest_faces(
         if beside > surface.rim:
             if height < 0.0:
                 continue
-            # Round an edge: what is nearest is the edge itself.
+            # The vertex lies beside the face, at a convex edge: the edge itself is the closest point.
             m0, m1, m2, height, share = d0 / away, d1 / away, d2 / away, away, 1.0
         if height < -surface.depth and not (sunk[i] or was_before(last, quads, f, vertex, w)):
             continue
@@ -193,7 +194,7 @@ def nearest_faces(
 
 @inlined
 def was_before(last, quads, f, vertex, w):
-    """Tell whether a vertex was in front of a point of a face at positions ``last`` (n, 3) [m]."""
+    """Return whether a vertex was in front of a point of a face at the positions ``last`` (n, 3) [m]."""
     c0, c1, c2 = 0.0, 0.0, 0.0
     for a in range(4):
         q = quads[f, a]

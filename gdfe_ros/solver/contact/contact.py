@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact with one obstacle, as a term."""
+"""Contact with one obstacle or rigid body, as a term."""
 
 from __future__ import annotations
 
@@ -25,27 +25,29 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Saved
 
 ENTRY = 1e-3
-"""Distance over the body's size beyond which a point is outside; what comes in from there does so through a plane."""
+"""Distance over the body's size beyond which a point counts as outside. A point that enters the obstacle from farther
+away within one step gets a penetration plane."""
 REACH = 0.05
-"""Distance, over the body's size, beyond which a vertex is left out until the body has moved as far."""
+"""Distance over the body's size within which points take part in contact. Distances are recomputed once the body has
+moved as far."""
 SLIP = 3e-7
-"""Way over the body's size that a point which slips counts as having slipped where it has only begun to."""
+"""Slip, over the body's size, assumed in the linearisation for a slipping point that has hardly moved yet."""
 HELD = [PRESS, SHEAR, SHEAR + 1, SHEAR + 2, NORMAL, NORMAL + 1, NORMAL + 2, OFFSET]
-"""Which of a point's numbers `Contact.update` changes."""
+"""Columns of a point's row that `Contact.update` changes."""
 STIFFER = 30.0
-"""Penalty over the usual one beside elements that walls keep from folding. Multipliers of the usual one converge slowly
-there, since walls make a corner much stiffer than at rest: 836 iterations a step instead of 18 for a cube of 8^3 cells
-on its corner."""
+"""Penalty over the usual one at elements whose fold barrier acts. The barrier makes a corner much stiffer than at rest,
+and multipliers with the usual penalty converge slowly there: 836 iterations a step instead of 18 for a cube of 8^3
+cells on its corner."""
 
 
 class Contact(ContactTerm):
     """Contact of points with an obstacle or a rigid body.
 
     Args:
-        name: of the term.
-        touched: what cannot be entered.
+        name: name of the term.
+        touched: the obstacle or rigid body that the points must stay outside of.
         body: the discretised body.
-        points: what cannot enter it.
+        points: the points that must stay outside.
         friction: Coulomb's coefficient.
     """
 
@@ -74,44 +76,48 @@ class Contact(ContactTerm):
 
     @property
     def on_body(self) -> bool:
-        """Whether it is the elastic body that touches."""
+        """Whether the points belong to the elastic body."""
         return isinstance(self._points, Surface)
 
     @property
     def updates(self) -> bool:
-        """Whether any point is near."""
+        """Whether any point is near the obstacle, so that multipliers have to be updated."""
         return len(self._chosen) > 0
 
     @property
     def inside(self) -> bool:
-        """Whether a point was inside of what it touches where the last solve began."""
+        """Whether a point was inside the obstacle at the beginning of the last solve."""
         return bool(self._distances.min(initial=0.0) < -FAINT * self._body.size)
 
     @property
     def delicate(self) -> bool:
-        """Whether friction acts."""
+        """Whether friction acts on a point near the obstacle."""
         return self.updates and self.reals[gap.FRICTION] > 0.0
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Take penalties from the constant matrix' diagonal."""
+        """Set the penalties from the constant matrix' diagonal."""
         self._usual = self._penalty = PENALTY * self._points.stiffness(matrix.assembled.diagonal())
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """Press harder than usual, in the next solve, on points that these vertices (k,) carry: walls act there."""
+        """Raise the penalties of points carried by ``vertices`` (k,) for the next solve: fold barriers act there."""
         self._penalty = self._usual
         if len(vertices):
             beside = np.isin(self._points.carriers, vertices).any(axis=1)
             self._penalty = np.where(beside, STIFFER * self._usual, self._usual)
 
     def couplings(self) -> NDArray[np.int32]:
-        """Return the vertices that carry each point, and those of the rigid body that it touches."""
+        """Return the vertices (k, c) that each point's force acts on: its carriers and a touched rigid body's."""
         ends = self._points.carriers
         if isinstance(self._touched, RigidBody):
             ends = np.column_stack([ends, np.tile(self._touched.vertices, (len(ends), 1))])
         return ends
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the penalties that act at ``positions`` (n, 3) [m], without the obstacle's curvature (k, 3 c, 3 c)."""
+        """Return contact tangents (k, 3 c, 3 c) [N/m] at ``positions`` (n, 3) [m], without the obstacle's curvature.
+
+        Each is J^T H J with the contact Jacobian J of `_ways` and the positive semi-definite Hessian H of
+        `contact_tangents`.
+        """
         count = self.couplings().shape[1]
         tangents = np.zeros((len(self._penalty), 3 * count, 3 * count))
         if not self.updates:
@@ -125,15 +131,15 @@ class Contact(ContactTerm):
         return tangents
 
     def neutral(self) -> Saved:
-        """Return that nothing touches; what does not stick has no anchor."""
+        """Return the stored state without contact: no forces, no anchors, no dissipated energy."""
         return {**self._free, "lost": np.zeros(1)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
-        """Take where an obstacle is commanded to be, and where everything was."""
+        """Set the commanded pose of the obstacle and the state at the end of the last step."""
         self._pose, self._last = poses[self._touched.name], last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Take the multipliers of the last step, turned on with what is touched."""
+        """Start from the multipliers of the last step, rotated with the obstacle."""
         free = saved["press"] is self._free["press"] or not saved["press"].any()
         self._saved, self._settling, self._damping = saved, Settling(positions, held=True), Damping()
         if free and self._pose == self._seen_at and self._moved(positions) < self._clear:
@@ -142,7 +148,7 @@ class Contact(ContactTerm):
             self._choose(saved, positions)
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers, and by how much faces are nearer than their corners."""
+        """Update multipliers, normals and offsets at ``positions`` (n, 3) [m]; return the remaining error [m]."""
         multipliers = self._rows()[:, PRESS:ANCHOR]
         held = multipliers.copy()
         miss, change, forces, penalties = law.update_multipliers(positions, self.reals, self.integers)
@@ -151,10 +157,10 @@ class Contact(ContactTerm):
         missed = max(miss, self._judge(change, forces, penalties), self._correct(positions))
         if not (self.stocky and forces > 0.0 and self.reals[gap.FRICTION] > 0.0):
             return missed
-        return self._settling.way(positions, missed)  # limits and directions of friction follow what presses
+        return self._settling.way(positions, missed)  # friction's limit and direction follow the normal forces
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Tell whether points that were left out may touch by now, and take them in."""
+        """Choose the points again if the body has moved far enough; return whether points were added."""
         if self._moved(positions) < max(self._clear, 0.5 * REACH * self._body.size):
             return False
         before, rows = len(self._chosen), self._rows()
@@ -162,9 +168,9 @@ class Contact(ContactTerm):
         return len(self._chosen) > before
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Keep forces, and anchors of the points that stick; all others will have theirs where they are now.
+        """Return the state to store: contact forces, and the anchors of the sticking points.
 
-        ``lost`` is what friction has turned to heat so far [J].
+        Points that slip get their anchor where they are now. ``lost`` is the energy dissipated by friction so far [J].
         """
         if not self.updates:
             return {**self._free, "lost": saved["lost"]}
@@ -178,7 +184,11 @@ class Contact(ContactTerm):
         return {**self._spread(presses, -shears), **kept, "share": np.array([self.share])}
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Take in what touched at the end of a solve, with the forces found; what slipped nowhere slips a little."""
+        """Choose the points that touched at the end of a solve, with the forces found there, for the linearisation.
+
+        A point that slips but has hardly moved gets the slip `SLIP` in the direction of its friction force, so that the
+        direction of slip is defined.
+        """
         self._led = np.zeros((0, 3))
         if not found["press"].any():
             self._take_none()
@@ -196,7 +206,7 @@ class Contact(ContactTerm):
         rows[:, ANCHOR : ANCHOR + 3] -= self._led
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Take another place of what is touched, and other anchors, of the same points."""
+        """Move the touched obstacle and the anchors of the chosen points; keep the choice of points."""
         if not self.updates:
             return
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
@@ -206,22 +216,22 @@ class Contact(ContactTerm):
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
-        """Presses, shears [N], normals, and by how much [m] faces are nearer than their corners, of the points."""
+        """Normal forces, friction forces [N], normals and offsets [m] of the chosen points, flattened (8 k,)."""
         return self._rows()[:, HELD].ravel()
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
-        """Penalties [N/m], and one over the body's size for normals."""
+        """Scales of the multipliers per metre (8 k,): penalties [N/m], 1 / size for normals, 1 for offsets."""
         k, one = self._rows()[:, gap.PENALTY], np.ones(len(self._chosen))
         turned = one / self._body.size
         return np.stack([k, k, k, k, turned, turned, turned, one], axis=1).ravel()
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Take the multipliers of the points."""
+        """Set the multipliers of the chosen points."""
         self._rows()[:, HELD] = multipliers.reshape(-1, len(HELD))
 
     def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the multipliers after a plain update."""
+        """Return the multipliers after one plain update, and leave those of the term unchanged."""
         held = self.multipliers
         if not self.updates:
             return held
@@ -232,7 +242,7 @@ class Contact(ContactTerm):
         return found
 
     def wrench(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return force [N] and moment [N m] about the origin of what is touched (6,) that it exerts on the points."""
+        """Return the force [N] and the moment [N m] about the obstacle's origin (6,) that it exerts on the points."""
         if not self.updates:
             return np.zeros(6)
         forces = self.share * self._forces(positions)[0]
@@ -240,7 +250,7 @@ class Contact(ContactTerm):
         return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
-        """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]."""
+        """Return the contact of a state whose positions are relative to ``origin`` (3,) [m]."""
         saved = state.terms[self.name]
         if saved["press"] is self._free["press"]:
             return NOTHING
@@ -252,7 +262,7 @@ class Contact(ContactTerm):
         form = self._touched.form
         head = np.concatenate([axes.ravel(), middle, form.numbers, form.samples])
         gap.distances(places, head, form.kind, gaps, normals)
-        steepness = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)  # less than 1 at a mesh' edges
+        steepness = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)  # below 1 at a mesh's edges
         return Touch(
             vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
             points=self._points.points[on] if isinstance(self._points, Skin) else np.zeros(0, dtype=np.int32),
@@ -273,13 +283,13 @@ class Contact(ContactTerm):
         return self.reals[gap.AXES : gap.ORIGIN].reshape(3, 3)
 
     def _frame(self, positions: NDArray[np.float64], pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return origin and rotation of what is touched."""
+        """Return origin (3,) [m] and rotation (3, 3) of the touched obstacle or rigid body."""
         if isinstance(self._touched, RigidBody):
             return self._touched.found(positions)
         return self._touched.frame(pose)
 
     def _ways(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return by how much each chosen point moves away from what it touches by motions of `couplings` (k, c)."""
+        """Return the contact Jacobian (k, c): d(distance of a point) / d(displacement of each coupled vertex)."""
         ways = self._points.weights[self._chosen]
         if not isinstance(self._touched, RigidBody):
             return ways
@@ -287,7 +297,10 @@ class Contact(ContactTerm):
         return np.column_stack([ways, -0.25 - places @ self._touched.signs.T])
 
     def _entered(self, starts: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return through which planes (p, 4) points come into the obstacle on their way to ``places`` (p, 3) [m]."""
+        """Return the planes (p, 4) through which points enter the obstacle on straight paths to ``places`` (p, 3) [m].
+
+        Rows of points that do not enter, or moved less than `ENTRY`, are zero. ``starts`` (p, 3) [m] are in its frame.
+        """
         planes, ends, reach = np.zeros((len(places), 4)), self._in_frame(places), ENTRY * self._body.size
         moved = ends - starts
         fast = np.flatnonzero(np.einsum("pi,pi->p", moved, moved) > reach * reach)
@@ -298,14 +311,14 @@ class Contact(ContactTerm):
         return planes
 
     def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where points were in the frame (p, 3) [m] at the end of the last step; before any, where they are."""
+        """Return the points in the obstacle's frame (p, 3) [m] at the end of the last step, else at ``places``."""
         if self._last is None:
             return self._in_frame(places)
         origin, axes = self._frame(self._last.positions, self._last.poses[self._touched.name])
         return (self._points.at(self._last.positions) - origin) @ axes
 
     def _moved(self, positions: NDArray[np.float64]) -> float:
-        """Return how far [m] a point may have come since all distances were taken."""
+        """Return an upper bound of the displacement [m] of any point since the distances were computed."""
         if self._seen is None:
             return np.inf
         longest = largest_distance(positions, self._seen)
@@ -319,7 +332,7 @@ class Contact(ContactTerm):
         return (places - self._origin) @ self._axes
 
     def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Take in the points that are near at ``positions`` (n, 3) [m] or touched at the end of the last step."""
+        """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or pass through."""
         points, integers, places = self._points, self.integers, self._points.at(positions)
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
         gap.distances(places, self.reals, integers[gap.KIND], self._distances, self._normals)
@@ -345,7 +358,7 @@ class Contact(ContactTerm):
         self._correct(positions)
 
     def _correct(self, positions: NDArray[np.float64]) -> float:
-        """Take by how much faces are nearer than their corners; return by how much [m] that changed."""
+        """Update the offsets, by which faces are nearer than their corners; return the largest change [m]."""
         if not len(self._faces):
             return 0.0
         surface, faces = self._points, self._faces
@@ -359,7 +372,7 @@ class Contact(ContactTerm):
         return float(change)
 
     def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Return forces (k, 3), presses (k,), shears (k, 3) [N] of the chosen points, and which slip (k,)."""
+        """Return contact (k, 3), normal (k,), friction forces (k, 3) [N] of the chosen points; which slip (k,)."""
         count = len(self._chosen)
         forces, shears = np.zeros((count, 3)), np.zeros((count, 3))
         presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
@@ -367,7 +380,7 @@ class Contact(ContactTerm):
         return forces, presses, shears, slips
 
     def _spread(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:
-        """Return forces on the chosen points (k,), (k, 3) [N] as those on all, shears in the obstacle's axes."""
+        """Scatter forces of the chosen points (k,), (k, 3) [N] to all points, friction in the obstacle's axes."""
         press, shear = np.zeros(len(self._penalty)), np.zeros((len(self._penalty), 3))
         press[self._chosen], shear[self._chosen] = presses, shears @ self._axes
         return {"press": press, "shear": shear}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all contacts have in common: forces that come of multipliers, and when these are known well enough."""
+"""Base class of the contact terms: forces by multipliers, and the accuracy to which they must be known."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.terms.term import Term
 
 PENALTY = 1.0
-"""Penalty at a vertex over the constant matrix' own diagonal there: enough for a few updates, and the matrix still
-preconditions the descent."""
+"""Penalty over the constant matrix' diagonal at a vertex: a few updates suffice, and the constant matrix still
+preconditions the minimisation."""
 FORCE = 1e-2
-"""Tolerance over the relative error of contact forces: 1 % at a tolerance of 1e-4."""
+"""Tolerance of contact forces over the solver's tolerance: a tolerance of 1e-4 demands forces to 1 %."""
 FAINT = 1e-7
-"""Way over the body's size against the penalty of which a force is nothing: no descent goes as far."""
+"""Displacement over the body's size whose penalty force counts as zero. No minimisation resolves less."""
 
 
 class ContactTerm(Term):
-    """A contact with an obstacle, a rigid body or another part of the body.
+    """Contact with an obstacle, with a rigid body, or between parts of the body.
 
     Args:
-        name: of the term.
+        name: name of the term.
         body: the discretised body.
-        reals, integers: of the term.
+        reals, integers: arrays that the compiled kernels read.
 
     Attributes:
-        potential: its compiled energy, in which `add_forces` finds the forces.
-        on_body: whether it is the elastic body that touches an obstacle.
-        resolution: to what distance [m] descents must go for the forces to be known.
-        share: of its multipliers, the forces at the end of a step, that is the force over a step in motion.
-        missed: by how much [m] pairs of a surface missed their gaps and slips at the last update of a solve.
-        gives_up: whether solves end where they are hopeless, since smaller steps may do better.
-        stocky: whether nothing but the ways of a body tells how far it has to go, and updates are extrapolated.
-        buried: what `flaw` saw lies deep in something, not only beyond the bound.
-        hopeless: what was apart has come so deep into each other that it is not found any more.
+        potential: the compiled energy; `add_forces` computes the forces as its gradient.
+        on_body: whether the elastic body touches an obstacle.
+        resolution: displacement [m] to which a minimisation must converge so that the forces are known.
+        share: factor from the multipliers, the forces at the end of a step, to the force over a step in motion.
+        missed: largest error [m] in gap or slip of a self-contact pair at the last update of a solve.
+        gives_up: whether hopeless solves end at once, because smaller steps may succeed.
+        stocky: whether only displacements measure the remaining distance of a body; updates are then extrapolated.
+        buried: whether the penetration that `flaw` found is deep, not only above the tolerance.
+        hopeless: whether separate parts have penetrated so deep that the search finds no pair for them any more.
     """
 
     potential: ClassVar[Callable[..., float]]
@@ -50,27 +50,27 @@ class ContactTerm(Term):
         self.missed, self.gives_up, self.stocky, self.hopeless, self.buried = 0.0, False, False, False, False
 
     def energy(self, positions: NDArray[np.float64]) -> float:
-        """Return nothing: contact stores nothing."""
+        """Return 0: contact stores no energy."""
         return 0.0
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """Press harder than usual, in the next solve, on points that these vertices (k,) carry: walls act there."""
+        """Raise the penalties of points carried by ``vertices`` (k,) for the next solve: fold barriers act there."""
 
     def add_forces(self, positions: NDArray[np.float64], forces: NDArray[np.float64]) -> None:
-        """Add the forces of a solve that ended at ``positions`` (n, 3) [m] to those on vertices (n, 3) [N]."""
+        """Add the contact forces of a solve that ended at ``positions`` (n, 3) [m] to ``forces`` (n, 3) [N]."""
         slopes = np.zeros_like(forces)
         self.potential(positions, self.reals, self.integers, slopes, np.zeros(1))
         forces -= slopes
 
     def _expect(self, presses: NDArray[np.float64], penalties: NDArray[np.float64]) -> None:
-        """Set the resolution by the forces (k,) [N] of the last step."""
+        """Set the resolution from the normal forces (k,) [N] of the last step and their penalties [N/m]."""
         on = presses > 0.0
         self.resolution = FORCE * presses[on].sum() / penalties[on].sum() if on.any() else np.inf
 
     def _judge(self, change: float, forces: float, penalties: float) -> float:
-        """Set the resolution by the ``forces`` [N] that there are, and count their change as a distance [m].
+        """Set the resolution from the sum of ``forces`` [N], and return their ``change`` [N] as a distance [m].
 
-        A relative change counts as `FORCE` times as much of the body's size.
+        The distance is `FORCE` times the body's size times the relative change.
         """
         if not forces > 0.0:
             self.resolution = np.inf

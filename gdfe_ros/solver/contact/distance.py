@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signed distances to the forms of obstacles, in the obstacle's frame."""
+"""Compiled signed distances to the shapes of obstacles, in the obstacle's frame."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import math
 from gdfe_ros.compiled import inlined
 
 PLANE, SPHERE, BOX, CAPSULE, CYLINDER, MESH = range(6)
-"""Kinds of forms, as `gdfe_ros.constraints.obstacle` numbers them; a mesh has its grid (`grid.py`)."""
+"""Kinds of shapes, with the numbers of `gdfe_ros.constraints.obstacle`; for a mesh see `grid.py`."""
 
 
 @inlined
 def signed_distance(kind, a, b, c, x, y, z):
-    """Return the distance [m] of a point from a form, negative inside, and its gradient there.
+    """Return the signed distance [m] from a point to a shape, negative inside, and its gradient (3,).
 
-    ``a``, ``b`` and ``c`` are the form's numbers; where the gradient is not unique, at an edge's inside or a centre,
-    one of its limits is taken.
+    ``a``, ``b`` and ``c`` are the shape's numbers. Where the gradient is not unique (at a centre, or on a medial
+    plane), one of its limits is returned.
     """
     if kind == PLANE:
         return z, 0.0, 0.0, 1.0
@@ -41,7 +41,7 @@ def signed_distance(kind, a, b, c, x, y, z):
 
 @inlined
 def box_distance(a, b, c, x, y, z):
-    """Return distance and gradient of a box with half edges ``a``, ``b``, ``c`` [m]."""
+    """Return signed distance [m] and gradient of a box with half edges ``a``, ``b``, ``c`` [m]."""
     sx, sy, sz = math.copysign(1.0, x), math.copysign(1.0, y), math.copysign(1.0, z)
     dx, dy, dz = abs(x) - a, abs(y) - b, abs(z) - c
     if dx <= 0.0 and dy <= 0.0 and dz <= 0.0:

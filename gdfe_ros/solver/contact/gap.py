@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where points are and how far from an obstacle, compiled; and where its numbers lie among those of a term."""
+"""Compiled distances from a term's points to its obstacle, and the layout of the term's arrays."""
 
 from __future__ import annotations
 
@@ -12,22 +12,24 @@ from gdfe_ros.solver.contact.distance import MESH, signed_distance
 from gdfe_ros.solver.contact.grid import SURE, grid_distance
 
 AXES, ORIGIN, NUMBERS, FRICTION, SIGNS, HEAD = 0, 9, 12, 15, 16, 28
-"""Where rotation, origin [m], the form's numbers, the coefficient and s_a (4, 3) [1/m] lie, and where points begin."""
+"""Offsets in a term's reals of the frame's rotation, its origin [m], the shape's numbers, the friction coefficient, the
+signs s_a (4, 3) [1/m] of a rigid body, and of the points."""
 PENALTY, PRESS, SHEAR, ANCHOR, NORMAL, OFFSET, WEIGHTS, PLANE, STRIDE = 0, 1, 2, 5, 8, 11, 12, 20, 24
-"""Of each point: k [N/m], l [N], t [N] (3,), anchor [m] (3,) in the frame, normal (3,), offset [m], weights (8,), and
-the plane n . q = d through which it came in (n, d) in the frame, of which n is zero where it did not."""
+"""Offsets in a point's row of the penalty k [N/m], normal force l [N], friction force t (3,) [N], anchor (3,) [m] in
+the frame, normal (3,), offset [m], weights (8,), and the plane n . q = d in the frame through which the point
+entered, as (n, d) with n = 0 for none; and the row's length."""
 KIND, COUNT, CARRIERS, BODY, VERTICES = 0, 1, 2, 3, 7
-"""Where the form's kind, the number of points, of vertices that carry each, and the four of the frame (-1 where it is
-given) lie, and where those of the points begin."""
+"""Offsets in a term's integers of the shape's kind, the number of points, the number of vertices that carry each point,
+the four vertices of the frame (-1 for a prescribed frame), and of the points' carriers."""
 MOST_STEPS = 60
-"""Along a way: one that has come no nearer by then only grazes."""
+"""Limit of sphere-tracing steps along one path. A point that has not arrived by then only grazes the obstacle."""
 SMOOTH = 0.95
-"""Length of the mean of an obstacle's normals at a face's corners above which it counts as smooth there."""
+"""Length of the mean of an obstacle's normals at a face's corners above which the obstacle counts as smooth there."""
 
 
 @inlined
 def take_frame(x, reals, integers):
-    """Take rotation and origin from the vertices that are the frame; leave them where they are given."""
+    """Compute rotation and origin from a rigid body's four vertices; leave a prescribed frame as it is."""
     if integers[BODY] < 0:
         return
     for i in range(3):
@@ -43,7 +45,7 @@ def take_frame(x, reals, integers):
 
 @inlined
 def point_at(x, reals, integers, i):
-    """Return where a point is."""
+    """Return the position (3,) [m] of point i."""
     count = integers[CARRIERS]
     first = VERTICES + count * i
     if count == 1:
@@ -58,7 +60,7 @@ def point_at(x, reals, integers, i):
 
 @inlined
 def in_frame(head, dx, dy, dz):
-    """Return a vector in the axes of the frame."""
+    """Return a world vector in the axes of the frame."""
     return (
         head[0] * dx + head[3] * dy + head[6] * dz,
         head[1] * dx + head[4] * dy + head[7] * dz,
@@ -78,7 +80,7 @@ def in_world(head, a, b, c):
 
 @inlined
 def distance_in_frame(kind, head, x, y, z):
-    """Return the distance [m] of a point of the frame from the obstacle, and its gradient there."""
+    """Return the signed distance [m] from a point of the frame to the obstacle, and its gradient (3,)."""
     if kind == MESH:
         return grid_distance(head, int(head[NUMBERS]), x, y, z)
     return signed_distance(kind, head[NUMBERS], head[NUMBERS + 1], head[NUMBERS + 2], x, y, z)
@@ -86,7 +88,7 @@ def distance_in_frame(kind, head, x, y, z):
 
 @inlined
 def distance_at(kind, head, px, py, pz):
-    """Return the distance [m] of a point from the obstacle, and the normal there, in world axes."""
+    """Return the signed distance [m] from a point to the obstacle, and its gradient (3,) in world axes."""
     x, y, z = in_frame(head, px - head[ORIGIN], py - head[ORIGIN + 1], pz - head[ORIGIN + 2])
     g, a, b, c = distance_in_frame(kind, head, x, y, z)
     nx, ny, nz = in_world(head, a, b, c)
@@ -95,16 +97,17 @@ def distance_at(kind, head, px, py, pz):
 
 @inlined
 def unit(nx, ny, nz):
-    """Return the direction of a gradient, which at the edges of a mesh is shorter than 1; zero where there is none."""
+    """Return the direction of a gradient, which is shorter than 1 at a mesh's edges; zero for a zero gradient."""
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
     return (nx / length, ny / length, nz / length) if length > 0.0 else (0.0, 0.0, 0.0)
 
 
 @inlined
 def gap_at(kind, reals, r, px, py, pz):
-    """Return the distance [m] of a point from the obstacle, and the normal there.
+    """Return the signed distance [m] from a point to the obstacle, and the normal (3,) there, in world axes.
 
-    What the obstacle would push out on another side than it came in has its distance from the plane there instead.
+    If the obstacle would push the point out on another side than it entered, distance and normal are those of the plane
+    through which it entered.
     """
     g, nx, ny, nz = distance_at(kind, reals, px, py, pz)
     a, b, c = reals[r + PLANE], reals[r + PLANE + 1], reals[r + PLANE + 2]
@@ -119,7 +122,7 @@ def gap_at(kind, reals, r, px, py, pz):
 
 @kernel
 def distances(points, head, kind, out, normals):
-    """Write the distances [m] of ``points`` (k, 3) [m] from the obstacle to ``out`` (k,), and the normals there."""
+    """Write signed distances [m] from ``points`` (k, 3) [m] to the obstacle to ``out`` (k,), and normals (k, 3)."""
     for i in range(len(points)):
         found = distance_at(kind, head, points[i, 0], points[i, 1], points[i, 2])
         out[i], normals[i, 0], normals[i, 1], normals[i, 2] = found
@@ -127,10 +130,11 @@ def distances(points, head, kind, out, normals):
 
 @kernel
 def entries(starts, ends, reach, head, kind, planes):
-    """Write the planes (k, 4) through which points on straight ways in the frame (k, 3) [m] come into the obstacle.
+    """Write the planes (k, 4) through which points on straight paths in the frame (k, 3) [m] enter the obstacle.
 
-    Zero where they do not. What is nearer than ``reach`` [m] to begin with does where the other side would push it out.
-    Each step along a way is as long as the distance there, which nothing can be nearer than.
+    Rows of points that do not enter are zero. A point that starts nearer than ``reach`` [m] counts as entering only if
+    the obstacle would push it out on the other side at the path's end. Each path is sphere-traced: a step is as long as
+    the distance at its start, and nothing is nearer than that.
     """
     for i in range(len(starts)):
         planes[i] = 0.0
@@ -156,9 +160,10 @@ def entries(starts, ends, reach, head, kind, planes):
 
 @kernel
 def nearness(x, quads, gauss, shape, head, kind, out):
-    """Add to ``out`` (n,) [m^3] by how much nearer faces are than their corners tell, over the area about vertices.
+    """Add to ``out`` (n,) [m^3] how much nearer faces are than interpolation between their corners, times area.
 
-    Faces across an edge of the obstacle, at whose corners its normals differ, are left out.
+    The integral over each face is distributed to its vertices. Faces across an edge of the obstacle, where the normals
+    at the corners differ, are left out.
     """
     corner, normal = np.empty(4), np.empty((4, 3))
     for q in range(len(quads)):

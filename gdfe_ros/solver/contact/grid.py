@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Signed distances to a mesh, in its frame, from samples on a grid."""
+"""Compiled signed distances to a mesh, in its frame, interpolated from samples on a grid."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ import math
 from gdfe_ros.compiled import inlined, internal
 
 START, CELL, COUNTS, SAMPLES = 0, 3, 4, 7
-"""Where, among the numbers of a mesh, its grid's first point [m], spacing [m], counts, and distances [m] lie."""
+"""Offsets in a mesh's numbers of its grid's first point [m], spacing [m], counts, and signed distances [m]."""
 
 SURE = 0.7
-"""Share of a distance that nothing is nearer than: beyond the grid it is at most the root of 2 too large."""
+"""Lower bound of the true distance over the interpolated one, which is at most sqrt(2) too large beyond the grid."""
 
 
 @inlined
 def spline(t):
-    """Return the weights of four samples in a row, and their slopes, at ``t`` of the way from the second to the third.
+    """Return the uniform cubic B-spline weights of four samples in a row, and their slopes, at the fraction ``t``.
 
-    They are the uniform cubic B-spline's: planes stay as they are, facets and edges become smooth over a cell or two,
-    and neither the distance nor its gradient overshoots the samples', which would leave a vertex a choice of dents.
+    ``t`` runs from the second sample (0) to the third (1). The spline reproduces planes, smooths facets and edges over
+    a cell or two, and overshoots neither distance nor gradient, so it has no spurious dents between which a vertex
+    could jump.
     """
     s = 1.0 - t
     t2, s2 = t * t, s * s
@@ -30,20 +31,20 @@ def spline(t):
 
 @inlined
 def inside_grid(head, base, axis, x):
-    """Return cell and place in it, along an axis, of a coordinate [m], or of the nearest that the grid knows."""
+    """Return the cell of a coordinate [m] along an axis and its fraction in the cell, clamped to the grid."""
     last = head[base + COUNTS + axis] - 2.0
     u = (x - head[base + START + axis]) / head[base + CELL]
-    u = min(u, last) if u > 1.0 else 1.0  # also where it is not a number
+    u = min(u, last) if u > 1.0 else 1.0  # also for NaN
     i = min(int(u), int(last) - 1)
     return i, u - i
 
 
 @internal
 def grid_distance(head, count, x, y, z):
-    """Return the distance [m] of a point from a mesh, and its gradient there: exactly that of what is returned.
+    """Return the distance [m] from a point to a mesh, and the exact gradient (3,) of this interpolated distance.
 
-    The grid is the last ``count`` numbers of ``head``. Beyond it, where nothing touches, the distance is that from
-    where the surface is nearest to the grid's nearest point, and the gradient has this direction.
+    The grid is the last ``count`` numbers of ``head``. Outside of the grid, where nothing touches, the distance is
+    taken to the surface point nearest to the closest point of the grid, and the gradient has that direction.
     """
     base = len(head) - count
     h, ny, nz = head[base + CELL], int(head[base + COUNTS + 1]), int(head[base + COUNTS + 2])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which vertices of a surface lie inside of cells that are not about them, and how deep, whatever pairs there were."""
+"""Penetration of the body into itself: vertices inside foreign cells, and their depth, independent of contact pairs."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from gdfe_ros.solver.contact.closest import among, closest_on, point_on
 from gdfe_ros.solver.contact.own_surface import Topology, vertices_about
 
 MOST_STEPS = 25
-"""Of Newton's method in a cell."""
+"""Limit of Newton steps in one cell."""
 EXACT = 1e-9
-"""How far beyond a cell's faces its coordinates, from 0 to 1, still count as inside."""
+"""Distance beyond a cell's faces, in its coordinates from 0 to 1, that still counts as inside."""
 SEPARATE = "remedy: go back to where it was sound and come in smaller steps, or draw them apart"
 MOST_BINS = 4
-"""Over the number of vertices: bins of the grid in which they are found."""
+"""Limit of the search grid's bins over the number of vertices."""
 
 
 class Inside:
-    """What of a surface lies inside of the body.
+    """Search for surface vertices that lie inside of the body.
 
     Args:
         body: the discretised body.
         surface: faces that may touch each other, and their vertices.
-        meant: whose they are.
+        meant: the self-contact definition, which names the parts.
     """
 
     def __init__(self, body: Body, surface: Topology, meant: SelfContact) -> None:
@@ -48,14 +48,14 @@ class Inside:
         self._near = near.indices.astype(np.int64)
 
     def depths(self, x: NDArray[np.float64], bound: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return how deep [m] each vertex of the surface is (k,), and in which cell (k,).
+        """Return the penetration depth [m] of each surface vertex (k,), and the cell in which it lies (k,).
 
-        Zero and -1 where it is not inside of a cell, or nearer to the outside than ``bound`` [m]. What lies nearest to
-        faces that do not take part may lie there.
+        They are 0 and -1 for a vertex that is in no foreign cell, or less than ``bound`` [m] below the surface, or
+        nearest to a face that takes no part in self-contact.
 
         Args:
-            x: (n, 3) [m].
-            bound: [m].
+            x: (n, 3) [m] positions.
+            bound: [m] least depth that is reported.
         """
         count = len(self._skin[0])
         depth, cell = np.zeros(count), np.full(count, -1, dtype=np.int64)
@@ -64,7 +64,7 @@ class Inside:
         return depth, cell
 
     def told(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
-        """Return how deep [m] the deepest vertex is, and say in what and where; arguments as in `depths`."""
+        """Return the largest penetration depth [m] and a sentence that says what penetrates what, and where."""
         depths, cells = self.depths(x, bound)
         deepest = int(depths.argmax())
         if not depths[deepest] > 0.0:
@@ -78,7 +78,7 @@ class Inside:
 
 @inlined
 def corner_shape(corner, u, v, w):
-    """Return the shape function of a corner of a cell (VTK's order) at its coordinates, and its slopes."""
+    """Return a corner's shape function (VTK's order) at the coordinates u, v, w in [0, 1], and its three slopes."""
     a = u if corner in (1, 2, 5, 6) else 1.0 - u
     b = v if corner in (2, 3, 6, 7) else 1.0 - v
     c = w if corner >= 4 else 1.0 - w
@@ -90,7 +90,7 @@ def corner_shape(corner, u, v, w):
 
 @internal
 def within_cell(x, cells, e, px, py, pz):
-    """Tell whether a point [m] lies in a cell."""
+    """Return whether the point p [m] lies in a cell, by Newton's method for its coordinates."""
     u, v, w = 0.5, 0.5, 0.5
     for _ in range(MOST_STEPS):
         r0, r1, r2 = px, py, pz
@@ -120,15 +120,15 @@ def within_cell(x, cells, e, px, py, pz):
 
 @inlined
 def clamp(value):
-    """Return a coordinate of a cell that is not far beyond it."""
+    """Return a cell coordinate clamped to [-0.5, 1.5]."""
     return min(max(value, -0.5), 1.5)
 
 
 @internal
 def depth_below(x, quads, touchable, first, last, vertex, bound):
-    """Return how far [m] the nearest of faces ``first`` to ``last`` is from a vertex that is none of their corners.
+    """Return the distance [m] from a vertex to the nearest of the faces ``first`` to ``last`` that do not contain it.
 
-    It is 0 where that is less than ``bound``, or where the nearest face takes no part.
+    It is 0 if that distance is below ``bound`` [m] or the nearest face takes no part in self-contact.
     """
     px, py, pz = x[vertex, 0], x[vertex, 1], x[vertex, 2]
     least, takes_part = np.inf, False
@@ -155,7 +155,7 @@ def depth_below(x, quads, touchable, first, last, vertex, bound):
 
 @internal
 def sorted_into_bins(x, vertices, low, edge, n0, n1, n2):
-    """Return where each bin of a grid begins among vertices, and their places by bin."""
+    """Return the offsets of the grid's bins and the vertices' indices sorted by bin."""
     count = len(vertices)
     where, starts, order = np.empty(count, np.int64), np.zeros(n0 * n1 * n2 + 1, np.int64), np.empty(count, np.int64)
     for k in range(count):
@@ -175,21 +175,21 @@ def sorted_into_bins(x, vertices, low, edge, n0, n1, n2):
 
 @kernel
 def find_inside(x, vertices, quads, touchable, quad_starts, cells, pieces, near_starts, near, bound, depth, cell):
-    """Find of vertices the cells in which they lie, and how deep below the faces of its piece.
+    """Find the cells in which vertices lie, and the depth of these vertices below the faces of the cell's piece.
 
     Args:
-        x: (n, 3) [m], finite.
-        vertices: (k,) of the surface.
-        quads: (q, 4) all boundary faces, piece by piece.
-        touchable: (q,) which of them take part.
-        quad_starts: (p + 1,) where those of each piece begin.
-        cells: (m, 8).
-        pieces: (m,) of the cells.
-        near_starts: (m + 1,) where those about each cell begin among ``near``.
-        near: vertices of the cells about each cell, ascending.
-        bound: [m] below which a depth is none.
-        depth: (k,) [m] is written where a vertex is inside.
-        cell: (k,) likewise.
+        x: (n, 3) [m] positions, finite.
+        vertices: (k,) surface vertices.
+        quads: (q, 4) all boundary faces, ordered by piece.
+        touchable: (q,) faces that take part in self-contact.
+        quad_starts: (p + 1,) index at which the faces of each piece begin.
+        cells: (m, 8) corners of the cells.
+        pieces: (m,) piece of each cell.
+        near_starts: (m + 1,) index into ``near`` at which the list of each cell begins.
+        near: vertices of the cells around each cell, ascending; they are exempt.
+        bound: [m] least depth that is reported.
+        depth: (k,) [m], is written for vertices inside a cell.
+        cell: (k,), is written for vertices inside a cell.
     """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for v in vertices:
@@ -207,7 +207,7 @@ def find_inside(x, vertices, quads, touchable, quad_starts, cells, pieces, near_
         return
     s0, s1, s2 = (high[0] - low[0]) / edge, (high[1] - low[1]) / edge, (high[2] - low[2]) / edge
     crowd = (s0 + 1.0) * (s1 + 1.0) * (s2 + 1.0) / (MOST_BINS * len(vertices))
-    coarser = max(1.0, crowd)  # of a surface that is scattered wide
+    coarser = max(1.0, crowd)  # bounds the number of bins of a widely scattered surface
     edge, n0, n1, n2 = edge * coarser, int(s0 / coarser) + 1, int(s1 / coarser) + 1, int(s2 / coarser) + 1
     starts, order = sorted_into_bins(x, vertices, low, edge, n0, n1, n2)
     for e in range(len(cells)):

@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The augmented Lagrangian of gaps and of Coulomb friction at the vertices of a surface, compiled.
+"""Compiled augmented Lagrangian of gaps and Coulomb friction at the points of a surface.
 
-With the gap g, a multiplier l >= 0 and a penalty k, contact has the potential (max(0, l - k g)^2 - l^2) / 2 k, whose
-minimum with all else and l <- max(0, l - k g) in turn reach g >= 0, l >= 0, l g = 0 (Rockafellar 1973). Friction has
-the Moreau envelope of mu l |s|: with the slip s in the plane of contact since the anchor and the multiplier t, the
-trial t + k s is shortened to mu l, and t <- that. A vertex that sticks keeps its anchor: nothing creeps.
+With the gap g, a multiplier l >= 0 and a penalty k, contact has the potential (max(0, l - k g)^2 - l^2) / 2 k.
+Minimising it and updating l <- max(0, l - k g) in turn converges to g >= 0, l >= 0, l g = 0 (Rockafellar 1973).
+Friction has the Moreau envelope of mu l |s|: with the slip s since the anchor, in the plane of contact, and the
+multiplier t, the trial force t + k s is shortened to mu l, and becomes the new t. A point that sticks keeps its
+anchor, so sticking contacts do not creep.
 
-The gap of a vertex is its distance from the obstacle, less its ``offset``: by how much nearer the faces about it are on
-average than distances interpolated from their corners would tell. About a ball, where faces are chords, that halves
-the error of gaps that are taken at vertices alone; a vertex itself never comes nearer than that.
+The gap of a vertex is its distance to the obstacle less its ``offset``. The offset is the average amount by which the
+faces around the vertex are nearer to the obstacle than interpolation between their corners says. On a ball, where
+faces are chords, it halves the error of gaps taken at vertices alone. The vertex itself is never nearer than its gap.
 
-A point is a vertex, or hangs on the eight of a cell that carries a skin, or on four that a rigid body is; the frame of
-what is touched is given, or that of such a body. Its four vertices are corners of a box about its centre of mass c, and
-with the signs s_a of these corners over four times its half edges R = sum_a x_a s_a^T, c = mean x_a: both are linear in
-the positions, and so forces are.
+A point is a vertex, or is carried by the eight vertices of a cell below a skin, or by the four vertices of a rigid
+body. The frame of the touched obstacle is prescribed, or is that of a rigid body. The four vertices of a rigid body
+are corners of a box around its centre of mass c. With the signs s_a of these corners over four times the half edges,
+R = sum_a x_a s_a^T and c = mean x_a. Both are linear in the positions, so forces on the vertices follow directly.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 @inlined
 def push(reals, integers, i, f0, f1, f2, force):
-    """Add dE/dp [N] of a point to ``force`` (n, 3)."""
+    """Add the gradient dE/dp [N] of a point to the gradients of its carriers, ``force`` (n, 3)."""
     count = integers[CARRIERS]
     first = VERTICES + count * i
     for a in range(count):
@@ -64,7 +65,10 @@ def push(reals, integers, i, f0, f1, f2, force):
 
 @inlined
 def push_back(reals, integers, f0, f1, f2, r0, r1, r2, force):
-    """Add to ``force`` (n, 3) what -dE/dp does to the vertices that are the frame; ``r`` is p - c in it."""
+    """Add the reaction to a point's gradient to the vertices of the rigid body's frame, ``force`` (n, 3).
+
+    ``r`` is p - c in the frame. Prescribed frames have no vertices and take no reaction.
+    """
     if integers[BODY] < 0:
         return
     for a in range(4):
@@ -77,7 +81,7 @@ def push_back(reals, integers, f0, f1, f2, r0, r1, r2, force):
 
 @inlined
 def shear_at(reals, r, px, py, pz, limit):
-    """Return the shear [N] that friction up to ``limit`` [N] holds at a point, and the length of its trial."""
+    """Return the friction force (3,) [N] at a point, shortened to ``limit`` [N], and the length of its trial [N]."""
     k, n0, n1, n2 = reals[r + PENALTY], reals[r + NORMAL], reals[r + NORMAL + 1], reals[r + NORMAL + 2]
     a0, a1, a2 = in_world(reals, reals[r + ANCHOR], reals[r + ANCHOR + 1], reals[r + ANCHOR + 2])
     dx, dy, dz = px - reals[ORIGIN] - a0, py - reals[ORIGIN + 1] - a1, pz - reals[ORIGIN + 2] - a2
@@ -90,7 +94,7 @@ def shear_at(reals, r, px, py, pz, limit):
 
 @kernel
 def contact_energy(x, reals, integers, force, size):
-    """Return the energy [J] of all points; `term_kernel` wants this signature."""
+    """Return the augmented Lagrangian [J] of all points and add its gradient; `term_kernel` needs this signature."""
     energy, kind = 0.0, integers[KIND]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
@@ -120,17 +124,17 @@ def contact_energy(x, reals, integers, force, size):
 
 @term_kernel
 def contact_entry(x, n, reals, k, integers, i, force, size):
-    """Stand for `contact_energy` among the terms."""
+    """Call `contact_energy` with the raw pointers that the terms' kernels receive."""
     return contact_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
 @kernel
 def update_multipliers(x, reals, integers):
-    """Update l, t and the normals.
+    """Update the multipliers l and t and the normals.
 
     Returns:
-        By how far [m] a point missed its gap or slipped against its multiplier, at most; the forces [N] that were
-        changed, and those that there are now; the penalties [N/m] where there are.
+        The largest error [m] in gap or slip of a point, |change of force| / k; the sum of the changes of forces [N];
+        the sum of the normal forces [N]; the sum of the penalties [N/m] of the points that press.
     """
     miss, kind, changed, held_now, stiff = 0.0, integers[KIND], 0.0, 0.0, 0.0
     take_frame(x, reals, integers)
@@ -159,7 +163,7 @@ def update_multipliers(x, reals, integers):
 
 @kernel
 def contact_forces(x, reals, integers, forces, presses, shears, slips):
-    """Write of each point the force on it, what of it presses, its shear [N], and whether it slips."""
+    """Write each point's contact force, normal force and friction force [N], and whether it slips."""
     kind = integers[KIND]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):
@@ -177,7 +181,7 @@ def contact_forces(x, reals, integers, forces, presses, shears, slips):
 
 @kernel
 def contact_tangents(x, reals, integers, out):
-    """Write what of the second derivative [N/m] in the points is nowhere negative, (k, 3, 3)."""
+    """Write the positive semi-definite part (k, 3, 3) [N/m] of each point's contact Hessian."""
     kind = integers[KIND]
     take_frame(x, reals, integers)
     for i in range(integers[COUNT]):

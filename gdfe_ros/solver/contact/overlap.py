@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How deep rigid bodies are in each other, in obstacles and in the soft body: what nobody may begin with, or put so."""
+"""Penetration depths of rigid bodies in each other, in obstacles and in the soft body, for starts and teleports."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.contact import gap
 
 TOUCHING = 1e-3
-"""Depth over a rigid body's diagonal that counts as touching."""
+"""Penetration depth over a rigid body's diagonal up to which bodies count as touching only."""
 POINTS, ROUNDS, CLOSER = 9, 14, 0.4
-"""Along each edge of the grid on which the deepest place is looked for, how often, and by how much finer each time."""
+"""Search grid for the deepest point: points along each edge, number of refinements, and factor of size of each."""
 MOST_SHIFTS = 20
-"""To the outside: one but where edges cross."""
+"""Limit of shifts towards the outside. One is enough except where edges cross."""
 WITHIN = 0.75
-"""Share of all directions in which a closed surface is seen from a place inside of it, and not on its edge."""
+"""Share of all directions in which a point sees the surface, above which it counts as inside and not on the edge."""
 SKIN = 0.98
-"""Of a rigid body's own size: points as far from its middle are looked for in the soft body."""
+"""Scale of the rigid body's own surface points that are tested for being inside of the soft body."""
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A rigid body or an obstacle where it is.
+    """A rigid body or an obstacle with its pose.
 
     Attributes:
-        thing: what it is.
+        thing: the obstacle or rigid body.
         origin: (3,) [m] of its frame.
         axes: (3, 3) rotation of its frame.
     """
@@ -42,16 +42,16 @@ class Placed:
 
     @property
     def half(self) -> NDArray[np.float64]:
-        """Half edges (3,) [m] of the box about a rigid body."""
+        """Half edges (3,) [m] of the box around a rigid body."""
         form = self.thing.form
         return np.array(form.numbers if isinstance(form, Box) else (form.radius, form.radius, 0.5 * form.length))
 
     def world(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points (k, 3) [m] of its frame where they are."""
+        """Return points (k, 3) [m] of its frame in world coordinates."""
         return self.origin + places @ self.axes.T
 
     def seen_from(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return distances (k,) [m] of points (k, 3) [m] from it, negative inside, and the normals (k, 3) there."""
+        """Return signed distances (k,) [m] of points (k, 3) [m] from it, negative inside, and the normals (k, 3)."""
         form: Form = self.thing.form
         head = np.concatenate([self.axes.ravel(), self.origin, form.numbers, form.samples])
         away, normals = np.empty(len(points)), np.empty((len(points), 3))
@@ -60,12 +60,12 @@ class Placed:
 
 
 def placed_at_rest(handles: Sequence[Handle]) -> list[Placed]:
-    """Return obstacles and rigid bodies where they are at rest."""
+    """Return obstacles and rigid bodies at their rest poses."""
     return [Placed(each, *each.frame(Pose())) for each in handles if isinstance(each, Obstacle)]
 
 
 def placed_now(handles: Sequence[Handle], poses: Mapping[str, Pose], positions: NDArray[np.float64]) -> list[Placed]:
-    """Return obstacles where they are commanded, and rigid bodies where their vertices (n, 3) [m] are."""
+    """Return obstacles at their commanded poses, and rigid bodies at the poses of their vertices (n, 3) [m]."""
     found = []
     for each in handles:
         if isinstance(each, Obstacle):
@@ -75,7 +75,7 @@ def placed_now(handles: Sequence[Handle], poses: Mapping[str, Pose], positions: 
 
 
 def overlaps(placed: Sequence[Placed], names: Collection[str] | None = None) -> Iterator[str]:
-    """Say of each rigid body, or of those with these names, what it is inside of, how deep, and what helps."""
+    """Yield a sentence for each penetration of a rigid body (of those with ``names``): partner, depth and remedy."""
     for i, one in enumerate(placed):
         if not isinstance(one.thing, RigidBody) or (names is not None and one.thing.name not in names):
             continue
@@ -92,9 +92,12 @@ def overlaps(placed: Sequence[Placed], names: Collection[str] | None = None) -> 
 
 
 def inside_surface(one: Placed, points: NDArray[np.float64], quads: NDArray[np.int32]) -> str:
-    """Say that a rigid body is inside of the soft body of vertices ``points`` (n, 3) [m]; empty where it is not.
+    """Return a sentence if a rigid body is inside of the soft body; empty if it is not.
 
-    ``quads`` (q, 4) are the faces of its surface.
+    Args:
+        one: the rigid body.
+        points: (n, 3) [m] vertices of the soft body.
+        quads: (q, 4) faces of its surface.
     """
     depth = -float(one.seen_from(points[np.unique(quads)])[0].min(initial=0.0))
     if depth > TOUCHING * _diagonal(one):
@@ -111,7 +114,7 @@ def _diagonal(one: Placed) -> float:
 
 
 def _way_out(one: Placed, other: Placed) -> NDArray[np.float64]:
-    """Return by how much (3,) [m] a rigid body has to be shifted to be outside of another thing."""
+    """Return the shift (3,) [m] that moves a rigid body out of another body or obstacle."""
     shift = np.zeros(3)
     for _ in range(MOST_SHIFTS):
         depth, way = _depth(replace(one, origin=one.origin + shift), other)
@@ -122,10 +125,10 @@ def _way_out(one: Placed, other: Placed) -> NDArray[np.float64]:
 
 
 def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
-    """Return how deep a rigid body is in another thing [m], and the direction (3,) in which it comes out.
+    """Return the penetration depth [m] of a rigid body in another body or obstacle, and the direction (3,) out of it.
 
-    That is the least sum of both distances with its sign turned. Of forms that are not hollow it is a convex function
-    of the place: a grid over the body that closes in on the least finds it.
+    The depth is the least sum of both signed distances, with its sign turned. For convex shapes the sum is a convex
+    function of the point, so a grid over the body that contracts around the least value finds it.
     """
     middle, half = np.zeros(3), one.half
     line = np.linspace(-1.0, 1.0, POINTS)
@@ -144,7 +147,7 @@ def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
 
 
 def _seen_share(points: NDArray[np.float64], corners: NDArray[np.float64]) -> float:
-    """Return the largest share of all directions in which faces (q, 4, 3) [m] are seen from one of some points [m].
+    """Return the largest share of all directions in which the faces (q, 4, 3) [m] are seen from one of ``points`` [m].
 
     The solid angle of a triangle is that of van Oosterom and Strackee (1983).
     """

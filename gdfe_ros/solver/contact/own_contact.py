@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of a body's surface with itself, as a term: each vertex with the face that is nearest to it."""
+"""Self-contact as a term: each surface vertex is paired with its nearest face."""
 
 from __future__ import annotations
 
@@ -23,27 +23,28 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Saved
 
 REACH, FARTHEST = 0.02, 0.25
-"""Distance, over the body's size, within which faces are looked for beside twice of what a step moves, and the most."""
+"""Search distance for faces over the body's size, to which twice the displacement of the step is added; and its
+limit."""
 ROUNDING = 1e-9
-"""Share of the largest shear that friction holds, below which a pair sticks."""
+"""Relative distance below the friction limit within which a pair counts as slipping."""
 DEEPEST = 1e-4
-"""How deep, over the body's size, a vertex may be at the end of a step that counts as converged."""
+"""Largest penetration depth, over the body's size, at the end of a converged step."""
 BURIED = 1e-3
-"""How deep, over the body's size, a vertex may be at the end of a step that counts for anything."""
+"""Largest penetration depth, over the body's size, at the end of a step that is accepted at all."""
 CLEAR = 1.5
-"""Over how deep vertices lie at the beginning of a solve: the way within which faces are looked for then."""
+"""Search distance over the largest penetration depth at the beginning of a solve."""
 SAME_SIDE = 0.5
-"""Cosine between the normals of what a vertex touched and of what it is nearest to now, above which its forces stay."""
+"""Cosine between the old and the new contact normal of a vertex, above which its multipliers are kept."""
 
 
 class OwnContact(ContactTerm):
     """Contact of parts of a mesh with each other, and of each with itself.
 
-    Which vertex has which face is fixed while a descent lasts, with the face's plane there; both are looked for anew
-    between descents, from the last accepted state on: there nothing had entered anything.
+    During a minimisation each vertex keeps its face and the plane of that face. Between minimisations both are searched
+    anew. The search starts from the last accepted state, in which nothing penetrated.
 
     Args:
-        meant: what may touch.
+        meant: the self-contact definition: faces that may touch, and friction.
         body: the discretised body.
     """
 
@@ -69,18 +70,22 @@ class OwnContact(ContactTerm):
 
     @property
     def updates(self) -> bool:
-        """Whether anything touches."""
+        """Whether any pair touches."""
         return self._on
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Take penalties from the constant matrix' diagonal; what handles drive does not give way at all."""
+        """Set the vertices' compliances from the constant matrix' diagonal; vertices that handles drive have none."""
         self._yielding = 1.0 / matrix.assembled.diagonal()
         for handle in self._body.handles:
             if not (handle.free or handle.turning):
                 self._yielding[handle.vertices] = 0.0
 
     def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Return the penalties of pairs that press, and of those that stick, as springs between their vertices."""
+        """Return the penalties of pressing pairs and of sticking pairs as springs between their vertices.
+
+        Returns:
+            (k, 5) vertices of each spring, and (k, 5, 3) its directions scaled by the root of the penalty [N/m].
+        """
         rows, chosen = self._rows(), self._chosen
         _, presses, _, slips, _ = self._forces(positions)
         roots, normals = np.sqrt(rows[:, law.PENALTY]), rows[:, law.NORMAL : law.WEIGHTS]
@@ -96,15 +101,15 @@ class OwnContact(ContactTerm):
         return np.concatenate(ends).astype(np.int32), np.concatenate(ways)
 
     def neutral(self) -> Saved:
-        """Return that nothing touches."""
+        """Return the stored state without contact: no forces, no faces, no dissipated energy."""
         return {**self._free, "lost": np.zeros(1)}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
-        """Take where everything was when it was sound last."""
+        """Set the last state without penetration: the anchor of ``last`` if it has one."""
         self._last = last if last is None else last.anchor or last
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Take the multipliers of the last step, turned on with the faces."""
+        """Start from the multipliers of the last step, rotated with their faces, and search the pairs."""
         last = positions if self._last is None else self._last.positions
         self._from, size = last, self._body.size
         moved = positions - last
@@ -131,7 +136,7 @@ class OwnContact(ContactTerm):
         self._expect(rows[:, law.PRESS], rows[:, law.PENALTY])
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers and look for the nearest faces anew."""
+        """Update the multipliers, search the nearest faces again, and return the remaining distance [m]."""
         rows, chosen = self._rows(), self._chosen
         self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
         self._held = self._multipliers()
@@ -165,7 +170,7 @@ class OwnContact(ContactTerm):
         rows[on, law.PRESS], rows[on, law.SHEAR : law.HOLD], rows[on, law.NORMAL : law.WEIGHTS] = press, shear, normal
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Tell whether anything has come to touch that did not."""
+        """Search the pairs if nothing touched; return whether a pair has come to touch."""
         if self._on:
             return False
         found = self.surface.look(positions, self._from, self._reach, self._sunk)
@@ -176,7 +181,10 @@ class OwnContact(ContactTerm):
         return self._on
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Keep forces, and where what sticks does; ``lost`` is what friction has turned to heat so far [J]."""
+        """Return the state to store: pair forces, and the anchors of the sticking pairs.
+
+        ``lost`` is the energy dissipated by friction so far [J].
+        """
         if not self._on:
             return {**self._free, "lost": saved["lost"]}
         chosen, rows, kept = self._chosen, self._rows(), {name: array.copy() for name, array in self._free.items()}
@@ -197,7 +205,7 @@ class OwnContact(ContactTerm):
         return {**kept, "lost": saved["lost"] + self.share * rubbed, "share": np.array([self.share])}
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
-        """Return what touches in a state whose positions are counted from ``origin`` (3,) [m]: both of each pair."""
+        """Return both sides of all pairs in contact, for positions relative to ``origin`` (3,) [m]."""
         saved = state.terms[self.name]
         on = np.flatnonzero(saved["press"])
         if not len(on):
@@ -217,18 +225,18 @@ class OwnContact(ContactTerm):
         )
 
     def flaw(self, positions: NDArray[np.float64]) -> str:
-        """Say what lies inside of what, how deep and where; empty where that is within the bound.
+        """Return a sentence about the deepest penetration, or an empty one if it is within `DEEPEST`.
 
-        Every vertex is looked at, whether it was among the pairs of the solve or not.
+        Every surface vertex is checked, whether or not it was in a pair of the solve. Sets ``buried``.
         """
         depth, text = self.inside.told(positions, DEEPEST * self._body.size)
         self.buried = depth > BURIED * self._body.size
         return text
 
     def _entered(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how deep (k,) [m] vertices are by now, farther than is looked, in what they were outside of before.
+        """Return the penetration depths (k,) [m] of vertices that were outside at the last accepted state.
 
-        Those that were inside of something before are noted: they come out through the face that is nearest.
+        Vertices that already penetrated there are marked in ``_sunk``: they leave through the nearest face.
         """
         within = min(REACH * self._body.size, self.surface.topology.depth)
         depths = self.inside.depths(positions, within)[0]
@@ -241,9 +249,10 @@ class OwnContact(ContactTerm):
         return np.where(self._sunk, 0.0, depths)
 
     def _follow(self, found: Nearest, x: NDArray[np.float64], slid: NDArray[np.float64]) -> None:
-        """Have friction act where pairs that slip are by now; how far they have slid, (k, 3) [m], stays.
+        """Move the friction anchors of slipping pairs to their present faces, with their slip (k, 3) [m] unchanged.
 
-        It would act where they were when the solve began otherwise, and the next solve, from here, would move on.
+        Otherwise friction would act on the faces of the beginning of the solve, and the next solve would move the body
+        again.
         """
         rows, chosen, limit = self._rows(), self._chosen, self.reals[law.FRICTION] * self._rows()[:, law.PRESS]
         shear = np.linalg.norm(rows[:, law.SHEAR : law.HOLD], axis=1)
@@ -254,7 +263,7 @@ class OwnContact(ContactTerm):
         self._offset[slips] = x[self._vertices[slips]] - places - slid[on]
 
     def _pack(self, found: Nearest, x: NDArray[np.float64]) -> None:
-        """Take the pairs that were found at ``x`` (n, 3) [m], with the multipliers of those that go on."""
+        """Pack the pairs found at ``x`` (n, 3) [m] for the kernels, with the multipliers of those that persist."""
         on = found.face >= 0
         corners = self._quads[found.face]
         give = self._yielding[self._vertices] + np.einsum("ka,ka->k", found.weights**2, self._yielding[corners])
@@ -282,7 +291,7 @@ class OwnContact(ContactTerm):
         ends[:, law.HELD :] = self._quads[self._hold[chosen]]
 
     def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-        """Return gaps [m], presses (k,), shears (k, 3) [N], which slip (k,), and slips (k, 3) [m] of the pairs."""
+        """Return gaps (k,) [m], normal (k,) and friction forces (k, 3) [N], which slip (k,), and slips (k, 3) [m]."""
         count = len(self._chosen)
         gaps, presses, slips = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_)
         shears, slid = np.zeros((count, 3)), np.zeros((count, 3))
@@ -290,7 +299,10 @@ class OwnContact(ContactTerm):
         return gaps, presses, shears, slips, slid
 
     def _multipliers(self) -> NDArray[np.float64]:
-        """Return press and shear [N] of all vertices, and the normals of what presses times their mean [N], (k, 7)."""
+        """Return normal force, friction force [N] and scaled normal [N] of all surface vertices (k, 7).
+
+        The normals of pressing pairs are multiplied by the mean normal force, so that all columns have one unit.
+        """
         rows, chosen, found = self._rows(), self._chosen, np.zeros((len(self._vertices), 7))
         found[chosen, 0], found[chosen, 1:4] = rows[:, law.PRESS], rows[:, law.SHEAR : law.HOLD]
         found[chosen, 4:] = self._scale * (rows[:, law.PRESS, None] > 0.0) * rows[:, law.NORMAL : law.WEIGHTS]

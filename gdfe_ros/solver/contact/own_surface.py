@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The surface of a body as contact with itself sees it: what lies about what, and which face is nearest to a vertex."""
+"""The surface for self-contact: its topology at rest, and the search for each vertex' nearest face."""
 
 from __future__ import annotations
 
@@ -16,22 +16,24 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.closest import corner_normals, face_areas, nearest_faces
 
 CREASE = 0.7
-"""Cosine between the rest normals of two faces above which the surface goes on smoothly over their edge."""
+"""Cosine between the rest normals of two faces above which the surface counts as smooth over their common edge."""
 DEPTH, RIM = 0.25, 0.05
-"""Of the shortest edge: how deep a vertex may lie behind a face that it was never seen in front of, and how far beside
-it counts as over it."""
+"""Over the shortest edge: depth behind a face that a vertex may have without having been in front of it, and distance
+beside a face that still counts as above it."""
 
 
 class Topology(NamedTuple):
-    """What lies about what at rest, for the kernels; rows of lists of different lengths.
+    """Neighbourhoods of the surface at rest; lists of different lengths are stored as offsets and values.
 
     Attributes:
-        vertices: (k,) int32 of the faces, sorted.
-        quads: (q, 4) int32.
-        about_starts, about: (n + 1,) faces about each vertex of the body.
-        smooth_starts, smooth: (4 q + 1,) faces over which the normal at each corner is taken.
-        near_starts, near: (q + 1,) vertices that never touch each face, ascending: those of the cells about its own.
-        depth, rim: [m].
+        vertices: (k,) int32 vertices of the faces, sorted.
+        quads: (q, 4) int32 faces.
+        about_starts, about: (n + 1,) faces around each vertex of the body.
+        smooth_starts, smooth: (4 q + 1,) faces over which the normal at each face corner is averaged.
+        near_starts, near: (q + 1,) vertices that can never touch each face, ascending: the vertices of the cells
+            around the face's own cell.
+        depth: [m] depth behind a face that a vertex may have without having been in front of it.
+        rim: [m] distance beside a face that still counts as above it.
     """
 
     vertices: NDArray[np.int32]
@@ -48,14 +50,14 @@ class Topology(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """Of each vertex of a surface the nearest face that it can touch.
+    """The nearest face that each surface vertex can touch.
 
     Attributes:
         face: (k,) int64, -1 where there is none.
-        weights: (k, 4) of its corners at the closest point.
-        normal: (k, 3) of the plane that the vertex must stay in front of.
-        gap: (k,) [m] to that plane; infinite where there is no face.
-        support: (k,) share that the face bears, 1 over it and 0 where the vertex has left it over an edge.
+        weights: (k, 4) weights of its corners at the closest point.
+        normal: (k, 3) unit normal of the plane that the vertex must stay in front of.
+        gap: (k,) [m] signed distance to that plane; infinite where there is no face.
+        support: (k,) share of the contact force that the face carries: 1 above it, 0 once the vertex has left it.
     """
 
     face: NDArray[np.int64]
@@ -70,10 +72,10 @@ class OwnSurface:
 
     Args:
         body: the discretised body.
-        quads: (q, 4) int32 of its boundary faces.
+        quads: (q, 4) int32 boundary faces.
 
     Attributes:
-        topology: at rest.
+        topology: neighbourhoods of the surface at rest.
     """
 
     def __init__(self, body: Body, quads: NDArray[np.int32]) -> None:
@@ -111,16 +113,16 @@ class OwnSurface:
     def look(
         self, x: NDArray[np.float64], last: NDArray[np.float64], reach: float, sunk: NDArray[np.bool_] | None = None
     ) -> Nearest:
-        """Return the nearest face of each vertex that it can touch within a distance.
+        """Return the nearest face that each vertex can touch within a distance.
 
-        What lies deep behind a face touches it only where it was in front of it before: the other side of a wall has
-        always been behind.
+        A vertex deep behind a face touches it only if it was in front of it at ``last``. This excludes the far side of
+        a wall, which has always been behind.
 
         Args:
-            x: (n, 3) [m].
-            last: (n, 3) [m] where nothing had entered anything.
-            reach: [m].
-            sunk: (k,) which vertices were inside of something before; None for none.
+            x: (n, 3) [m] positions.
+            last: (n, 3) [m] last positions at which nothing penetrated.
+            reach: [m] search distance.
+            sunk: (k,) vertices that penetrated at ``last`` nevertheless; None for none.
         """
         surface = self.topology
         sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk
@@ -145,14 +147,14 @@ def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _near(body: Body, quads: NDArray[np.int32]) -> sparse.csr_matrix:
-    """Return the vertices (q, n) of the cells that share one with the cell of each face."""
+    """Return the vertices (q, n) of all cells that share a vertex with the cell of each face, as a sparse matrix."""
     boundary = boundary_faces(body.cells)
     owner = {tuple(quad): cell for quad, cell in zip(boundary.quads.tolist(), boundary.cells.tolist(), strict=True)}
     return vertices_about(body.cells, np.array([owner[tuple(quad)] for quad in quads.tolist()]), len(body.rest))
 
 
 def vertices_about(cells: NDArray[np.int32], chosen: NDArray[np.int64], count: int) -> sparse.csr_matrix:
-    """Return which of ``count`` vertices (k, n) are of cells that share one with each of the ``chosen`` (k,)."""
+    """Return the vertices (k, n) of all cells that share a vertex with each of the ``chosen`` cells (k,)."""
     rows = np.repeat(np.arange(len(cells)), 8)
     incidence = sparse.csr_matrix((np.ones(cells.size, np.int32), (rows, cells.ravel())), shape=(len(cells), count))
     near = (incidence[chosen] @ incidence.T @ incidence).tocsr()

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The augmented Lagrangian of gaps and friction between vertices and faces of the same body, compiled.
+"""Compiled augmented Lagrangian of gaps and friction between vertices and faces of the same body.
 
-The law is that of `gdfe_ros.solver.contact.law`. While a descent lasts, a vertex at x has the plane with the normal n
-through the point sum w_a x_a of its face: g = n . (x - sum w_a x_a). Friction holds it to the point sum v_b x_b of the
-face where it stuck last: s is what x - sum v_b x_b - o has in the plane, with o from when it stuck. Both are linear in
-the positions and do not change when all is shifted: what a vertex is pushed by, its faces are pushed back by, to
-rounding.
+The law is that of `gdfe_ros.solver.contact.law`. During a minimisation, the pair of a vertex x has a plane with the
+normal n through the point sum w_a x_a of its face: g = n . (x - sum w_a x_a). Friction ties x to the point sum v_b x_b
+of the face on which it stuck last: the slip s is the part of x - sum v_b x_b - o in the plane, with the offset o of
+when it stuck. Gap and slip are linear in the positions and invariant to translation, so the forces on vertex and face
+cancel to rounding.
 
-A vertex beside its face's edge has a share c of the face's support, 1 over the face and 0 where it has left it: its
-press is c max(0, l - k g). In the end the gap is as if a spring of stiffness k c / (1 - c) lay between them, so a
-vertex that slides off an edge lets go of it by and by, and an equilibrium is not skipped.
+A vertex at the rim of its face has a share c of the face's support: 1 above the face, 0 beside it. Its normal force is
+c max(0, l - k g). In the limit of the updates this is a spring of stiffness k c / (1 - c) between them, so a vertex
+that slides over an edge is released gradually, and no equilibrium is skipped.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from gdfe_ros.solver.contact.coulomb import envelope, shortened
 from gdfe_ros.solver.terms.term import as_arrays, term_kernel
 
 FRICTION, HEAD = 0, 1
-"""Where the coefficient lies among the numbers, and where pairs begin."""
+"""Offsets in the reals of the friction coefficient and of the pairs."""
 PENALTY, PRESS, NORMAL, WEIGHTS, SHEAR, HOLD, OFFSET, SUPPORT, STRIDE = 0, 1, 2, 5, 9, 12, 16, 19, 20
-"""Of each pair: k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,), c."""
+"""Offsets in a pair's row of k [N/m], l [N], n (3,), w (4,), t [N] (3,), v (4,), o [m] (3,) and c; the row's length."""
 COUNT, VERTICES = 0, 1
-"""Where the number of pairs lies among the integers, and where those of pairs begin."""
+"""Offsets in the integers of the number of pairs and of the pairs' vertices."""
 VERTEX, FACE, HELD, WIDTH = 0, 1, 5, 9
-"""Of each pair: the vertex, the corners of its face (4,), those of the face that holds it (4,)."""
+"""Offsets in a pair's integers of the vertex, the corners of its face (4,), and those of the face to which friction
+ties it (4,); and their number."""
 
 
 @inlined
 def away(x, reals, integers, weights, vertex, corners):
-    """Return the vector [m] to a vertex from a point of a face."""
+    """Return the vector (3,) [m] from a point of a face to a vertex."""
     v = integers[vertex]
     d0, d1, d2 = x[v, 0], x[v, 1], x[v, 2]
     for a in range(4):
@@ -43,7 +44,7 @@ def away(x, reals, integers, weights, vertex, corners):
 
 @inlined
 def push(reals, integers, weights, vertex, corners, f0, f1, f2, force):
-    """Add a dE/dx [N] of `away` to ``force`` (n, 3)."""
+    """Add the gradient f = dE/d(away) [N] to those of the vertex and of the face's corners, ``force`` (n, 3)."""
     v = integers[vertex]
     force[v, 0] += f0
     force[v, 1] += f1
@@ -74,7 +75,7 @@ def slip_of(x, reals, integers, r, i):
 
 @inlined
 def shear_of(x, reals, integers, r, i, limit):
-    """Return the shear [N] that friction up to ``limit`` [N] holds in a pair, and the length of its trial."""
+    """Return the friction force (3,) [N] of a pair, shortened to ``limit`` [N], and the length of its trial [N]."""
     k = reals[r + PENALTY]
     s0, s1, s2 = slip_of(x, reals, integers, r, i)
     t0, t1, t2 = reals[r + SHEAR] + k * s0, reals[r + SHEAR + 1] + k * s1, reals[r + SHEAR + 2] + k * s2
@@ -83,7 +84,7 @@ def shear_of(x, reals, integers, r, i, limit):
 
 @kernel
 def pair_energy(x, reals, integers, force, size):
-    """Return the energy [J] of all pairs; `term_kernel` wants this signature."""
+    """Return the augmented Lagrangian [J] of all pairs and add its gradient; `term_kernel` needs this signature."""
     energy = 0.0
     for pair in range(integers[COUNT]):
         r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
@@ -107,13 +108,13 @@ def pair_energy(x, reals, integers, force, size):
 
 @term_kernel
 def pair_entry(x, n, reals, k, integers, i, force, size):
-    """Stand for `pair_energy` among the terms."""
+    """Call `pair_energy` with the raw pointers that the terms' kernels receive."""
     return pair_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
 
 @kernel
 def pair_forces(x, reals, integers, gaps, presses, shears, slips, slid):
-    """Write of each pair its gap [m], what presses, its shear [N] on the face, whether it slips, and its slip [m]."""
+    """Write each pair's gap [m], normal force, friction force on the face [N], whether it slips, and its slip [m]."""
     for pair in range(integers[COUNT]):
         r, i = HEAD + STRIDE * pair, VERTICES + WIDTH * pair
         gaps[pair] = gap_of(x, reals, integers, r, i)
@@ -127,11 +128,11 @@ def pair_forces(x, reals, integers, gaps, presses, shears, slips, slid):
 
 @kernel
 def update_pairs(x, reals, integers):
-    """Update l and t.
+    """Update the multipliers l and t.
 
     Returns:
-        By how far [m] a pair missed its gap or slipped against its multiplier, at most; the forces [N] that were
-        changed, and those that there are now; the penalties [N/m] where there are.
+        The largest error [m] in gap or slip of a pair, |change of force| / k; the sum of the changes of forces [N]; the
+        sum of the normal forces [N]; the sum of the penalties [N/m] of the pairs that press.
     """
     miss, changed, held_now, stiff = 0.0, 0.0, 0.0, 0.0
     for pair in range(integers[COUNT]):

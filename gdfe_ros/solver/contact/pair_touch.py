@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What users get of pairs of vertices and faces: forces at vertices, on both sides."""
+"""Published forces of self-contact: those of vertex-face pairs, distributed to the vertices on both sides."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ def touching_vertices(
     shears: NDArray[np.float64],
     slips: NDArray[np.bool_],
 ) -> Touch:
-    """Return the forces at all vertices that touch, those of faces by their share.
+    """Return the contact forces at all vertices that touch; the corners of faces receive their shares.
 
     Args:
-        x: (n, 3) [m], counted from ``origin`` (3,) [m].
-        origin: of ``x``.
-        vertices: (k,) of pairs.
-        quads: (k, 4) their faces.
-        weights: (k, 4) of the faces' corners where they touch.
-        normals: (k, 3) out of the faces.
-        presses: (k,) [N] on the vertices.
-        shears: (k, 3) [N] on the vertices.
-        slips: (k,) which pairs slip.
+        x: (n, 3) [m] positions, relative to ``origin``.
+        origin: (3,) [m] of ``x``.
+        vertices: (k,) vertex of each pair.
+        quads: (k, 4) corners of each pair's face.
+        weights: (k, 4) weights of the corners at the point of contact.
+        normals: (k, 3) unit normals out of the faces.
+        presses: (k,) [N] normal forces on the vertices.
+        shears: (k, 3) [N] friction forces on the vertices.
+        slips: (k,) pairs that slip.
     """
     places = np.einsum("ka,kai->ki", weights, x[quads])
     gaps = np.einsum("ki,ki->k", normals, x[vertices] - places)
     nearest = quads[np.arange(len(quads)), weights.argmax(axis=1)]
-    # Each pair five times: its vertex, and the corners of its face, which feel the opposite.
+    # Each pair has five entries: its vertex, and the four corners of its face with the opposite force.
     ends = np.column_stack([vertices, quads])
     share = np.column_stack([np.ones(len(weights)), -weights])
     other = np.column_stack([nearest, *[vertices] * 4])
@@ -50,7 +50,7 @@ def touching_vertices(
     np.add.at(push, place, pushes)
     np.add.at(rub, place, rubs)
     np.add.at(slip, place, np.where(slips[:, None], size, -size))
-    # Whom a vertex touches most it is said to touch, at that gap.
+    # The partner reported for a vertex is that of its largest force, and the gap is that pair's.
     order = np.argsort(size, axis=None, kind="stable")
     partner, gap = np.zeros(count, np.int32), np.zeros(count)
     partner[place.ravel()[order]] = other.ravel()[order]
@@ -70,7 +70,7 @@ def touching_vertices(
 
 
 def across(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return two directions (k, 3) in the planes of unit normals (k, 3), across each other."""
+    """Return two unit tangents (k, 3) of the planes with unit normals (k, 3), perpendicular to each other."""
     axes = np.eye(3)[np.abs(normals).argmin(axis=1)]
     first = np.cross(normals, axes)
     first = first / np.linalg.norm(first, axis=1)[:, None]
@@ -78,7 +78,7 @@ def across(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def frames(x: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]; the axes are columns."""
+    """Return the frames (k, 3, 3) of faces (k, 4) at positions (n, 3) [m]; columns are axes, the third the normal."""
     a, b, c, d = np.moveaxis(x[quads], 1, 0)
     along, normal = b + c - a - d, np.cross(c - a, d - b)
     along = along / np.linalg.norm(along, axis=1)[:, None]

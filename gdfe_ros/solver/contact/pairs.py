@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What touches what."""
+"""Selection of the contact terms of a body."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.solver.contact.surface import Surface
 
 
 def contacts_of(body: Body) -> list[ContactTerm]:
-    """Return contacts of a body with obstacles, of rigid ones with these and each other, of the body with itself."""
+    """Return the contact terms of a body: with obstacles and rigid bodies, among these, and with itself."""
     touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
     surface, found = (Surface if body.skin is None else Skin).of(body) if touched else None, []
     for thing in touched:

@@ -17,17 +17,17 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 
 SUPPORTED = 0.1
-"""Of the way by which a contact alone would move bodies apart: what else holds them counts for no more."""
+"""Lower bound of a point's displacement by all contacts, over that by its own contact, in its share of an impact."""
 
 
 class RigidContact(Contact):
-    """Contact of a rigid body's points with what they cannot enter; the larger of both coefficients counts.
+    """Contact of a rigid body's points with an obstacle or another rigid body; the larger friction coefficient counts.
 
-    Of two rigid bodies each has its points in the other's shape: there are two of these.
+    Two rigid bodies have two such terms: each has its points against the other's shape.
 
     Args:
-        rigid: whose points touch.
-        touched: what cannot be entered.
+        rigid: the body whose points touch.
+        touched: the obstacle or rigid body that the points must stay outside of.
         body: the discretised body.
     """
 
@@ -37,7 +37,7 @@ class RigidContact(Contact):
         super().__init__(f"{rigid.name} on {touched.name}", touched, body, points, friction)
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Take penalties from the constant matrix' diagonal; two rigid bodies give way in series."""
+        """Set the penalties from the constant matrix' diagonal; those of two rigid bodies act in series."""
         super().fit(matrix)
         if isinstance(self._touched, RigidBody):
             other = PENALTY * matrix.assembled.diagonal()[self._touched.vertices].sum()
@@ -51,14 +51,14 @@ class RigidContact(Contact):
         moved: tuple[NDArray[np.float64], NDArray[np.float64]],
         forces: NDArray[np.float64],
     ) -> None:
-        """Add what of the forces of a step stops the speed with which points came, to those on vertices (n, 3) [N].
+        """Add the part of a step's contact forces that stops approaching points (the impact) to ``forces`` (n, 3) [N].
 
         Args:
-            positions: (n, 3) [m] where the step ended.
-            before: where it began.
-            approach: (n, 3) [m] by how much vertices would have moved in the step, going on as in the last one.
-            moved: (n, 3) [m] by how much all contacts moved them in the step, and this one alone would have.
-            forces: is added to.
+            positions: (n, 3) [m] at the end of the step.
+            before: the state at its beginning.
+            approach: (n, 3) [m] displacement of the vertices over the step at their last velocity.
+            moved: (n, 3) [m] displacements of the step by all contacts, and by this contact alone.
+            forces: (n, 3) [N], is added to.
         """
         if not self.updates:
             return
@@ -73,7 +73,7 @@ class RigidContact(Contact):
         np.add.at(forces, ends, ways[:, :, None] * (spent[:, None] * pushes)[:, None, :])
 
     def _carried(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
-        """Return by how much an obstacle moved, since ``before``, where it touches the chosen points (k, 3) [m]."""
+        """Return the displacement (k, 3) [m] of the obstacle since ``before`` at the chosen points."""
         places = self._points.at(positions)[self._chosen]
         origin, axes = self._frame(before.positions, before.poses[self._touched.name])
         return places - origin - self._in_frame(places) @ axes.T

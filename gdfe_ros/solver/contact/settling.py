@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How updates of multipliers and normals come to rest: what takes them there, and how far they have yet to move a body.
+"""Anderson acceleration of the contact multipliers, and an estimate of the remaining displacement.
 
-An update and the descent after it are a map of the forces and normals of pairs to themselves; an equilibrium is its
-fixed point. Without friction a body may slide along what it touches: the normals of a surface that is bent turn with
-that, all forces turn with them, and the map may well push away from its fixed point. It is therefore extrapolated, and
-no single short way proves anything.
+An update and the minimisation after it map the forces and normals of pairs to new ones; an equilibrium is a fixed
+point of this map. Without friction a body may slide along the other side. The normals of a bent surface then rotate,
+all forces rotate with them, and the plain map may diverge from its fixed point. Updates are therefore extrapolated, and
+one short displacement alone is no proof of convergence.
 """
 
 from __future__ import annotations
@@ -16,29 +16,29 @@ from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.distance import largest_distance
 
 PLAIN = 2
-"""Updates of a solve before they are extrapolated, and in a row that tell how fast their ways shrink."""
+"""Plain updates at the beginning of a solve before extrapolation, and in a row before a rate of convergence is
+measured."""
 UNKNOWN = 3.0
-"""Way left over the last one while nothing tells how fast ways shrink."""
+"""Assumed remaining displacement, over the last one, while no rate of convergence is known."""
 SLOWEST = 0.95
-"""Largest factor from way to way that is believed."""
+"""Largest ratio of successive displacements that the estimate uses."""
 NORMALS = slice(4, 7)
 """Columns of normals among the forces of pairs."""
 SHARE = 0.5
-"""Of its turn that a normal makes in a plain update: the map then leads to its fixed point, unless it overshoots by
-more than twice."""
+"""Applied share of a normal's rotation in a plain update, with which updates converge unless they overshoot more than
+twofold."""
 SWINGING, MOST_SWINGS = 0.5, 8
-"""Share of the last update that an update takes back where the two count as going to and fro, and how often in a row
-they may before they are damped."""
+"""Share of the last update above which the reversal by the next one counts as an oscillation, and number of successive
+oscillations before updates are damped."""
 SHORTER, LEAST = 0.5, 1.0 / 256.0
-"""Factor by which the share of an update that is made shrinks at a swing, and its least value."""
+"""Factor of the applied share of an update at each oscillation, and least such share."""
 
 
 class Damping:
-    """Shortens updates of forces that go to and fro.
+    """Damping of multiplier updates that oscillate.
 
-    What friction holds follows what presses. Where friction is strong, what it holds lifts the body as well: what
-    presses is gone after the next update, then what friction holds, and all begins again. A part of each update leads
-    to the point between.
+    Friction depends on the normal forces. If friction is strong it also lifts the body: the normal forces vanish after
+    the next update, then friction does, and the cycle repeats. Partial updates converge to the state between.
     """
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class Damping:
         self._swings, self._share = 0, 1.0
 
     def shortened(self, held: NDArray[np.float64], found: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the forces to go on with, from those that were ``held`` and ``found`` (k, 4) [N]."""
+        """Return the next forces (k, 4) [N], from those before (``held``) and after an update (``found``)."""
         change, last = found - held, self._last
         self._last = change
         if last is None or last.shape != change.shape:
@@ -60,14 +60,14 @@ class Damping:
 
 
 class Settling:
-    """The updates of one solve.
+    """Convergence of the multiplier updates of one solve.
 
     Args:
-        positions: (n, 3) [m] where it begins.
-        held: friction holds what pairs miss together.
+        positions: (n, 3) [m] at the beginning of the solve.
+        held: whether friction damps errors that the pairs have in common.
 
     Attributes:
-        left: the last way [m], or what else the last update missed.
+        left: the larger of the last displacement and the last error of the pairs [m].
     """
 
     def __init__(self, positions: NDArray[np.float64], *, held: bool) -> None:
@@ -76,10 +76,10 @@ class Settling:
         self._last, self._before, self.left = np.zeros(2), positions.copy(), np.inf
 
     def way(self, positions: NDArray[np.float64], missed: float) -> float:
-        """Return how far [m] the body has yet to go, judged by its last way and by what pairs ``missed`` [m].
+        """Return an estimate of the remaining distance [m], from the last displacement and the error ``missed`` [m].
 
-        Between plain updates both shrink by factors q: what is left is the last one times q / (1 - q). What is missed
-        together by many pairs shrinks slowly, and is much less than what it moves.
+        Between plain updates both shrink by factors q, so that the last value times q / (1 - q) remains. An error that
+        many pairs share shrinks slowly, and is much smaller than the displacement that it causes.
         """
         last = np.array([largest_distance(positions, self._before), missed])
         self._plain = 0 if self._hastened else self._plain + 1
@@ -90,10 +90,10 @@ class Settling:
         return max(self.left, float((factors * last).max()))
 
     def mixed(self, held: NDArray[np.float64], found: NDArray[np.float64], near: float) -> NDArray[np.float64]:
-        """Return what to go on with, from the forces and normals that were ``held`` and ``found`` (k, 7).
+        """Return the next forces and normals (k, 7), from those before (``held``) and after an update (``found``).
 
-        It is extrapolated where more than ``near`` [m] is left. Otherwise it is what was found, with normals that have
-        turned by a part of the way, lest they go to and fro: plain updates tell how fast ways shrink.
+        They are extrapolated while more than ``near`` [m] remains. Below, they are the found ones with normals that
+        rotate by `SHARE` only, so that they do not oscillate; such plain updates measure the rate of convergence.
         """
         if not self._last[0] > 0.0:
             return found
@@ -110,9 +110,9 @@ class Settling:
 def parted(
     mixed: NDArray[np.float64], before: NDArray[np.float64], alike: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return presses (k,), shears in the planes of contact (k, 3) [N] and unit normals (k, 3) of what was mixed (k, 7).
+    """Return normal forces (k,), friction in the contact planes (k, 3) [N] and unit normals (k, 3) of a mixture (k, 7).
 
-    Normals whose cosine with those ``before`` (k, 3) is less than ``alike`` stay.
+    Normals whose cosine with those ``before`` (k, 3) is below ``alike`` keep their old direction.
     """
     press, shear, normal = mixed[:, 0], mixed[:, 1:4], mixed[:, NORMALS]
     length = np.linalg.norm(normal, axis=1)[:, None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The surface of a body that touches by its skin, as contact sees it."""
+"""The contact surface of a body with an embedded skin."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.surface import Surface, driven_vertices
 
 HELD = 0.5
-"""Share of a point that handles drive from which on it is theirs, as their faces are."""
+"""Share of a point's weights on driven vertices from which on the point counts as driven and does not touch."""
 
 
 @dataclass(frozen=True, eq=False)
 class Skin(Surface):
-    """Points of a skin that cells carry, and the vertices of meshes that touch by their faces.
+    """Points of a skin carried by cells, and the vertices of those meshes that touch by their faces.
 
     Attributes:
-        carriers: (k, 8) int32 corners of the cell that carries each point; of a vertex, eight times itself.
-        weights: (k, 8) of these; of a vertex, the first is one.
-        areas: (k,) [m^2] at rest, of a vertex its share of the faces; of a skin's points infinite: what is taken over
-            faces does not act on them.
-        points: (k,) int32 number of each among those of the mesh that touch; -1 for a vertex.
+        carriers: (k, 8) int32 corners of the cell that carries each point; for a vertex, eight times itself.
+        weights: (k, 8) weights of the carriers; for a vertex, the first is one.
+        areas: (k,) [m^2] at rest, a vertex' share of the faces; infinite for points of a skin, so that integrals over
+            faces do not act on them.
+        points: (k,) int32 index of each among the mesh's skin points; -1 for a vertex.
         driven: (n,) bool vertices that handles drive.
     """
 
@@ -33,7 +33,7 @@ class Skin(Surface):
 
     @classmethod
     def of(cls, body: Body) -> Skin:
-        """Return the surface of a body that has points of a skin, without what handles drive."""
+        """Return the contact surface of a body with skin points, without the points that handles drive."""
         skin, driven, bare = body.skin, driven_vertices(body), Surface.of(body)
         held = (np.abs(skin.weights) * driven[skin.corners]).sum(axis=1) / np.abs(skin.weights).sum(axis=1)
         kept = np.flatnonzero(held < HELD)
@@ -51,24 +51,24 @@ class Skin(Surface):
 
     @property
     def vertices(self) -> NDArray[np.int32]:
-        """The vertex that carries most of each point (k,)."""
+        """The vertex with the largest weight of each point (k,)."""
         most = np.abs(self.weights).argmax(axis=1)
         return self.carriers[np.arange(len(most)), most]
 
     @property
     def reach(self) -> float:
-        """How much farther a point may move than the vertices that carry it: points beside their cell do."""
+        """Bound of a point's displacement over that of its carriers. Points outside of their cell exceed 1."""
         return max(1.0, float(np.abs(self.weights).sum(axis=1).max(initial=0.0)))
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where the points are (k, 3) [m]."""
+        """Return the positions of the points (k, 3) [m]."""
         return np.einsum("ka,kai->ki", self.weights, positions[self.carriers])
 
     def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how stiff the constant matrix' diagonal (n,) [N/m] makes the points (k,).
+        """Return the stiffness (k,) [N/m] of the points, from the constant matrix' diagonal (n,) [N/m].
 
-        A point gives way as its free carriers do together, and where several share one they share its stiffness: all of
-        them together are no stiffer than it.
+        A point's compliance is the sum of its free carriers' compliances by squared weights. Points that share a
+        carrier share its stiffness, so that together they are no stiffer than it.
         """
         squares = np.where(self.driven[self.carriers], 0.0, self.weights**2)
         alone = 1.0 / (squares / diagonal[self.carriers]).sum(axis=1)
@@ -78,5 +78,5 @@ class Skin(Surface):
         return alone / np.maximum(crowd, 1.0)
 
     def about(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return which faces have one of some points, if these are vertices."""
+        """Return the faces that have one of ``points`` as a corner; only vertices are considered."""
         return super().about(points[self.points[points] < 0])

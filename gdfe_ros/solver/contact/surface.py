@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The surface of a body, as contact sees it."""
+"""The contact surface of a body, and the contact points of a rigid body."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ SHAPE = np.stack([0.25 * (1.0 + GAUSS * SIGNS * point).prod(axis=1) for point in
 """(4, 4) weights of a face's corners at each of its Gauss points."""
 
 TURNED = 6.0
-"""By how much farther a point of a rigid body may move than the vertices that it is, and against another one."""
+"""Bound of the displacement of a rigid body's point over that of the body's four vertices, also between two bodies."""
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The boundary of a body without the faces that handles drive, or that a skin touches for.
+    """The boundary of a body without the faces that handles drive, and without those represented by a skin.
 
     Attributes:
         carriers: (k, 1) int32 vertices that are not driven, sorted.
-        weights: (k, 1) which are one.
-        areas: (k,) [m^2] at rest, each one's share of the surface.
-        quads: (q, 4) int32 vertices of the faces.
+        weights: (k, 1) ones.
+        areas: (k,) [m^2] at rest, each vertex' share of the surface.
+        quads: (q, 4) int32 faces.
         gauss: (q, 4) [m^2] at rest, the share of each Gauss point.
-        spread: (n,) [m^2] at rest, of all the body's vertices.
+        spread: (n,) [m^2] at rest, the share of every vertex of the body.
     """
 
     carriers: NDArray[np.int32]
@@ -43,7 +43,7 @@ class Surface:
 
     @classmethod
     def of(cls, body: Body) -> Surface:
-        """Return the surface of a body."""
+        """Return the contact surface of a body."""
         quads, driven = boundary_faces(body.cells).quads, driven_vertices(body)
         if body.skin is not None:
             quads = quads[~np.isin(quads[:, 0], body.skin.vertices)]
@@ -57,16 +57,16 @@ class Surface:
 
     @property
     def vertices(self) -> NDArray[np.int32]:
-        """The vertex that each point is (k,)."""
+        """The vertex of each point (k,)."""
         return self.carriers[:, 0]
 
     @property
     def reach(self) -> float:
-        """How much farther a point may move than the vertices that carry it."""
+        """Bound of a point's displacement over that of its carrier: 1."""
         return 1.0
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where the points are (k, 3) [m]."""
+        """Return the positions of the points (k, 3) [m]."""
         return positions[self.carriers[:, 0]]
 
     def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -74,14 +74,14 @@ class Surface:
         return diagonal[self.carriers[:, 0]]
 
     def about(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return which faces have one of some points."""
+        """Return the faces that have one of ``points`` as a corner."""
         chosen = np.zeros(len(self.spread), dtype=bool)
         chosen[self.carriers[points, 0]] = True
         return np.flatnonzero(chosen[self.quads].any(axis=1))
 
 
 def driven_vertices(body: Body) -> NDArray[np.bool_]:
-    """Tell which vertices (n,) handles drive in all directions."""
+    """Return which vertices (n,) handles drive in all directions."""
     driven = np.zeros(len(body.rest), dtype=bool)
     for handle in body.handles:
         driven[handle.vertices] = not (handle.free or handle.turning)
@@ -90,11 +90,12 @@ def driven_vertices(body: Body) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Points that move with a rigid body.
+    """Contact points that move with a rigid body.
 
     Attributes:
-        carriers: (k, 4) int32 vertices of the body.
-        weights: (k, 4) of these at each point.
+        carriers: (k, 4) int32 the body's four vertices.
+        weights: (k, 4) weights of these at each point.
+        reach: bound of a point's displacement over that of its carriers.
     """
 
     carriers: NDArray[np.int32]
@@ -103,12 +104,12 @@ class Corners:
 
     @classmethod
     def of(cls, rigid: RigidBody) -> Corners:
-        """Return the corners of a rigid body, which touch obstacles."""
+        """Return the corners of a rigid body, for contact with obstacles."""
         return cls._at(rigid, rigid.form.corners)
 
     @classmethod
     def over(cls, rigid: RigidBody) -> Corners:
-        """Return points all over a rigid body, which touch other rigid bodies."""
+        """Return points all over the surface of a rigid body, for contact with other rigid bodies."""
         return cls._at(rigid, rigid.form.skin)
 
     @classmethod
@@ -116,13 +117,13 @@ class Corners:
         return cls(np.tile(rigid.vertices, (len(points), 1)), 0.25 + points @ rigid.signs.T)
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where the points are (k, 3) [m]."""
+        """Return the positions of the points (k, 3) [m]."""
         return self.weights @ positions[self.carriers[0]]
 
     def stiffness(self, diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the constant matrix' diagonal (n,) [N/m] of the whole body, for each point (k,)."""
+        """Return the sum of the constant matrix' diagonal (n,) [N/m] over the body, for each point (k,)."""
         return np.full(len(self.carriers), diagonal[self.carriers[0]].sum())
 
     def about(self, points: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return no faces: corners are what they are."""
+        """Return no faces: the points of a rigid body need no correction for faces."""
         return np.zeros(0, dtype=np.int64)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What touches an obstacle, or another part of the body."""
+"""Contact result: the vertices that touch an obstacle, or another part of the body."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Touch:
-    """The vertices, or points of a skin, that touch an obstacle, or another part of the body.
+    """The vertices, or skin points, that touch an obstacle or another part of the body, with their forces.
 
     Attributes:
-        vertices: (k,) int32; of points of a skin, that which carries most of each.
-        places: (k, 3) [m].
-        normals: (k, 3) out of the obstacle.
-        gaps: (k,) [m] from each vertex to the obstacle: where the mean gap of the faces counts, a vertex that touches
-            something round is a little off it.
-        presses: (k,) [N] along the normal.
-        shears: (k, 3) [N] by friction, on the body.
+        vertices: (k,) int32; for skin points, the carrier with the largest weight.
+        places: (k, 3) [m] positions.
+        normals: (k, 3) unit normals out of the obstacle.
+        gaps: (k,) [m] distance from each vertex to the obstacle. Where the mean gap of the faces counts, a vertex that
+            touches a round obstacle is slightly off it.
+        presses: (k,) [N] normal forces.
+        shears: (k, 3) [N] friction forces on the body.
         slips: (k,) whether a vertex slips, or is free to.
-        points: (k,) int32 which of the points of a skin that touch these are, -1 for a vertex; none where nothing
-            touches by a skin.
-        others: (k,) int32 vertices of the body that these touch most; none where it is an obstacle that they touch.
+        points: (k,) int32 index of each skin point among those of the mesh, -1 for a vertex; empty for a body without
+            skin.
+        others: (k,) int32 the vertex of the body that each one touches most; empty for contact with an obstacle.
     """
 
     vertices: NDArray[np.int32]
@@ -39,7 +39,7 @@ class Touch:
 
     @property
     def forces(self) -> NDArray[np.float64]:
-        """What the obstacle exerts at each vertex (k, 3) [N]."""
+        """Contact force at each vertex (k, 3) [N]."""
         return self.presses[:, None] * self.normals + self.shears
 
 
@@ -52,4 +52,4 @@ NOTHING = Touch(
     shears=np.zeros((0, 3)),
     slips=np.zeros(0, dtype=np.bool_),
 )
-"""What touches an obstacle that nothing touches."""
+"""The result of an obstacle without contact."""

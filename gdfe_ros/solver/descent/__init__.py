@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The minimisation of the potential: L-BFGS on the constant matrix, its workspace, its history, its end."""
+"""Minimisation of the potential: L-BFGS with the constant matrix, its workspace, history and stopping criteria."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much of a body a solve looks at: all that can move, or the part of it that the commands reach."""
+"""The part of a body that a solve moves and evaluates: all of it, or the awake part."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 from gdfe_ros.solver.settings import Skip
 
 LEAST_BLOCKS = 25
-"""Blocks of elements that a thread has to have for it to pay."""
+"""Least number of element blocks per thread for which threads pay."""
 _ENDS = tuple(End)
 
 
 @dataclass(frozen=True, eq=False)
 class Movable:
-    """What a solve moves.
+    """The unknowns of a solve.
 
     Attributes:
-        unknowns: what moves.
-        held: int32 free vertices that stay where they are all the same.
+        unknowns: numbering of what moves.
+        held: int32 free vertices that are frozen.
         matrix: the constant matrix of the unknowns.
     """
 
@@ -42,21 +42,21 @@ class Movable:
 
     @classmethod
     def all_of(cls, unknowns: Unknowns, matrix: ConstantMatrix) -> Movable:
-        """Hold nothing."""
+        """Return a set without frozen vertices."""
         return cls(unknowns, np.zeros(0, np.int32), matrix)
 
 
 @dataclass(frozen=True, eq=False)
 class ActiveSet(Movable):
-    """What a solve moves, the elements that it evaluates, and the workspace for that.
+    """Unknowns of a solve, the elements that it evaluates, and their workspace.
 
     Attributes:
-        elements: (k,) int32, evaluated; the forces of all others stay as they are.
-        carried: int32, of these, the elements whose pressures are updated.
-        softening: int32, of these, the elements whose hourglass scales are updated.
-        blocks: the elements for the kernels, ungrown.
-        skipped: work that is left out, by name: elements, or 1.
-        workspace: of its descents; a part shares positions and forces with the whole.
+        elements: (k,) int32 evaluated elements; the forces of all others stay as they are.
+        carried: int32 those of them whose pressures are updated.
+        softening: int32 those of them whose hourglass scales are updated.
+        blocks: these elements in the layout of the kernels, without growth.
+        skipped: counts of work that is left out, by name: elements, or 1.
+        workspace: of its minimisations; a part shares positions and forces with the whole.
         keeper: of the workspace's history.
     """
 
@@ -72,14 +72,14 @@ class ActiveSet(Movable):
     def whole(
         cls, body: Body, matrix: ConstantMatrix, memory: int, *, rigid: bool, skip: Collection[Skip]
     ) -> ActiveSet:
-        """Take everything in that can move.
+        """Return the active set of the whole body.
 
         Args:
             body: the discretised body.
             matrix: the constant matrix.
-            memory: pairs in the history of a descent.
-            rigid: elements inside of handles keep zero force: nothing grows there.
-            skip: what to leave out.
+            memory: pairs in the history of a minimisation.
+            rigid: whether elements inside of handles keep zero force, because nothing grows.
+            skip: kinds of work to leave out.
         """
         elements = np.arange(len(body.material), dtype=np.int32)
         blocks = body.blocks
@@ -95,7 +95,7 @@ class ActiveSet(Movable):
         return cls(body.unknowns, none, matrix, elements, *updated, blocks, skipped, work, HistoryKeeper(work))
 
     def part(self, body: Body, awake: NDArray[np.bool_], skip: Collection[Skip]) -> ActiveSet:
-        """Take in only those of the free vertices that are ``awake`` (n,) and the elements around them."""
+        """Return the active set of the free vertices that are ``awake`` (n,) and the elements around them."""
         elements = self.elements[awake[body.cells[self.elements]].any(axis=1)]
         free = self.unknowns.free
         unknowns = self.unknowns.restricted(free[awake[free]])
@@ -114,17 +114,17 @@ class ActiveSet(Movable):
 
     @cached_property
     def status(self) -> np.void:
-        """The workspace's numbers."""
+        """The workspace's status record."""
         return numbers(self.workspace)
 
     @property
     def ended(self) -> End:
-        """Why the last descent could not go on."""
+        """Why the last minimisation could not continue."""
         return _ENDS[self.status["ended"]]
 
     @cached_property
     def turning(self) -> NDArray[np.bool_] | None:
-        """Which of the handles with a free axis turn freely, (p,); None where none does."""
+        """Which of the handles with a free axis rotate freely (p,); None if none does."""
         turning = self.unknowns.turn_row >= 0
         return turning if turning.any() else None
 
@@ -135,11 +135,11 @@ class ActiveSet(Movable):
         slides: NDArray[np.float64],
         turns: NDArray[np.float64],
     ) -> None:
-        """Put the unknowns to a start.
+        """Set the unknowns to the start of a minimisation.
 
         Args:
-            positions: (n, 3) [m] of the free vertices, those that are held included.
-            base: (n, 3) [m], of which the handles' vertices are read.
+            positions: (n, 3) [m] of the free vertices, frozen ones included.
+            base: (n, 3) [m], of which the rows of handle vertices are read.
             slides: (p, 3) translations [m] of the handles with a free axis.
             turns: (p, 3) their rotation vectors [rad].
         """
@@ -165,7 +165,7 @@ class ActiveSet(Movable):
         return slides, turns
 
     def threads(self, most: int) -> int | None:
-        """Tell in how many threads it pays to evaluate the elements; None: in this one."""
+        """Return the number of threads with which evaluating the elements pays; None for the calling thread."""
         if self.matrix.kind is Factorisation.DENSE:
             return None
         count = min(most, len(self.blocks.element) // LEAST_BLOCKS)
@@ -173,7 +173,7 @@ class ActiveSet(Movable):
 
 
 def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
-    """Tell of which elements (m,) all vertices belong to one handle: they are moved rigidly for good."""
+    """Return which elements (m,) have all their vertices in one handle: they only ever move rigidly."""
     inside = np.zeros(len(body.material), dtype=bool)
     for handle in body.handles:
         held = np.zeros(len(body.rest), dtype=bool)
@@ -185,7 +185,7 @@ def elements_inside_handles(body: Body) -> NDArray[np.bool_]:
 def _updated(
     body: Body, elements: NDArray[np.int32], skip: Collection[Skip]
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the elements whose pressures and those whose hourglass scales are updated between descents."""
+    """Return the elements whose pressures, and those whose hourglass scales, are updated between minimisations."""
     material = body.material[elements]
     carried = body.table.parameters[material, CARRIED] == 1.0
     softening = body.table.law[material] != Law.LINEAR
@@ -202,7 +202,7 @@ def _skipped(
     carried: NDArray[np.int32],
     softening: NDArray[np.int32],
 ) -> dict[str, int]:
-    """Count what is left out where of the ``movable`` elements only ``elements`` are evaluated."""
+    """Return the counts of work left out if only ``elements`` of the ``movable`` ones are evaluated."""
     counts = {
         Skip.HANDLES: len(body.material) - len(movable),
         Skip.DORMANT: len(movable) - len(elements),

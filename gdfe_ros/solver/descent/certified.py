@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Descents on a kept tangent, which end when conjugate gradients on the present one say how far the equilibrium is."""
+"""Minimisation with a kept tangent that ends when conjugate gradients with the present tangent certify the distance."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from gdfe_ros.solver.tangent.estimate import HIDDEN, Estimate, estimate
 from gdfe_ros.solver.tangent.level import TangentLevel
 
 CONTRACTION = 0.5
-"""Newton step over the last one from which on Newton steps are believed to tell the distance."""
+"""Largest ratio of successive Newton steps for which the second one is accepted as the distance to the equilibrium."""
 NEAR = 0.1
-"""Of the tolerance: a Newton step that is believed without another one before."""
+"""Length of a Newton step, over the tolerance, that is accepted as the distance without a step before it."""
 AWAY = 0.02
-"""Of the body's size: a first step along a direction of negative curvature."""
+"""First step along a direction of negative curvature, over the body's size."""
 MOST_UNKNOWN = 3
-"""Times in a solve that conjugate gradients may leave the distance unknown: the body is about to buckle."""
+"""Limit of failed distance estimates by conjugate gradients in a solve: the body is about to buckle."""
 MOST_ROUNDS = 1000
-"""Newton steps that a descent may ask for; a solve makes a few."""
+"""Limit of Newton steps in a minimisation; a solve makes a few."""
 FREE = 6
-"""Iterations and products that a solve has free, before it counts that they are worth a new tangent."""
+"""Iterations and products of a solve that do not count towards the cost at which the tangent is renewed."""
 
 
 class CertifiedMinimiser(TangentMinimiser):
-    """Descends to equilibria: conjugate gradients on the present tangent tell how far they are.
+    """Minimises to an equilibrium, and certifies its distance by conjugate gradients with the present tangent.
 
-    Near buckling the step that the kept tangent makes says nothing of that.
+    Near buckling the step by the kept tangent does not measure the remaining distance.
 
     Args:
         body: the discretised body.
         weight, bending: (m,) [Pa] and (m,) [N/m] of the constant matrix.
-        level: the body's tangents.
-        softness: stiffness of its softest motion over that of the constant matrix.
+        level: the tangent preconditioner.
+        softness: stiffness of the softest mode over that of the constant matrix.
     """
 
     certified = True
@@ -62,18 +62,18 @@ class CertifiedMinimiser(TangentMinimiser):
         self._patient, self._free, self._worth = PATIENT, FREE, WORTH
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
-        """Begin a solve; how often the distance was not known is counted anew."""
+        """Begin a solve, and reset the count of failed distance estimates."""
         super().begin(active, start, warm=warm)
         self._unknown = 0
 
     def _approach(self, task: Task, target: float, limit: int, *, known: bool, last: bool) -> Descended:
-        """Descend until the step is short enough; the last time, until the distance is known to be."""
+        """Minimise until the step is short enough; for the last target, until the distance is certified."""
         return self._certify(task, target, limit, known=known) if last else self._run(task, target, limit)
 
     def _certify(self, task: Task, target: float, limit: int, *, known: bool) -> Descended:
-        """Descend until two Newton steps in a row, the second much shorter, tell that it is within ``target`` [m].
+        """Minimise until two successive Newton steps, the second much shorter, certify the ``target`` [m].
 
-        Where the distance is ``known`` but for the last update of multipliers, one such step is enough.
+        If the distance was ``known`` before the last update of multipliers, one such step is enough.
         """
         used, nothing = 0, NEAR * target / CONTRACTION
         before = np.inf if known else nothing
@@ -94,7 +94,7 @@ class CertifiedMinimiser(TangentMinimiser):
                 self.lost, self._distance = True, np.inf
                 return Descended(used, cut=False)
             if near or (found.definite and not found.known):
-                # Soft motions that what was added to a tangent has stiffened hide from a few products with it.
+                # A few products with a shifted tangent do not show soft modes that the shift has stiffened.
                 self._take(task)
                 found = self._probed(task) if near and not self.tangent.softest else found
                 if found.definite:
@@ -120,9 +120,9 @@ class CertifiedMinimiser(TangentMinimiser):
         return found
 
     def _probed(self, task: Task) -> Estimate:
-        """Look for soft motions, and for negative curvature, from a right-hand side that has all motions in it.
+        """Return an estimate for a random right-hand side, which shows soft modes and negative curvature.
 
-        At a saddle no force leads to them.
+        At a saddle the forces have no component along such modes.
         """
         self._product.begin(task)
         gradient = task.active.workspace.gradient
@@ -138,11 +138,11 @@ class CertifiedMinimiser(TangentMinimiser):
         return found._replace(step=-found.step) if gradient @ found.step > 0.0 else found
 
     def _away(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return a step along a direction (3 r,) of negative curvature that is long enough to leave it."""
+        """Return a step along a direction (3 r,) of negative curvature, long enough to leave the saddle."""
         return AWAY * self._body.size / largest(direction) * direction
 
     def _follow(self, task: Task, step: NDArray[np.float64]) -> bool:
-        """Search along a step (3 r,); tell whether it leads down."""
+        """Search along a step (3 r,); return whether it lowers the energy."""
         work, status = task.active.workspace, task.active.status
         if status["pending"]:
             pairs.take_products(work, None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a descent has learned of the body's stiffness, as a value that a state can keep."""
+"""The quasi-Newton history as a value that a state can store."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gdfe_ros.solver.descent.workspace import Workspace, numbers
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """The pairs of an L-BFGS history, oldest first; a value, whose arrays are never written again.
+    """The pairs of an L-BFGS history, oldest first; an immutable value.
 
     Attributes:
         steps: (3 r,) each, changes s of the unknowns [m].
@@ -28,12 +28,12 @@ class History:
 
     @classmethod
     def empty(cls) -> History:
-        """Know nothing."""
+        """Return a history without pairs."""
         return cls((), (), np.zeros((0, 0)), np.zeros((0, 0)))
 
 
 class HistoryKeeper:
-    """Moves histories between a workspace and the values that states keep; what has not changed is not copied.
+    """Copies histories between a workspace and immutable values; unchanged pairs are not copied.
 
     Args:
         workspace: the workspace.
@@ -45,7 +45,7 @@ class HistoryKeeper:
         self._pairs: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
     def load(self, history: History) -> None:
-        """Have the next descent begin with ``history``."""
+        """Load ``history`` into the workspace for the next minimisation."""
         held, self._held = self._held, None
         if held is history:
             return
@@ -61,7 +61,7 @@ class HistoryKeeper:
         status["count"], status["pending"] = count, 0
 
     def export(self) -> History:
-        """Return what the last descent ended with."""
+        """Return the history at the end of the last minimisation."""
         work, known = self._workspace, self._pairs
         count = int(self._status["count"])
         rows = work.row[:count]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hard lumps in a soft body: are their moments in balance?
+"""Hard inclusions in a soft body: the moment balance that the preconditioned step does not show.
 
-The constant matrix takes a turn of a lump for a strain of hard material. Where the lump is very hard the
-preconditioned step becomes tiny long before the lump has turned, at a stiffness ratio of 1e6 with several per cent of
-energy to go. Its moment over the stiffness with which the soft surroundings hold it tells how far it has yet to turn.
+The constant matrix resists a rotation of an inclusion as if it strained hard material. At a stiffness ratio of 1e6 the
+preconditioned step becomes tiny long before the inclusion has rotated, with several per cent of the energy to go. The
+moment on the inclusion over the rotational stiffness of its soft surroundings is its remaining rotation.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 
 CONTRAST = 30.0
-"""Stiffness over the least in the body from which an element counts as hard."""
+"""Stiffness, over the least in the body, from which an element counts as hard."""
 
 
 class Lump(NamedTuple):
-    """A connected piece of hard elements that no handle holds.
+    """A connected inclusion of hard elements that no handle holds.
 
     Attributes:
         vertices: (k,) int32.
-        stiffness: of its surroundings against a turn [N m / rad].
-        radius: of its vertices about their mean at rest [m].
+        stiffness: of its surroundings against a rotation [N m / rad].
+        radius: largest distance of its vertices from their mean at rest [m].
     """
 
     vertices: NDArray[np.int32]
@@ -37,7 +37,7 @@ class Lump(NamedTuple):
 
 
 def find_lumps(body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> tuple[Lump, ...]:
-    """Find the lumps; ``weight`` (m,) [Pa] and ``bending`` (m,) [N/m] are those of the constant matrix."""
+    """Return the hard inclusions; ``weight`` (m,) [Pa] and ``bending`` (m,) [N/m] are those of the constant matrix."""
     hard = weight > CONTRAST * weight.min()
     if not hard.any() or hard.all():
         return ()
@@ -59,10 +59,10 @@ def find_lumps(body: Body, weight: NDArray[np.float64], bending: NDArray[np.floa
 
 
 def largest_turn(lumps: tuple[Lump, ...], x: NDArray[np.float64], gradient: NDArray[np.float64]) -> float:
-    """Return the largest displacement [m] by which a lump has yet to turn.
+    """Return the largest displacement [m] by which an inclusion has yet to rotate.
 
     Args:
-        lumps: of the body.
+        lumps: the inclusions of the body.
         x: (n, 3) positions [m].
         gradient: (n, 3) dE/dx of every vertex [N].
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Descents to a step that is short enough, and how far from the equilibrium they end."""
+"""Minimisation of the potential with the constant matrix, and the estimated distance to the equilibrium at its end."""
 
 from __future__ import annotations
 
@@ -25,35 +25,35 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
 SAFETY = 0.1
-"""The quasi-Newton step falls short of the distance to the equilibrium by up to this factor on slender bodies."""
+"""Lower bound of the quasi-Newton step over the distance to the equilibrium; slender bodies come near it."""
 PATIENT_ITERATIONS = 20
-"""Iterations before the moments of hard lumps are looked at again."""
+"""Iterations between two checks of the moments of hard inclusions."""
 LEARNED = 2
-"""Iterations over the pairs of a history after which one that was begun anew knows the softest modes."""
+"""Iterations, over the pairs of a history, after which an emptied history contains the softest modes again."""
 FLOOR = 1e-3
-"""Share of the tolerance at which even the least iterations are left out."""
+"""Step, over the tolerance, below which iterations end even before their least number."""
 LEAST_FLOOR = 1e-9
-"""Of the body's size: below, iterations follow rounding, and leave an unstable equilibrium for it."""
+"""Step over the body's size below which iterations follow rounding, and could leave an unstable equilibrium by it."""
 FARTHEST = 3000.0
-"""Of the body's size: where a vertex or a step goes farther, the body runs away."""
+"""Displacement of a vertex or length of a step, over the body's size, from which the body counts as running away."""
 CHUNK = 20
-"""Iterations with an explicit inverse between two looks at the clock."""
+"""Iterations with an explicit inverse between two checks of the deadline."""
 _TEAM = threading.Lock()
-"""Numba's threads serve one caller at a time: the simplest of its threading layers ends the process otherwise."""
+"""Lock for numba's threads, which serve one caller at a time: the simplest threading layer would end the process."""
 Observer = Callable[[float, float, bool], None]
-"""Takes the energy [J] that a descent lowers, the size of its terms [J], and whether the descent only begins there."""
+"""Receives the energy [J] that a minimisation lowers, the size of its terms [J], and whether it only begins."""
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What a solve descends in.
+    """The problem of a minimisation.
 
     Attributes:
-        active: what moves, and the workspace.
-        problem: what stays constant.
-        coupling: how the handles' rigid rows hang on the free vertices.
-        deadline: when it has passed, a descent ends; None: never.
-        level: the kept tangent that preconditions; None for the constant matrix.
+        active: the unknowns, the elements and the workspace.
+        problem: the constant data.
+        coupling: of the handles' rigid rows to the free vertices.
+        deadline: when it has passed, the minimisation ends; None: never.
+        level: the kept tangent preconditioner; None for the constant matrix.
     """
 
     active: ActiveSet
@@ -64,11 +64,11 @@ class Task:
 
     @property
     def turn(self) -> AbstractContextManager[object]:
-        """What is entered around a call that may share its work among threads."""
+        """The context of a call that may share its work among threads."""
         return nullcontext() if self.problem.threads is None else _TEAM
 
     def evaluate(self) -> None:
-        """Evaluate all terms where the unknowns are."""
+        """Evaluate all terms at the present unknowns."""
         self.advance(0.0, first=True)
 
     def precondition(self, gradient: NDArray[np.float64], step: NDArray[np.float64]) -> None:
@@ -81,18 +81,18 @@ class Task:
         close_coupling(gradient, self.coupling, step)
 
     def advance(self, goal: float, *, first: bool = False) -> bool:
-        """Do one iteration towards a step of at most ``goal`` [m]; see `quasi_newton.advance`."""
+        """Make one iteration towards a step of at most ``goal`` [m]; see `quasi_newton.advance`."""
         with self.turn:
             return quasi_newton.advance(self.problem, self.active.workspace, goal, first)
 
 
 @dataclass(frozen=True)
 class Descended:
-    """How a descent went.
+    """Outcome of a minimisation.
 
     Attributes:
-        iterations: that were made.
-        cut: the limit or the deadline ended it, not its goal.
+        iterations: number of iterations.
+        cut: whether the limit or the deadline ended it before its goal.
     """
 
     iterations: int
@@ -100,17 +100,17 @@ class Descended:
 
 
 class Minimiser:
-    """Descends in the potential of a body.
+    """Minimises the potential of a body.
 
     Args:
         body: the discretised body.
         weight, bending: (m,) [Pa] and (m,) [N/m] of the constant matrix.
 
     Attributes:
-        observer: sees the energy of every iteration; None for nobody.
-        lumps: hard pieces in a soft body, whose turns the constant matrix takes for stiff.
-        certified: what it calls the residual is known by conjugate gradients.
-        lost: the solve has given up.
+        observer: receives the energy of every iteration; None for none.
+        lumps: hard inclusions, whose rotation the constant matrix makes too stiff.
+        certified: whether conjugate gradients certify the residual.
+        lost: whether the solve was abandoned.
     """
 
     certified, lost = False, False
@@ -122,7 +122,7 @@ class Minimiser:
         self.observer: Observer | None = None
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
-        """Begin a solve from ``start``; where it is not ``warm``, it ends only when its steps have shrunk."""
+        """Begin a solve from ``start``; unless ``warm``, it ends only after its steps have shrunk."""
         work, status = active.workspace, active.status
         status["reach"], status["grain"] = FARTHEST * self._body.size, self._grain
         status["seen"], work.recent[...] = -1 if warm else 0, 0.0
@@ -130,15 +130,15 @@ class Minimiser:
         self._unlearned = False
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
-        """Descend until the step is short enough and no hard lump lags behind.
+        """Minimise until the step is short enough and no hard inclusion has yet to rotate.
 
         At least one iteration is made, whatever the deadline, unless none is needed.
 
         Args:
-            task: what to descend in; its terms are evaluated where the unknowns are.
+            task: the problem; its terms are evaluated at the present unknowns.
             tolerance: estimated largest distance to the equilibrium over the body's size.
-            final: the tolerance of the whole solve; what is below a small share of it needs no iteration at all.
-            least: iterations to make at least.
+            final: tolerance of the whole solve; below a small share of it no iteration is made at all.
+            least: least number of iterations.
             limit: most iterations.
         """
         target = SAFETY * tolerance * self._body.size
@@ -167,29 +167,29 @@ class Minimiser:
         return max(distance, self._lag(active))
 
     def spent_tangent(self) -> Tangent | None:
-        """Return the tangent that the next solve begins with: none."""
+        """Return the tangent for the next solve: None."""
         return None
 
     def ran_away(self, active: ActiveSet) -> bool:
-        """Tell whether the energy has no lower bound."""
+        """Return whether the body runs away, because the energy has no lower bound."""
         work = active.workspace
         far = not largest_shift(work.x, self._body.rest) <= FARTHEST * self._body.size
         return far or active.ended is End.RUNAWAY
 
     def _misled(self, task: Task, target: float) -> bool:
-        """Tell whether a descent ended short of its target [m] with a history that may be made of rounding."""
+        """Return whether a minimisation ended above its target [m] with a history that may consist of rounding."""
         short = task.active.ended is End.EXHAUSTED and float(task.active.status["distance"]) > target
         return short and not self._unlearned
 
     def _iterate(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool = False
     ) -> Descended:
-        """Iterate with the constant matrix, from where the terms are evaluated or, where asked, are to be first.
+        """Iterate with the constant matrix; with ``evaluate``, evaluate the terms at the start first.
 
-        At the first ``least`` iterations only the ``floor`` ends it.
+        During the first ``least`` iterations only the ``floor`` [m] ends it.
         """
         compiled = task.active.matrix.kind is not Factorisation.SCIPY
-        later = compiled and limit > 0 and not self.observer  # the compiled iterations evaluate them, too
+        later = compiled and limit > 0 and not self.observer  # the compiled iterations evaluate them as well
         if evaluate and not later:
             task.evaluate()
         if compiled:
@@ -199,7 +199,7 @@ class Minimiser:
     def _run_constant(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, evaluate: bool
     ) -> Descended:
-        """Iterate with the constant matrix's inverse, explicit or by supernodes."""
+        """Iterate with the constant matrix's inverse, which is explicit or by supernodes."""
         dense = task.active.matrix.kind is Factorisation.DENSE
         unasked, chunk = (least, CHUNK) if dense else (0, 1)
         given = task.problem, task.active.workspace, task.coupling, floor
@@ -210,7 +210,7 @@ class Minimiser:
         return self._run_compiled(task, iterate, limit, least=unasked, chunk=chunk)
 
     def _run_kept(self, task: Task, target: float, limit: int, *, prepared: bool) -> Descended:
-        """Iterate with a kept tangent; where it is ``prepared``, the first step is preconditioned."""
+        """Iterate with a kept tangent; if ``prepared``, the first step is already preconditioned."""
         work = task.active.workspace
         if not prepared:
             task.precondition(work.gradient, work.step)
@@ -223,9 +223,9 @@ class Minimiser:
     def _run_compiled(
         self, task: Task, iterate: Callable[[int, int], int], limit: int, *, least: int, chunk: int
     ) -> Descended:
-        """Iterate many times in one compiled call; where there is a deadline, ``least`` times, and ``chunk`` at once.
+        """Iterate in compiled calls; with a deadline, ``least`` iterations first, then ``chunk`` at a time.
 
-        ``iterate`` is told how many iterations were made and how many it may make, and returns how many it made.
+        ``iterate`` receives the numbers of iterations made and allowed, and returns the number that it made.
         """
         work, done = task.active.workspace, 0
         self._show(work, begins=True)
@@ -247,7 +247,7 @@ class Minimiser:
     def _run_stepwise(
         self, task: Task, target: float, floor: float, least: int, limit: int, *, prepared: bool = False
     ) -> Descended:
-        """Iterate with a factor that a library applies; where it is ``prepared``, the first step is preconditioned."""
+        """Iterate with a factor that a library applies; if ``prepared``, the first step is already preconditioned."""
         work = task.active.workspace
         self._show(work, begins=True)
         if not prepared:
@@ -271,7 +271,7 @@ class Minimiser:
             self.observer(float(status["energy"]), size, begins)
 
     def _lag(self, active: ActiveSet) -> float:
-        """Return by how much a hard lump has yet to turn, over the body's size."""
+        """Return the largest displacement, over the body's size, by the remaining rotation of a hard inclusion."""
         if not self.lumps:
             return 0.0
         work, free = active.workspace, active.unknowns.free

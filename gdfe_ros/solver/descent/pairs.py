@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The quasi-Newton direction d = -H g from a history of pairs, compiled.
+"""Compiled quasi-Newton direction d = -H g from a history of pairs.
 
 The inverse Hessian is kept in the compact form of Byrd, Nocedal and Schnabel (1994): see `quasi_newton`. Threads share
-the pairs of the history where its products are taken, and the unknowns where the direction is formed: no sum is
-taken otherwise than in one.
+the pairs of the history for the products, and the unknowns for the direction. Every sum is taken in the same order as
+in one thread.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from gdfe_ros.solver.distance import largest
 
 CURVATURE = 1e-10
 LARGE = 50_000
-"""Unknowns from which it pays to share the history among threads."""
+"""Number of unknowns from which sharing the history among threads pays."""
 MOST_SHORTENED = 1e-4
-"""Factor by which the history may shorten the plain preconditioned step. The last pairs of a very exact solve are made
-of rounding; were they believed, a body whose command has changed would seem to be at rest."""
+"""Least length of the quasi-Newton direction over the plain preconditioned step. The last pairs of a very accurate
+solve consist of rounding; with them a body would seem to be at rest after its command has changed."""
 
 
 @vector_kernel
@@ -33,7 +33,7 @@ def inner(a, b):
 
 @internal
 def drop_oldest(work, count):
-    """Shift the history so that its last slot is free."""
+    """Remove the oldest pair, so that the last slot of the history is free."""
     oldest = work.row[0]
     for i in range(count - 1):
         work.row[i] = work.row[i + 1]
@@ -47,9 +47,10 @@ def drop_oldest(work, count):
 
 @vector_kernel
 def remember(work):
-    """Add the pair of the last accepted step; skip it where the curvature is not positive.
+    """Add the pair of the last accepted step; skip it if its curvature is not positive.
 
-    Its products with the older pairs come with the next direction, which needs their products with the gradient anyway.
+    Its products with the older pairs are computed with the next direction, which needs products with the gradient
+    anyway.
     """
     status = work.status[0]
     count = status.count
@@ -80,7 +81,7 @@ def remember(work):
 
 @kernel
 def multiply_history(work, first, last):
-    """Write the products of some pairs of the history with the gradient."""
+    """Write the products of the pairs ``first`` to ``last`` with the gradient."""
     for i in range(first, last):
         work.products[2, i] = inner(work.steps[work.row[i]], work.gradient)
         work.products[3, i] = inner(work.images[work.row[i]], work.gradient)
@@ -88,14 +89,14 @@ def multiply_history(work, first, last):
 
 @parallel_kernel
 def multiply_in_threads(threads, work, count):
-    """Share the pairs out to threads."""
+    """Distribute the pairs to threads."""
     for part in prange(threads):
         multiply_history(work, part * count // threads, (part + 1) * count // threads)
 
 
 @kernel
 def take_products(work, threads):
-    """Take the history's products with the gradient, and with them those of the newest pair with the older ones."""
+    """Compute the history's products with the gradient, and from them those of the newest pair with the older ones."""
     status = work.status[0]
     count = status.count
     if threads is None or len(work.direction) < LARGE:
@@ -115,7 +116,7 @@ def take_products(work, threads):
 
 @kernel
 def combine(work, scale, first, last):
-    """Write part of the direction: the preconditioned gradient, and each pair's share."""
+    """Write the entries ``first`` to ``last`` of the direction: the preconditioned gradient and the pairs' shares."""
     d, z = work.direction, work.step
     for n in range(first, last):
         d[n] = -scale * z[n]
@@ -128,7 +129,7 @@ def combine(work, scale, first, last):
 
 @parallel_kernel
 def combine_in_threads(threads, work, scale):
-    """Share the unknowns out to threads."""
+    """Distribute the unknowns to threads."""
     count = len(work.direction)
     for part in prange(threads):
         combine(work, scale, part * count // threads, (part + 1) * count // threads)
@@ -136,7 +137,7 @@ def combine_in_threads(threads, work, scale):
 
 @internal
 def find_direction(work, threads):
-    """Write the quasi-Newton direction d = -H g and its slope g . d and size."""
+    """Write the quasi-Newton direction d = -H g, its slope g . d [J] and its largest displacement [m]."""
     status = work.status[0]
     count = status.count
     take_products(work, threads)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Products of the present tangent with directions, by differences of the gradient."""
+"""Products of the present tangent with directions, by finite differences of the gradient."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from gdfe_ros.solver.descent.workspace import allocate, numbers
 from gdfe_ros.solver.distance import largest
 
 SPACING = 1e-7
-"""Largest displacement of a difference, over the body's size: truncation is a millionth of the product where a body's
-stiffness changes by the order of itself over a tenth of its size, and rounding is less."""
+"""Largest displacement of a finite difference, over the body's size. The truncation error is a millionth of the product
+if a body's stiffness changes by its own order over a tenth of its size; rounding is smaller."""
 
 
 class TangentProducts:
-    """Multiplies the tangent K of all terms with directions, in a workspace of its own.
+    """Multiplies the tangent K of all terms by directions, in a workspace of its own.
 
     Args:
         body: the discretised body.
@@ -29,18 +29,18 @@ class TangentProducts:
         self._spacing = SPACING * body.size
 
     def begin(self, task: Task) -> None:
-        """Take the products at the unknowns of ``task``, whose workspace stays as it is."""
+        """Set the unknowns of ``task`` as the point of the products; its workspace is not modified."""
         work = task.active.workspace
         self._problem, self._u, self._gradient = task.problem, work.u.copy(), work.gradient.copy()
         self._beside.x[...] = work.x
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """Positions (n, 3) [m] that were evaluated last, overwritten by the next evaluation."""
+        """Positions (n, 3) [m] of the last evaluation, overwritten by the next one."""
         return self._beside.x
 
     def energy(self, step: NDArray[np.float64]) -> float:
-        """Return the energy [J] of all terms beside the unknowns, by a ``step`` (3 r,)."""
+        """Return the energy [J] of all terms at the unknowns plus ``step`` (3 r,)."""
         self._beside.u[...] = self._u + step
         quasi_newton.advance(self._problem, self._beside, 0.0, True)
         return float(numbers(self._beside)["energy"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""L-BFGS with the constant global matrix as its initial Hessian (Liu, Bouaziz and Kavan 2017), compiled.
+"""Compiled L-BFGS with the constant global matrix as its initial Hessian (Liu, Bouaziz and Kavan 2017).
 
 The inverse Hessian is kept in the compact form of Byrd, Nocedal and Schnabel (1994). With s the steps, y the changes
 of the gradient g and v = A^-1 y, an iteration needs the products s_i . g and v_i . g, one pass over the history to
@@ -24,19 +24,21 @@ from gdfe_ros.solver.terms.term import terms_energy
 ARMIJO = 1e-4
 MAX_CUTS = 30
 MOST_BLOCKED = 4
-"""Full steps in a row into infinite energy after which the body counts as running away."""
+"""Successive full steps into infinite energy after which the body counts as running away."""
 ROUNDING = 1e-13
 SHIFT_AND_TURN = 2.0
-"""Displacement of a vertex over the largest of a step: that of a handle's vertex adds up of a shift and a turn."""
+"""Bound of a vertex' displacement over the largest of a step: translation and rotation of a handle add up at its
+vertices."""
 MOST_FLAT = 60
-"""Iterations in which neither the energy falls by more than its rounding nor the step halves: no more is to be had."""
+"""Iterations after which the minimisation ends if the energy has not fallen by more than rounding and no step has
+halved."""
 
 
 @merged
 def energy_and_gradient(u, problem, work, moved):
-    """Evaluate all terms at unknowns ``u``; return the energy and leave the gradient in ``work``.
+    """Evaluate all terms at unknowns ``u``; return the energy [J] and write the gradient to ``work``.
 
-    No vertex is more than ``moved`` [m] from where the descent is.
+    No vertex is more than ``moved`` [m] away from the last accepted positions of the minimisation.
     """
     place(u, problem.frame, problem.unknowns, work.x)
     watch = problem.watch
@@ -70,10 +72,10 @@ def energy_and_gradient(u, problem, work, moved):
 
 @merged
 def search(problem, work, first):
-    """Move along the quasi-Newton direction until the energy falls enough; leave the step in ``direction``.
+    """Search along the quasi-Newton direction until the energy falls enough; write the step to ``direction``.
 
-    Armijo's condition, or its approximate form (Hager and Zhang 2005) where the energy no longer resolves the step.
-    Where no length is short enough, or with ``first``, the energy and its gradient are left as they are at ``u``.
+    The condition is Armijo's, or its approximate form (Hager and Zhang 2005) if the energy cannot resolve the step. If
+    no length is short enough, or with ``first``, energy and gradient are evaluated at the unchanged ``u``.
     """
     status = work.status[0]
     slope, energy = status.slope, status.energy
@@ -122,7 +124,7 @@ def absolute_sum(values):
 
 @kernel
 def advance(problem, work, target, first):
-    """Do one iteration from a fresh preconditioned gradient; tell whether none was needed or none is possible.
+    """Make one iteration from a new preconditioned gradient; return whether none was needed or none is possible.
 
     The quasi-Newton step estimates the distance to the equilibrium; the minimisation ends when its largest vertex
     displacement is at most ``target`` [m]. With ``first`` the elements are evaluated at ``work.u`` and nothing
@@ -161,12 +163,13 @@ def advance(problem, work, target, first):
 def descend(problem, work, coupling, floor, least, target, limit, evaluate):
     """Iterate with the constant matrix until the quasi-Newton step is at most ``target`` [m]; return iterations.
 
-    Before ``least`` of them it is the ``floor`` [m]. The terms at the start are evaluated where they have yet to be.
+    During the first ``least`` iterations the limit is the ``floor`` [m]. With ``evaluate`` the terms at the start are
+    evaluated first.
     """
     if evaluate:
         advance(problem, work, target, evaluate)
     apply_inverse(work.gradient, coupling, work.step, problem.threads)
-    first = limit < 0  # not the literal: numba would compile a copy of `advance` for it, and the two round differently
+    first = limit < 0  # not a literal: numba would compile another copy of `advance` for it, which rounds differently
     for iteration in range(limit):
         if advance(problem, work, floor if iteration < least else target, first):
             return iteration
@@ -177,7 +180,7 @@ def descend(problem, work, coupling, floor, least, target, limit, evaluate):
 
 @kernel
 def descend_kept(problem, work, kept, target, limit):
-    """The same with a kept tangent; ``work.step`` holds the first preconditioned gradient."""
+    """Iterate as `descend` does, with a kept tangent; ``work.step`` holds the first preconditioned gradient."""
     for iteration in range(limit):
         if advance(problem, work, target, limit < 0):
             return iteration

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a minimisation has yet to go, judged by how fast its steps shrink.
+"""Remaining distance of a minimisation, estimated from the rate at which its steps shrink.
 
-One short step proves nothing: where the constant matrix takes a soft mode for stiff, the steps are short and many.
+One short step proves nothing: where the constant matrix makes a soft mode too stiff, steps are short and many.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.workspace import WINDOW
 
 LONGEST_WAY = 10.0
-"""Way left, over the target of a step, with which a minimisation may end."""
+"""Largest estimated remaining distance at which a minimisation may end, as a multiple of its target for a step."""
 SLOWEST = 0.95
-"""Largest factor from window to window that is believed."""
+"""Largest ratio of successive windows' steps that the estimate uses."""
 
 
 @internal
 def note_step(work):
-    """Put the displacement of the step to come into the ring."""
+    """Store the displacement of the next step in the ring buffer."""
     status = work.status[0]
     if status.seen >= 0:
         work.recent[status.seen % (2 * WINDOW)] = status.distance
@@ -26,11 +26,11 @@ def note_step(work):
 
 @kernel
 def way_left(work):
-    """Estimate the displacement [m] of all steps to come from how fast they shrink; 0 while too few were seen.
+    """Estimate the displacement [m] of all remaining steps from their rate of decrease; 0 while too few were recorded.
 
-    They may all point one way: a third of their sum ended cold solves up to 3.4 tolerances away.
-
-    It is also 0 where a window has not lowered the energy by more than its rounding: what moves there is noise.
+    The steps may all have one direction, so they are summed in full: with a third of the sum, cold solves ended up to
+    3.4 tolerances away. The estimate is also 0 if a window has not lowered the energy by more than its rounding: such
+    motion is noise.
     """
     status = work.status[0]
     if status.seen < 2 * WINDOW or status.plateau >= WINDOW:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Descents on a kept tangent: L-BFGS whose first matrix is the stiffness at a recent shape, taken anew when it pays."""
+"""Minimisation with a kept tangent: L-BFGS whose initial matrix is a recent stiffness, renewed when that pays."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
 TRUST = 5.0
-"""Of the body's softness: a larger tolerance is replaced by it. Softness is, to a factor, the strain at which a slender
-body buckles, and a shape that is off by that much in length is as much too stiff or too soft: there a small Newton step
-says nothing."""
+"""Largest tolerance over the body's softness; larger ones are reduced to it. Softness is, to a factor, the strain at
+which a slender body buckles. A shape whose length is off by that much is as much too stiff or too soft, so that a
+small Newton step means nothing there."""
 SLACK = 5.0
-"""Distance over the step that the kept tangent makes of a gradient."""
+"""Assumed ratio of the distance to the step by the kept tangent."""
 PATIENT = 12
-"""Iterations in a row after which the tangent is taken anew."""
+"""Successive iterations after which the tangent is renewed."""
 MOST_TANGENTS = 20
-"""Tangents in a solve after which it is given up: nothing smooth is found there, as where points of a cable meet."""
+"""Limit of tangents in a solve. Beyond it the potential is not smooth, as where points of a cable meet."""
 DAMPING = 10.0
-"""Growth of the constant matrix's share, from the body's softness on, where steps do not shrink: a tangent that is
-almost singular asks for steps that are far too long."""
+"""Growth factor of the constant matrix's share if steps do not shrink, which starts at the body's softness. An almost
+singular tangent causes steps that are far too long."""
 WORTH = 24
-"""Iterations and products, beyond those that a solve has free, that are worth a new tangent."""
+"""Iterations and products, beyond the free ones of a solve, that justify a new tangent."""
 
 
 class TangentMinimiser(Minimiser):
-    """Descends in the potential of a body that is much softer in some motions than its constant matrix.
+    """Minimises the potential of a body that has much softer modes than its constant matrix.
 
-    The step that the kept tangent makes is believed to tell the distance, as it does in motion: with inertia a body is
-    nowhere near buckling. A tangent is taken anew when the iterations with it have cost as much as it did.
+    Its distance to the equilibrium is the step by the kept tangent, which suffices in motion: with inertia a body is
+    never near buckling. The tangent is renewed when the iterations with it have cost as much as a new one.
 
     Args:
         body: the discretised body.
         weight, bending: (m,) [Pa] and (m,) [N/m] of the constant matrix.
-        level: the body's tangents.
-        softness: stiffness of its softest motion over that of the constant matrix.
+        level: the tangent preconditioner.
+        softness: stiffness of the softest mode over that of the constant matrix.
 
     Attributes:
-        tangent: that is kept.
-        lost: the solve has given up: how far the equilibrium is cannot be known there.
+        tangent: the kept tangent.
+        lost: whether the solve was abandoned because the distance to the equilibrium cannot be estimated.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class TangentMinimiser(Minimiser):
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
         """Begin a solve with the tangent of ``start``, to which its history belongs.
 
-        A tangent that is due is taken at the last equilibrium where the solve is ``warm``, else where it begins.
+        A tangent that is due is evaluated at the last equilibrium if the solve is ``warm``, otherwise at its start.
         """
         super().begin(active, start, warm=True)
         self.tangent, self._last = start.tangent, start.positions if warm else None
@@ -80,13 +80,13 @@ class TangentMinimiser(Minimiser):
             self._level.load(self.tangent)
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
-        """Descend until the distance is within the tolerance.
+        """Minimise until the distance is within the tolerance.
 
         Args:
-            task: what to descend in; its terms are evaluated where the unknowns are.
+            task: the problem; its terms are evaluated at the present unknowns.
             tolerance: estimated largest distance to the equilibrium over the body's size.
             final: the tolerance of the whole solve.
-            least: not needed.
+            least: not used.
             limit: most iterations.
         """
         task.evaluate()
@@ -106,33 +106,33 @@ class TangentMinimiser(Minimiser):
         return descended
 
     def residual(self, active: ActiveSet) -> float:
-        """Return the distance to the equilibrium over the body's size; infinite where it is not known."""
+        """Return the distance to the equilibrium over the body's size; infinite if it is unknown."""
         return self._distance / self._body.size
 
     def spent_tangent(self) -> Tangent | None:
-        """Return the tangent with the work of this solve."""
+        """Return the tangent with the cost of this solve added."""
         if self.tangent is None:
             return None
         return replace(self.tangent, spent=self.tangent.spent + max(0, self._work - self._free))
 
     def _approach(self, task: Task, target: float, limit: int, *, known: bool, last: bool) -> Descended:
-        """Descend to within ``target`` [m].
+        """Minimise to within ``target`` [m].
 
         Args:
-            task: what to descend in.
-            target: of the distance.
+            task: the problem.
+            target: largest distance [m].
             limit: most iterations.
-            known: it lay within it but for the last update of multipliers.
-            last: no finer target follows.
+            known: whether the distance was within the target before the last update of multipliers.
+            last: whether no finer target follows.
         """
         descended = self._run(task, target / SLACK, limit)
         self._distance = np.inf if descended.cut else SLACK * float(task.active.status["distance"])
         return descended
 
     def _still_near(self, task: Task, target: float) -> bool:
-        """Tell whether multipliers that were updated leave what was near its equilibrium within the target [m].
+        """Return whether the distance is still within the target [m] after an update of multipliers.
 
-        The step of a kept tangent that has been found to fall short of the distance does so here, too.
+        The step by the kept tangent is enlarged by the ratio by which it was found to fall short of the distance.
         """
         work = task.active.workspace
         task.precondition(work.gradient, work.step)
@@ -143,14 +143,14 @@ class TangentMinimiser(Minimiser):
         return left <= target
 
     def _run(self, task: Task, goal: float, limit: int) -> Descended:
-        """Iterate until the step is at most ``goal`` [m]; take the tangent anew where that takes long."""
+        """Iterate until the step is at most ``goal`` [m]; renew the tangent if that takes many iterations."""
         used, damping, before, status = 0, 0.0, np.inf, task.active.status
         while True:
             chunk = min(self._patient, limit - used)
             went = self._run_chunk(task, goal, chunk)
             self._prepared = True
             used, self._work = used + went.iterations, self._work + went.iterations
-            # An almost singular tangent asks for a step beyond all reach; the energy need not be unbounded for that.
+            # An almost singular tangent causes a step beyond all bounds, even if the energy has a lower bound.
             astray = task.active.ended is End.RUNAWAY and status["blocked"] == 0
             if not (went.cut or astray) or used >= limit or past(task.deadline):
                 return Descended(used, went.cut)

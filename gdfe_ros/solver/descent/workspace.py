@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The workspace of a minimisation: its arrays, allocated once, and what stays constant while it runs."""
+"""Workspace of a minimisation: its arrays, allocated once, and its constant data."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 MEMORY, LONG_MEMORY = 14, 30
-"""Pairs that the history keeps; the long one where forces act from outside: what they move most are the body's softest
-modes, which the constant matrix takes for stiff and only the history knows."""
+"""Pairs that the history keeps. The long one is for bodies with external forces: these excite the softest modes most,
+which the constant matrix makes too stiff and only the history resolves."""
 WINDOW = 10
-"""Iterations whose longest step tells, beside that of as many before them, how fast the steps shrink."""
+"""Iterations of a window. The longest steps of the last two windows give the rate at which steps shrink."""
 
 
 class End(IntEnum):
-    """Why a descent cannot go on."""
+    """Why a minimisation cannot continue."""
 
     NONE = 0
-    """It can."""
+    """It can continue."""
     STALLED = 1
     """No step along the direction lowers the energy."""
     EXHAUSTED = 2
@@ -34,39 +34,39 @@ STATUS = np.dtype(
         ("energy", np.float64),  # [J]
         ("slope", np.float64),  # of the energy along the direction [J]
         ("distance", np.float64),  # largest vertex displacement of the quasi-Newton step [m]
-        ("nearest", np.float64),  # least of these so far [m]
-        ("reach", np.float64),  # of these: beyond it the body counts as running away [m]
+        ("nearest", np.float64),  # least distance so far [m]
+        ("reach", np.float64),  # displacement beyond which the body counts as running away [m]
         ("absolute", np.float64),  # sum of the elements' |energy| [J]
         ("outside", np.float64),  # size of the other terms' energies [J]
         ("grain", np.float64),  # rounding of the energy at rest [J]
-        ("count", np.int64),  # pairs in the history
-        ("serial", np.int64),  # of the newest pair ever remembered
-        ("pending", np.int64),  # 1 where the newest pair's products with the older ones are still to come
-        ("blocked", np.int64),  # searches in a row whose full step had infinite energy
+        ("count", np.int64),  # number of pairs in the history
+        ("serial", np.int64),  # serial number of the newest pair
+        ("pending", np.int64),  # 1 if the newest pair's products with the older ones are not computed yet
+        ("blocked", np.int64),  # successive searches whose full step had infinite energy
         ("plateau", np.int64),  # iterations since the energy fell or the steps halved
-        ("seen", np.int64),  # steps seen in this solve; -1 where nobody watches them
+        ("seen", np.int64),  # steps recorded in this solve; -1 if they are not recorded
         ("evaluations", np.int64),  # of all elements
         ("ended", np.int64),  # an `End`
-        ("given", np.int64),  # 1 where the next direction is given, and not found from the history
+        ("given", np.int64),  # 1 if the next direction is given instead of computed from the history
     ]
 )
-"""The numbers of a descent."""
+"""Fields of a minimisation's status record."""
 
 
 class Problem(NamedTuple):
-    """What stays constant during a descent.
+    """Constant data of a minimisation.
 
     Attributes:
         shape, blocks: operators of the elements.
         material: (m,) int32 material of each element.
-        pressure: (m,) [Pa] that carries the volume.
+        pressure: (m,) [Pa] multipliers of the volumes.
         scale: (m,) hourglass stiffness over that at rest.
         table: the materials.
-        watch: over elements whose walls keep them from folding; descents add to it.
+        watch: list of elements near folding, on which fold barriers act; minimisations extend it.
         unknowns: the numbering.
-        frame: where handles are commanded.
+        frame: commanded positions of the handles.
         terms: all terms beside the elements.
-        threads: that share the elements; None for one.
+        threads: threads that share the elements; None for one.
     """
 
     shape: tuple
@@ -83,7 +83,7 @@ class Problem(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """What a descent works in; all arrays are overwritten, and none outlives a solve as a result.
+    """Work arrays of a minimisation; all are overwritten, and none is returned as a result.
 
     Attributes:
         u, gradient, step: (3 r,) unknowns [m], dE/du [N], H_0 dE/du [m], row by row.
@@ -97,7 +97,7 @@ class Workspace(NamedTuple):
         serial: (memory,) int64 number of the pair in each row.
         triangle, gram: (memory, memory) s_i . y_j and y_i . v_j.
         products: (4, memory) s_i . g and v_i . g at the last iteration, and work.
-        recent: (2 WINDOW,) displacements [m] of the last steps, in a ring.
+        recent: (2 WINDOW,) displacements [m] of the last steps, as a ring buffer.
         status: (1,) of `STATUS`.
     """
 
@@ -124,17 +124,17 @@ class Workspace(NamedTuple):
 
 
 def numbers(work: Workspace) -> np.void:
-    """Return the numbers of a descent by the names of `STATUS`, to read and write faster than through the record."""
+    """Return the fields of `STATUS` for reading and writing, faster than through the record array."""
     return work.status.view(STATUS, np.ndarray)[0]
 
 
 def allocate(rows: int, x: NDArray[np.float64], elements: int, memory: int = MEMORY) -> Workspace:
-    """Allocate for ``rows`` rows of unknowns, a body at ``x`` (n, 3) [m] and a history of ``memory`` pairs."""
+    """Return a workspace for ``rows`` rows of unknowns, a body at ``x`` (n, 3) [m] and ``memory`` pairs of history."""
     return _with_history(rows, memory, x.copy(), np.zeros((elements, 8, 3)), np.zeros(elements), np.zeros_like(x))
 
 
 def allocate_part(rows: int, whole: Workspace) -> Workspace:
-    """Allocate for fewer ``rows``, sharing positions and what acts on them with the ``whole``."""
+    """Return a workspace for fewer ``rows`` that shares positions, forces and energies with the ``whole``."""
     return _with_history(rows, len(whole.row), whole.x, whole.force, whole.energies, whole.outside)
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The elements, compiled: energy, forces, strains, volumes of hexahedra at given positions."""
+"""Compiled hexahedral elements: energy, forces, strains and volumes at given positions."""

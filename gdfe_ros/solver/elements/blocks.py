@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Elements in blocks of equal law, eight lanes wide: the layout in which the element kernels vectorise."""
+"""Elements in blocks of one law, eight lanes wide: the layout in which the element kernels vectorise."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.torsion import couplings
 
 LANES = 8
-"""Elements of a block; the innermost loops run over them."""
+"""Elements of a block, over which the innermost loops run."""
 REFERENCE, AXES, EDGES, VOLUME, COUPLING, GEOMETRY_ROWS = 0, 9, 18, 21, 22, 23
-"""First rows of ``Blocks.geometry``: inverse of dX/dxi (9), edge directions (9), 2 / edge length (3), volume (1),
-coupling of shear strains in torsion (1)."""
+"""First rows in ``Blocks.geometry`` of the inverse of dX/dxi (9), edge directions (9), 2 / edge length (3), volume (1)
+and coupling of shear strains in torsion (1); and the number of rows."""
 
 
 class Blocks(NamedTuple):
-    """The elements, sorted by law and shape, in blocks; the last block of a kind is filled up by repetition.
+    """The elements, sorted by law and shape, in blocks; the last block of a kind is padded by repetition.
 
     Attributes:
         element: (b, LANES) int32 element of each lane.
-        used: (b,) int32 lanes that count; the rest repeat the first.
+        used: (b,) int32 number of lanes in use; the others repeat the first.
         law: (b,) int32 law of the block's elements.
-        parallel: (b,) bool, all its elements are parallelepipeds.
+        parallel: (b,) bool, whether all its elements are parallelepipeds.
         geometry: (b * GEOMETRY_ROWS * LANES,) float64, rows as named above, lane by lane.
     """
 
@@ -40,7 +40,7 @@ class Blocks(NamedTuple):
 def make_blocks(
     shape: ShapeOperators, material: NDArray[np.int32], table: MaterialTable, elements: NDArray[np.int32]
 ) -> Blocks:
-    """Sort ``elements`` into blocks, in their own order within a kind."""
+    """Sort ``elements`` into blocks; the order within a kind is kept."""
     kind = (2 * table.law[material] + shape.parallel)[elements]
     rows, used = [], []
     for value in np.unique(kind):

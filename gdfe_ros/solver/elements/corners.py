@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled sums over the eight corners: mean deformation gradient, hourglass vectors, corner forces of a block.
 
-On a parallelepiped every operator is a pattern of signs over the corners (VTK order), so that one fast transform of
-24 additions a component replaces the products with gradients and hourglass vectors; other elements use the products.
+On a parallelepiped every operator is a pattern of signs over the corners (VTK order). One fast transform of 24
+additions per component then replaces the products with gradients and hourglass vectors; other elements use the
+products.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def patterns(b, row, lane):
 
 @inlined
 def spread(b, row, lane, c0, c1, c2, c3, c4, c5, c6):
-    """Write to eight rows the sum of the seven sign patterns with coefficients ``c0`` .. ``c6``."""
+    """Write the sum of the seven sign patterns with coefficients ``c0`` .. ``c6`` to eight rows."""
     i = row * LANES + lane
     low_x, high_x = c0 - c4, c0 + c4
     low_y, high_y = c1 - c3, c1 + c3
@@ -94,7 +95,7 @@ def scatter_parallel(b):
 
 @inlined
 def gather_general(b, shape, elements):
-    """Write F and q of a block of any hexahedra from its corner coordinates."""
+    """Write F and q of a block of general hexahedra from its corner coordinates."""
     for lane in range(LANES):
         e = elements[lane]
         for axis in range(3):
@@ -115,7 +116,7 @@ def gather_general(b, shape, elements):
 
 @inlined
 def scatter_general(b, shape, elements):
-    """Write the corner forces of a block of any hexahedra from V P and the hourglass forces."""
+    """Write the corner forces of a block of general hexahedra from V P and the hourglass forces."""
     for lane in range(LANES):
         e = elements[lane]
         for axis in range(3):
@@ -146,7 +147,7 @@ def load_corners(b, x, shape, elements):
 
 @inlined
 def store_corners(b, force, elements, used):
-    """Copy the corner forces of a block's lanes that count to their elements (m, 8, 3) [N]."""
+    """Copy the corner forces of a block's used lanes to their elements (m, 8, 3) [N]."""
     for lane in range(used):
         e = elements[lane]
         for a in range(8):

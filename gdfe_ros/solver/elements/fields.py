@@ -29,7 +29,7 @@ from gdfe_ros.solver.elements.response import evaluate
 
 @dataclass(frozen=True)
 class ElementFields:
-    """One value for each element, float64 (m,).
+    """Fields with one value for each element, float64 (m,).
 
     Attributes:
         centroids: (m, 3) current centroids [m].
@@ -58,10 +58,14 @@ def element_fields(
     operators: Operators | None = None,
     origin: NDArray[np.float64] | float = 0.0,
 ) -> ElementFields:
-    """Evaluate all fields at ``positions`` (n, 3) [m]; ``omega`` (m,) where the policy has its own.
+    """Evaluate all fields at ``positions`` (n, 3) [m].
 
-    ``operators`` are those of the present growth; None where nothing has grown, as everywhere in this module.
-    Positions are counted from ``origin`` (3,) [m], centroids of the result from the world's.
+    Args:
+        body: the discretised body.
+        positions: (n, 3) [m], relative to ``origin``.
+        omega: (m,) shape factors of a policy that has its own; None for those of ``energy``.
+        operators: of the present growth; None without growth, as everywhere in this module.
+        origin: (3,) [m] of the positions; centroids of the result are in world coordinates.
     """
     count, shape = len(body.material), (operators or body).shape
     values, centroids = np.empty((4, count)), np.empty((count, 3))
@@ -110,11 +114,11 @@ def corner_forces(
 
 @internal
 def uncounted(j, pressure, volume, table, k, solved):
-    """Return U(J) less the volume part that the kernels count for an element whose pressure carries its volume [J].
+    """Return U(J) minus the volume energy [J] that the kernels count for an element with a pressure.
 
-    With ``solved``, U(J) is taken as U(J*) + p (J - J*) with the pressure p of the solve and U'(J*) = p, the tangent at
-    J*: with a large bulk modulus U(J) itself would count what the tolerance leaves of J - J* many times over. Nothing
-    is added for an incompressible element: J is 1 up to the tolerance, and what is counted is the augmented Lagrangian.
+    With ``solved``, U(J) is replaced by U(J*) + p (J - J*) with the pressure p of the solve and U'(J*) = p, the tangent
+    at J*. With a large bulk modulus, U(J) itself would multiply the error that the tolerance leaves in J - J*. Nothing
+    is added for an incompressible element: J is 1 to the tolerance, and the kernels count the augmented Lagrangian.
     """
     bulk, change = table.parameters[k, BULK], j - 1.0
     if bulk == np.inf:
@@ -131,7 +135,7 @@ def uncounted(j, pressure, volume, table, k, solved):
 
 @kernel
 def _element_states(x, shape, material, table, values, centroids, scale, missing):
-    """Write in one pass what ``strain_states`` does, the centroids, the scales, and what ``store_energies`` adds."""
+    """Write the values of ``strain_states``, the centroids, the scales and the energy of `uncounted`, in one pass."""
     for e in range(len(material)):
         k = material[e]
         strain, j, secant, tangent = strain_state(x, shape, e, table, k)
@@ -159,10 +163,9 @@ def strain_states(x, shape, material, table, values):
 def store_energies(x, elements, shape, material, table, pressure, energies, stored, least, solved):
     """Write the energies [J] of ``elements``, with U(J) as their volume part, to ``stored`` (m,).
 
-    ``least`` (m,) gets their least volume ratio at a corner.
-
-    The kernels' ``energies`` (m,) count p_e (J - 1) + kappa/2 (J - 1)^2 where a pressure carries the volume. With
-    ``solved`` these are the pressures of a solve, see `uncounted`.
+    Their least volume ratio at a corner is written to ``least`` (m,). The kernels' ``energies`` (m,) contain p_e (J -
+    1) + kappa/2 (J - 1)^2 for elements with a pressure. With ``solved`` the pressures are those of a solve, see
+    `uncounted`.
     """
     for e in elements:
         k = material[e]
@@ -177,9 +180,10 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
 def volume_pressures(
     body: Body, positions: NDArray[np.float64], *, operators: Operators | None = None
 ) -> NDArray[np.float64]:
-    """Return p_e (m,) [Pa] with which the kernels' volume term has the slope U'(J) of the full volume energy.
+    """Return p_e (m,) [Pa] for which the kernels' volume term has the slope U'(J) of the full volume energy.
 
-    An incompressible element, whose pressure no shape tells, keeps 0: its volume term is that of nu = 0.45.
+    An incompressible element, whose pressure does not follow from its shape, has 0: its volume term is that of nu =
+    0.45.
     """
     pressure = np.zeros(len(body.material))
     _full_pressures(positions, (operators or body).shape, body.material, body.table, pressure)

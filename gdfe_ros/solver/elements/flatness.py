@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which elements are flat or folded, in words."""
+"""Messages about flat or folded elements."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gdfe_ros.solver.elements.folding import THRESHOLD
 
 
 def flattened(least: NDArray[np.float64]) -> str:
-    """Say which elements are pressed flat or folded; empty where none is.
+    """Return a message that lists the flat or folded elements; empty if there are none.
 
     Args:
         least: (m,) least volume ratio at a corner of each element.

@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled wall that keeps corners of elements from folding: an energy of each corner's volume ratio.
+"""Compiled fold barrier: an energy of each corner's volume ratio that keeps corners of elements from folding.
 
-An element sees its mean deformation gradient and its hourglass vectors. Both energies stay finite where a corner has
-no volume left, so that a blow or a press may fold the corner. A wall adds, for each corner c of each element,
+An element's energies are those of its mean deformation gradient and its hourglass vectors. Both stay finite when a
+corner has no volume left, so that a blow or a press may fold the corner. The barrier adds, for each corner c of each
+element,
 
     E_c = w mu V/8 b(s),   s = J_c / J_0,   b(s) = (1 - s)^3 / s for s < 1, else 0            [J]
 
-with the corner's volume ratio J_c, the element's shear modulus mu [Pa] and volume V [m^3]. It is derived here:
+with the corner's volume ratio J_c, the element's shear modulus mu [Pa] and volume V [m^3]. Its properties are:
 
 1. J_c = r_c a . (b x c) is trilinear in the corner's three edges a, b, c [m]; r_c [1/m^3] is one over the triple
-   product at rest. So dJ_c/da = r_c b x c, and cyclically.
+product at rest. So dJ_c/da = r_c b x c, and cyclically.
 2. b, b' and b'' are zero at s = 1. The energy stays twice differentiable, and nothing changes above the threshold.
 3. b' = -(1 - s)^2 (1 + 2 s) / s^2 pushes the corner open without bound as s goes to 0.
-4. Below s_0 the energy goes on as its straight line at s_0, so that it is finite everywhere: a line search that steps
-   too far sees by how much, and a body that is placed folded is pushed open. (A parabola would push so hard that the
-   first step of such a body runs away.)
+4. Below s_0 the energy continues as its tangent at s_0, so that it is finite everywhere: a line search that steps
+too far sees by how much, and a body that is placed folded is pushed open. (A parabola would push so hard that the
+first step of such a body runs away.)
 
-The corners of a cut cell are those of the box that its material fills.
-
-Only elements that come near to folding are asked for their walls, see `watch`: sound bodies pay nothing for them.
+The corners of a cut cell are those of the box that its material fills. Barriers are evaluated only for elements near
+folding, see `watch`; other bodies pay nothing for them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from gdfe_ros.materials.tensor import cross, dot
 from gdfe_ros.solver.elements.measures import corner, edge
 
 THRESHOLD = 0.2
-"""J_0. With 0.3 the wall would touch scenes that are sound: least corners are 0.256 in tensile_curve and 0.241 in
+"""J_0. With 0.3 the barrier would act in sound scenes: least corners are 0.256 in tensile_curve and 0.241 in
 two_material_bar."""
 WEIGHT = 3.0
 """w. The height after a bounce changes by at most 1.2 % for w from 1 to 10 and J_0 from 0.1 to 0.4."""
@@ -52,7 +52,7 @@ EDGES = np.array(
 )
 """First and last corner of the three edges that meet in each corner (8, 3, 2), along xi, eta and zeta."""
 SIDES = np.array([[0, 1, 1, 0, 0, 1, 1, 0], [0, 0, 1, 1, 0, 0, 1, 1], [0, 0, 0, 0, 1, 1, 1, 1]], dtype=np.int32).T
-"""On which side of the cell, 0 or 1, each corner (8, 3) lies along xi, eta and zeta."""
+"""Side of the cell, 0 or 1, on which each corner (8, 3) lies along xi, eta and zeta."""
 NONE = np.zeros(0, dtype=np.int32)
 """No watched elements."""
 
@@ -69,7 +69,7 @@ def wall(s):
 
 @internal
 def add_walls(x, watched, shape, material, table, force, energy):
-    """Add the walls of the ``watched`` elements (k,) to the corner forces (m, 8, 3) [N] and energies (m,) [J]."""
+    """Add the fold barriers of the ``watched`` elements (k,) to corner forces (m, 8, 3) [N] and energies (m,) [J]."""
     corners, slopes = np.empty((8, 3)), np.empty((8, 3))
     for e in watched:
         load_corners(x, shape, e, corners)
@@ -101,7 +101,7 @@ def edge_at(corners, c, axis):
 
 @inlined
 def add_edge(slopes, c, axis, share, derivative):
-    """Add a share of the derivative to an edge of a corner to those to its ends."""
+    """Add ``share`` times the derivative by an edge of a corner to the derivatives by the edge's ends."""
     first, last = EDGES[c, axis, 0], EDGES[c, axis, 1]
     for i in range(3):
         slopes[last, i] += share * derivative[i]
@@ -123,7 +123,7 @@ def load_corners(x, shape, e, corners):
 
 @inlined
 def add_slopes(slopes, shape, e, force):
-    """Add the derivatives (8, 3) [N] to what `load_corners` wrote to the corner forces (m, 8, 3) of an element."""
+    """Add the derivatives (8, 3) [N] by the corners of `load_corners` to the corner forces (m, 8, 3) of an element."""
     for c in range(8):
         for i in range(3):
             if not shape.cut[e]:
@@ -135,7 +135,7 @@ def add_slopes(slopes, shape, e, force):
 
 @inlined
 def box_weight(box, c, cell_corner):
-    """Return the trilinear weight of a corner of the cell in the position of a corner of its box (3, 2)."""
+    """Return the trilinear weight of a corner of the cell at a corner of its box (3, 2)."""
     weight = 1.0
     for axis in range(3):
         place = box[axis, SIDES[c, axis]]

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled hourglass energy of one element: assumed strains per mode type, in the element's current edge directions.
 
-The four vectors q_k = sum_b gamma_kb x_b are what the mean gradient does not see. Projected on the current directions
-e_i = F d_i / |F d_i| of the three edges, mode k < 3 (which lacks axis k) with i != k is bending: a normal strain
-2 a / h_i along i that varies linearly over the third axis; i = k is torsion: shear strains; mode 3 varies trilinearly.
-In bending, parasitic shear and thickness strains are left out (enhanced assumed strain: Belytschko and Bindeman 1993,
-Puso 2000). The moduli are those at rest times the element's share, which a descent does not change.
+The four vectors q_k = sum_b gamma_kb x_b contain the deformation that the mean gradient does not. They are projected
+on the current directions e_i = F d_i / |F d_i| of the three edges. Mode k < 3 (which lacks axis k) with i != k is
+bending: a normal strain 2 a / h_i along i that varies linearly over the third axis; i = k is torsion: shear strains;
+mode 3 varies trilinearly. In bending, parasitic shear and thickness strains are left out (enhanced assumed strain:
+Belytschko and Bindeman 1993, Puso 2000). The moduli are those at rest times the element's scale, which is constant
+during a minimisation.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from gdfe_ros.materials.tensor import dot, scaled, times
 AMPLITUDE = 8.0**-0.5
 """Corner amplitude of a mode of unit projection on its unit hourglass vector."""
 LEAST_EDGE = 1e-3
-"""|F d_i| is rounded off below this stretch, so that a collapsed edge keeps a finite direction."""
+"""Stretch |F d_i| below which it is regularised, so that a collapsed edge keeps a finite direction."""
 
 
 @inlined
@@ -56,9 +57,9 @@ def hourglass(f, q, axes, rates, coupling, young, shear, poisson):
 
 @inlined
 def mode_forces(q, d0, d1, d2, w0, w1, w2, coupling, young, shear, poisson):
-    """Return the energy and its derivatives to the projections d_i . q_k, one tuple of four for each edge i.
+    """Return the energy and its derivatives by the projections d_i . q_k, one tuple of four for each edge i.
 
-    ``w_i`` (1/m) turns a projection into a strain along or across edge i.
+    ``w_i`` (1/m) converts a projection to a strain along or across edge i.
     """
     plane, twist = young / (3.0 * (1.0 - poisson * poisson)), shear / 3.0
     triple = (young + 2.0 * shear) / 9.0
@@ -98,7 +99,7 @@ def edge_direction(f, axis):
 
 @inlined
 def turning(t, q, d, inverse):
-    """Return dE / d(F d_i): what the projections on direction ``d`` do when the direction turns."""
+    """Return dE / d(F d_i) by the rotation of the direction ``d`` on which the vectors are projected."""
     m = (
         t[0] * q[0][0] + t[1] * q[1][0] + t[2] * q[2][0] + t[3] * q[3][0],
         t[0] * q[0][1] + t[1] * q[1][1] + t[2] * q[2][1] + t[3] * q[3][1],

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of a block's scratch, and moving tuples between rows and lanes.
+"""Rows of a block's scratch array, and loads and stores of tuples.
 
-Row r of lane l lies at ``r * LANES + l`` of a flat array: constant distances, which lets LLVM prove that the lanes are
-independent and use SIMD for every loop over them, as long as the loop touches no second array.
+Row r of lane l lies at ``r * LANES + l`` of a flat array. The constant strides let LLVM prove that the lanes are
+independent, so that it uses SIMD for every loop over them that accesses no second array.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ GRADIENT, MODES, STRESS, FORCES = 24, 33, 45, 54
 """F (9), hourglass vectors q (4 x 3), V P (9), hourglass forces (4 x 3)."""
 ENERGY, PRESSURE, SHEAR_ROW, LAME_ROW, PENALTY_ROW, YOUNG_ROW, SCALED_SHEAR, POISSON_ROW = range(66, 74)
 GEOMETRY = 74
-"""Those of ``Blocks.geometry`` (23)."""
+"""First of the rows of ``Blocks.geometry`` (23)."""
 ROWS = GEOMETRY + GEOMETRY_ROWS
 
 

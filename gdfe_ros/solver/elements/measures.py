@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled measures of an element: mean gradient, volumes, strain, moduli; and what is updated from them."""
+"""Compiled measures of an element (mean gradient, volumes, strain, moduli), and the updates that use them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from gdfe_ros.materials.tensor import cofactor, cross, determinant, dot, squared
 
 LINEAR, NEO_HOOKEAN, CURVE = 0, 1, 2
 LEAST_SCALE, MOST_SCALE = 0.25, 4.0
-"""Bounds of the hourglass stiffness over that at rest: an element that softens much stays clear of hourglassing, one
-that stiffens much keeps the constant matrix a good preconditioner."""
+"""Bounds of the hourglass stiffness over that at rest. The lower one prevents hourglassing of elements that soften
+much, the upper one keeps the constant matrix a good preconditioner of elements that stiffen much."""
 LEAST_CURVE_SCALE = 0.8
-"""The lower bound for measured curves, whose tangent falls farthest: with 0.25 corners fold over at 100 % elongation
-(scene tensile_curve: least volume ratio -1.56 after 999 iterations), with 0.5 too (-1.05), with 0.8 none does (0.26
+"""The lower bound for measured curves, whose tangent falls most. In the scene tensile_curve at 100 % elongation corners
+fold with 0.25 (least volume ratio -1.56 after 999 iterations) and with 0.5 (-1.05), and none does with 0.8 (0.26
 after 211)."""
 NEWTON_STEPS = 20
 
@@ -49,25 +49,25 @@ def corner(x, v):
 
 @inlined
 def edge(a, b):
-    """Return b - a."""
+    """Return the vector b - a."""
     return b[0] - a[0], b[1] - a[1], b[2] - a[2]
 
 
 @inlined
 def between(a, b, share):
-    """Return where a share of the way from a to b ends."""
+    """Return the point at the fraction ``share`` from a to b."""
     return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
 
 
 @inlined
 def part(a, b, sides):
-    """Return the two ends of a part of the way from a to b."""
+    """Return the two points at the fractions ``sides`` from a to b."""
     return between(a, b, sides[0]), between(a, b, sides[1])
 
 
 @inlined
 def box_corners(x0, x1, x2, x3, x4, x5, x6, x7, box):
-    """Return the corners of the box (3, 2) that a cut cell is, at the cell's corners, by trilinear weights."""
+    """Return the corners of a cut cell's box (3, 2) from the cell's corners, by trilinear weights."""
     x0, x1 = part(x0, x1, box[0])
     x3, x2 = part(x3, x2, box[0])
     x4, x5 = part(x4, x5, box[0])
@@ -85,10 +85,10 @@ def box_corners(x0, x1, x2, x3, x4, x5, x6, x7, box):
 
 @inlined
 def least_corner(x, shape, e):
-    """Return the least volume ratio over the corners of element ``e``: det F at each corner; nan where one is none.
+    """Return the least volume ratio det F over the corners of element ``e``; NaN if one of them is NaN.
 
-    The mean gradient does not see a corner that is folded in: an hourglass pattern leaves it as it is. The corners of
-    a cut cell are those of the box that its material is: where there is none nothing keeps the cell from folding.
+    A folded corner does not show in the mean gradient, to which an hourglass pattern contributes nothing. The corners
+    of a cut cell are those of the box that its material fills: nothing keeps its empty part from folding.
     """
     c, r = shape.cells[e], shape.corner_ratio[e]
     x0, x1, x2, x3 = corner(x, c[0]), corner(x, c[1]), corner(x, c[2]), corner(x, c[3])
@@ -110,7 +110,7 @@ def least_corner(x, shape, e):
 
 @kernel
 def least_volume_ratio(x, shape):
-    """Return the least volume ratio at any corner of any element at ``x`` (n, 3) [m]; nan where one is none."""
+    """Return the least volume ratio at any corner of any element at ``x`` (n, 3) [m]; NaN if one of them is NaN."""
     least = math.inf
     for e in range(len(shape.cells)):
         value = least_corner(x, shape, e)
@@ -129,7 +129,7 @@ def volume_at(total, table, k):
         return 1.0 + total / bulk
     lame = bulk - 2.0 / 3.0 * table.parameters[k, SHEAR]
     slope = min(total / lame, 0.3)
-    # Below the root Newton's method climbs to it: log(j) - slope j is concave.
+    # From below the root Newton's method converges monotonically: log(j) - slope j is concave.
     j = 1.0 + slope if slope > -0.9 else 1.0 / (1.0 - slope)
     for _ in range(NEWTON_STEPS):
         step = (math.log(j) - slope * j) / (1.0 / j - slope)
@@ -170,7 +170,7 @@ def equivalent_strain(f, c, j, table, k):
 
 @inlined
 def strain_state(x, shape, e, table, k):
-    """Return eps_eq, J, secant and tangent modulus [Pa] of element ``e`` of material ``k``."""
+    """Return eps_eq, J, secant and tangent modulus [Pa] of element ``e``, which has material ``k``."""
     f = mean_gradient(x, shape, e)
     c = cofactor(f)
     j = determinant(f, c)
@@ -190,9 +190,9 @@ def softened_scale(tangent, table, k):
 def update_hourglass_scales(x, elements, shape, material, table, scale):
     """Set the scale (m,) of ``elements`` to their tangent modulus over that at rest; return the largest change.
 
-    Bending and twisting inside an element soften with its modulus, as its shape factor does (Algorithm 1). The scale
-    is held during a descent and updated between descents until it no longer changes, so that the result does not
-    depend on the path.
+    Bending and torsion inside an element soften with its modulus, as its shape factor does (Algorithm 1). The scale is
+    constant during a minimisation. It is updated between minimisations until it no longer changes, so that the result
+    does not depend on the load path.
     """
     worst = 0.0
     for e in elements:

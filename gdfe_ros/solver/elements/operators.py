@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The operators of a body's elements at a growth, in both of the layouts that kernels take."""
+"""Operators of a body's elements at a given growth, in both layouts of the kernels."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gdfe_ros.solver.elements.blocks import Blocks
 
 @dataclass(frozen=True, eq=False)
 class Operators:
-    """The elements' rest shape; a value, whose arrays are never written again.
+    """The elements' rest shape; an immutable value.
 
     Attributes:
         shape: operators of the elements.
         blocks: the same in blocks.
-        stretch: (k, 3, 3) growth of the cells that can grow; (0, 3, 3) where none can.
+        stretch: (k, 3, 3) growth of the cells that can grow; (0, 3, 3) if none can.
     """
 
     shape: ShapeOperators

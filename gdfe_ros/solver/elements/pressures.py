@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pressures that carry the elements' volumes: an augmented Lagrangian, one multiplier an element."""
+"""Pressures as multipliers of the elements' volumes, by the augmented Lagrangian method."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from gdfe_ros.solver.elements.measures import update_pressures
 from gdfe_ros.solver.state import ElementState
 
 STILL_UPDATES, PLAIN_UPDATES = 3, 20
-"""Updates in a row that move nothing, and updates in all, after which pressures are accelerated."""
+"""Successive updates without any iteration, and updates in all, after which pressures are accelerated."""
 LOCAL_SLACK = 10.0
-"""Misfit of a single element's volume over that of all which moves the positions as far."""
+"""Volume error of a single element over the mean one that moves the positions by the same amount."""
 SWINGING = 0.3
-"""Share of the last update that an update takes back where the two count as going to and fro."""
+"""Share of the last update above which the reversal by the next one counts as an oscillation."""
 MOST_SWINGS = 2
 STIFFENING, MOST_STIFFENING = 3.0, 30.0
-"""Factor by which the bulk modulus beside the pressures is raised then, and its bound."""
+"""Factor by which the bulk modulus beside the pressures is raised at oscillations, and its bound."""
 
 
 class Pressures:
-    """The pressures of one solve, positive in tension, and their updates between descents.
+    """The pressures of one solve, positive in tension, and their updates between minimisations.
 
     Args:
         body: the discretised body.
-        state: what the elements remember.
-        elements: (k,) those whose pressures follow the motion.
-        ratio: how much of the last step's change of pressure is added at the start.
+        state: the elements' stored state.
+        elements: (k,) elements whose pressures are extrapolated.
+        ratio: multiple of the last step's change of pressure that is added at the start.
 
     Attributes:
         values: (m,) p_e [Pa].
-        table: the body's materials, with the bulk moduli beside the pressures that are in force.
+        table: the body's materials, with the present bulk moduli beside the pressures.
         stiffened: how often these were raised.
     """
 
@@ -48,7 +48,7 @@ class Pressures:
         self.begin()
 
     def begin(self) -> None:
-        """Forget the updates so far, not their values."""
+        """Reset the history of updates; the values stay."""
         self._change: NDArray[np.float64] | None = None
         self._swings, self._still, self._updates = 0, 0, 0
         self._anderson = Anderson()
@@ -56,11 +56,11 @@ class Pressures:
     def update(
         self, x: NDArray[np.float64], elements: NDArray[np.int32], shape: ShapeOperators, *, still: bool
     ) -> float:
-        """Update the pressures of ``elements``; return the misfit of their volumes, the mean or a tenth of the largest.
+        """Update the pressures of ``elements``; return the error of their volumes: the mean, or a tenth of the largest.
 
-        Where the body is confined plain updates settle slowly, and Anderson's acceleration takes over. Past a buckling
-        load the body gives way faster than the bulk modulus beside the pressures stiffens it, and the updates go to
-        and fro for ever; where they do, that modulus is raised until the next reset.
+        In confined bodies plain updates converge slowly, and Anderson acceleration is used. Beyond a buckling load the
+        body is softer than the bulk modulus beside the pressures, and the updates oscillate for ever; that modulus is
+        then raised until the next reset.
         """
         before = self.values.copy()
         worst, mean = update_pressures(x, elements, shape, self._body.material, self.table, self.values)
@@ -88,14 +88,14 @@ class Pressures:
 
 
 def with_bulk(table: MaterialTable, bulk: NDArray[np.float64]) -> MaterialTable:
-    """Return the materials with other bulk moduli (k,) [Pa] beside the pressures, in an array of their own."""
+    """Return the materials with other bulk moduli (k,) [Pa] beside the pressures, as a copy."""
     parameters = table.parameters.copy()
     parameters[:, PENALTY] = bulk
     return table._replace(parameters=parameters)
 
 
 def at_rest(body: Body) -> ElementState:
-    """Return what elements remember at rest: nothing."""
+    """Return the elements' stored state at rest."""
     none = np.zeros(len(body.material))
     return ElementState(
         pressures=none,

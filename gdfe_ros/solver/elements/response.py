@@ -38,7 +38,7 @@ from gdfe_ros.solver.elements.stress_rows import stress_rows
 
 @inlined
 def load_parameters(b, elements, material, pressure, scale, table):
-    """Copy what the lanes' materials need into their rows."""
+    """Copy the parameters of the lanes' materials into their rows."""
     for lane in range(LANES):
         e = elements[lane]
         k = material[e]
@@ -53,7 +53,7 @@ def load_parameters(b, elements, material, pressure, scale, table):
 
 @inlined
 def hourglass_rows(b):
-    """Add the hourglass part of a block: rows of forces, of V P and of the energy [J]."""
+    """Add the hourglass part of a block to the rows of forces, of V P and of the energy [J]."""
     for lane in range(LANES):
         volume = b[(GEOMETRY + VOLUME) * LANES + lane]
         q = (
@@ -81,7 +81,7 @@ def hourglass_rows(b):
 
 @internal
 def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
-    """Do what `evaluate` does for the blocks from ``first`` up to ``last``, without the sum."""
+    """Evaluate the blocks from ``first`` up to ``last`` as `evaluate` does, without the sum."""
     b = np.empty(ROWS * LANES)
     for block in range(first, last):
         elements = blocks.element[block]
@@ -96,7 +96,7 @@ def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, ta
 
 @parallel_kernel
 def evaluate_in_threads(threads, x, shape, blocks, material, pressure, scale, table, force, energy):
-    """Share all blocks out to threads in equal parts."""
+    """Distribute the blocks to threads in equal parts."""
     count = len(blocks.element)
     for part in prange(threads):
         first, last = part * count // threads, (part + 1) * count // threads
@@ -107,10 +107,10 @@ def evaluate_in_threads(threads, x, shape, blocks, material, pressure, scale, ta
 def evaluate(x, shape, blocks, material, pressure, scale, table, watched, force, energy, threads):
     """Write the corner forces (m, 8, 3) [N] and energies (m,) [J] of all elements; return the sum of the energies.
 
-    ``x`` (n, 3) [m] are the positions, ``pressure`` (m,) [Pa] carries the volume, ``scale`` (m,) scales the hourglass
-    stiffness at rest, ``watched`` (k,) int32 are those of the elements that walls keep from folding. With any number of
-    ``threads`` the same code writes the same bits, and the sum is taken in one; None, for one thread, spares the
-    compilation of the other way.
+    ``x`` (n, 3) [m] are the positions, ``pressure`` (m,) [Pa] the multipliers of the volumes, ``scale`` (m,) multiplies
+    the hourglass stiffness at rest, ``watched`` (k,) int32 are the elements with fold barriers. Any number of
+    ``threads`` writes the same bits, and the sum is taken in one thread. With None, for one thread, the parallel
+    version is not compiled.
     """
     if threads is None:
         evaluate_blocks(0, len(blocks.element), x, shape, blocks, material, pressure, scale, table, force, energy)

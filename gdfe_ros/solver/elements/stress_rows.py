@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled stresses of a block of elements of one law, pass by pass.
+"""Compiled stresses of a block of elements of one law, in several passes.
 
-A pass over the lanes without calls and branches becomes SIMD. So what a law needs of logarithms, powers and tables is
-a pass of its own between two others, and iterations stand outside of the lanes: a lane that is done keeps its value
-until all are.
+A pass over the lanes without calls and branches is compiled to SIMD. Logarithms, powers and table look-ups of a law
+therefore have a pass of their own, and iterations are loops around passes: a converged lane keeps its value until all
+lanes have converged.
 """
 
 from __future__ import annotations
@@ -55,19 +55,20 @@ from gdfe_ros.solver.elements.lanes import (
 
 LINEAR, NEO_HOOKEAN, CURVE, OGDEN_LAW = 0, 1, 2, 3
 UNIQUE = 1e-6
-"""Margin of the rotation below which its closed form loses digits and the invariants are used for the energy."""
+"""Margin of the rotation's uniqueness below which its closed form loses digits and the energy is that of the
+invariants."""
 SWEEPS = 12
-"""Of Jacobi's method at most: three to five are enough for any numbers, none for what is not a number."""
+"""Limit of Jacobi sweeps: three to five are enough for finite numbers, and NaN needs none."""
 FIRST, SECOND, DETERMINANT, STRETCH_SUM, SIZE, FACTOR, STORED = range(COORDINATES, COORDINATES + 7)
-"""Scratch of the corotated laws: invariants of F, tr(R^T F), |F - lam R|^2, what multiplies F - lam R, its energy."""
+"""Scratch of the corotated laws: invariants of F, tr(R^T F), |F - lam R|^2, the factor of F - lam R, and its energy."""
 TENSOR, LEFT, RIGHT = COORDINATES, COORDINATES + 6, FORCES
-"""Scratch of Ogden's law: C (6), then stretches and derivatives; its eigenvectors N (9); n = F N / stretch (9)."""
+"""Scratch of Ogden's law: C (6), later stretches and derivatives; its eigenvectors N (9); n = F N / stretch (9)."""
 STRETCHES, DERIVATIVES = TENSOR, TENSOR + 3
 
 
 @inlined
 def stress_rows(b, law, elements, material, table):
-    """Write the rows of the energy density [J/m^3] and of P [Pa] of a block at its rows of F."""
+    """Write the rows of the energy density [J/m^3] and of P [Pa] of a block from its rows of F."""
     if law == NEO_HOOKEAN:
         neo_hookean_rows(b)
     elif law == OGDEN_LAW:
@@ -94,7 +95,7 @@ def stress_rows(b, law, elements, material, table):
 
 @inlined
 def neo_hookean_rows(b):
-    """Do all of the neo-Hookean law."""
+    """Write all rows of the neo-Hookean law."""
     for lane in range(LANES):
         w, p = neo_hookean(
             load9(b, GRADIENT, lane),
@@ -146,7 +147,7 @@ def deviator_rows(b):
 
 @inlined
 def corotated_stress_rows(b):
-    """Write W and P = factor (F - lam R) + slope cof F from what `deviator_rows` left."""
+    """Write W and P = factor (F - lam R) + slope cof F from the rows of `deviator_rows`."""
     for lane in range(LANES):
         c = cofactor(load9(b, GRADIENT, lane))
         j = b[DETERMINANT * LANES + lane]
@@ -216,7 +217,7 @@ def ogden_stress_rows(b):
 
 @inlined
 def stress_row(g, u, i, v, slope, c):
-    """Return a row of P from derivatives g (3), directions u now (9) and v at rest (9), one after another."""
+    """Return row i of P from derivatives g (3), current directions u (9) and rest directions v (9)."""
     first, second, third = g[0] * u[i], g[1] * u[3 + i], g[2] * u[6 + i]
     return (
         first * v[0] + second * v[3] + third * v[6] + slope * c[0],

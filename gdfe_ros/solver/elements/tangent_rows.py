@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled tangents of single elements: K = G^T H G.
 
-An element sees its corners through 21 numbers z: its mean deformation gradient F (9) and its hourglass vectors q
-(4 x 3). G holds the gradients and hourglass vectors that make z of the corners, and H = dr/dz is the derivative of the
-element's generalised forces r = (V P, h). The columns dr/dF are central differences of the law, which serves every law
-alike; dh/dq needs none, for h is linear in q; the rest of H is the transpose of dh/dF.
+An element's law depends on its corners through 21 numbers z: its mean deformation gradient F (9) and its hourglass
+vectors q (4 x 3). G holds the gradients and hourglass vectors that map the corners to z, and H = dr/dz is the
+derivative of the element's generalised forces r = (V P, h). The columns dr/dF are central differences of the law, in
+the same manner for every law. The columns dh/dq are exact, because h is linear in q; the rest of H is the transpose of
+dh/dF.
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from gdfe_ros.solver.elements.response import hourglass_rows, load_parameters
 from gdfe_ros.solver.elements.stress_rows import stress_rows
 
 SPACING = 1e-5
-"""Change of an entry of F: truncation and rounding of a central difference are alike there, 1e-10."""
+"""Change of an entry of F in a difference, at which truncation and rounding are alike, 1e-10."""
 NUMBERS = 21
 """Length of z and r."""
 WIDTH = 24
-"""Of a row of H and of K; three numbers of a row of H stay zero, so that both have whole registers."""
+"""Length of a row of H and of K. Three numbers of a row of H stay zero, so that both fill whole registers."""
 SAVED = ROWS
 """Row of the entry of F that is varied."""
 
@@ -70,7 +71,8 @@ def hourglass_columns(b, reduced):
 def congruence(reduced, operator, half, out):
     """Write G^T H G (24 x 24) of H (21 x 24) and G (7 x 8) to ``out``; ``half`` (21 x 24) and (24,) is scratch.
 
-    All are flat, and counted in unsigned numbers: an index that might be negative is looked at each time.
+    All arrays are flat. Loops count in unsigned numbers, because a possibly negative index costs a test in each
+    iteration.
     """
     row = half[NUMBERS * WIDTH :]
     for turn in range(2):

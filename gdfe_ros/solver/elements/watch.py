@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled watch over corners that come near to folding: which elements' walls a descent has to evaluate.
+"""Compiled list of elements near folding: those whose fold barriers a minimisation has to evaluate.
 
-Walls act below a volume ratio J_0, and no sound body comes there. So a descent keeps a list of watched elements, and
-evaluates walls for these alone. It looks through all elements where it begins, and watches those with a corner below
-`NEARLY_FOLDED`. All other corners have room: with edges of lengths A, B, C and vertices that move by at most d = t/2,
+Barriers act below a volume ratio J_0, which sound bodies never reach. A minimisation therefore keeps a list of watched
+elements, and evaluates barriers for these alone. At its beginning it examines all elements, and watches those with a
+corner below `NEARLY_FOLDED`. All other corners have room: with edges of lengths A, B, C and vertices that move by at
+most d = t/2,
 
     |J' - J| <= r ((A + t)(B + t)(C + t) - A B C) <= 3 r t (A B + B C + C A)    for t <= A, B, C
 
-with one over the triple product at rest, r. While a descent has moved no vertex farther than the least of these d, no
-corner outside of the list can be below J_0. Beyond it, the descent looks again. So what it lowers is the energy with
-the walls of all elements, always, and sound bodies pay for one look a solve.
+with r, one over the triple product at rest. While no vertex has moved farther than the least of these d, no corner
+outside of the list can be below J_0. Beyond it, all elements are examined again. The minimised energy thus always
+contains the barriers of all elements, and sound bodies pay for one examination per solve.
 """
 
 from __future__ import annotations
@@ -27,18 +28,18 @@ from gdfe_ros.solver.elements.measures import least_corner
 from gdfe_ros.solver.elements.operators import Operators
 
 NEARLY_FOLDED = 0.4
-"""Least volume ratio of a corner below which its element is watched: twice the walls' threshold."""
+"""Volume ratio of a corner below which its element is watched: twice the barriers' threshold."""
 
 
 class Watch(NamedTuple):
-    """The watched elements of a solve; descents add to them.
+    """The watched elements of a solve; minimisations add to them.
 
     Attributes:
         elements: (m,) int32, of which the first ``count`` are watched.
         count: (1,) int64.
         member: (m,) bool, whether each element is watched.
-        room: (2,) how far [m] vertices may move until the next look: from where a descent is, and from where it last
-            evaluated the energy.
+        room: (2,) distance [m] that vertices may move until the next examination: from the accepted positions of the
+            minimisation, and from the positions of the last evaluation.
     """
 
     elements: NDArray[np.int32]
@@ -48,7 +49,7 @@ class Watch(NamedTuple):
 
     @classmethod
     def over(cls, elements: int) -> Watch:
-        """Watch nothing yet, of so many elements."""
+        """Return an empty list for a number of elements."""
         numbers, none = np.zeros(elements, dtype=np.int32), np.zeros(elements, dtype=np.bool_)
         return cls(numbers, np.zeros(1, dtype=np.int64), none, np.full(2, -1.0))
 
@@ -80,7 +81,7 @@ def look(x, shape, blocks, watch):
 
 @inlined
 def element_room(corners, ratios):
-    """Return the room [m] of an element with these corners (8, 3) [m]; 0 where it is nearly folded."""
+    """Return the room [m] of an element with the corners (8, 3) [m]; 0 if it is nearly folded."""
     room = math.inf
     for c in range(8):
         a, b, d = edge_at(corners, c, 0), edge_at(corners, c, 1), edge_at(corners, c, 2)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a state and a command to the equilibrium: prediction, what is left out, descents, multipliers in between."""
+"""Equilibrium solver of the policy ``energy``: prediction, dormancy, minimisation, multiplier updates."""

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which part of a body the commands reach: the rest is held, and wakes when its forces ask for it.
+"""Dormancy: freezes the part of a body that the commands do not reach, and wakes it when its forces change.
 
-The elements of the held part keep the forces of their last evaluation. At its border forces change with what moves
-beside it; how far they would move the held vertices is estimated as any step is, by the constant matrix, and bounds the
-error. Beyond the tolerance the whole body is solved once more. This is the paper's outlook: "discount elements which
-are not relevant to the actuation".
+The frozen elements keep the forces of their last evaluation. At the border the forces change with the moving
+neighbours. The displacement that these changes would cause in the frozen vertices is estimated with the constant
+matrix, as any step is, and bounds the error. Above the tolerance the whole body is solved once more. This is the
+outlook of the paper: "discount elements which are not relevant to the actuation".
 """
 
 from __future__ import annotations
@@ -23,36 +23,36 @@ from gdfe_ros.solver.state import Known, Sleep, State
 from gdfe_ros.solver.value import changed
 
 QUIET = 0.1
-"""Of the tolerance: a vertex that a step moves less is at rest."""
+"""Displacement in a step, over the tolerance, below which a vertex counts as at rest."""
 PATIENCE, MOST_PATIENCE = 4, 64
-"""Steps of the whole body in a row in which a vertex must be at rest before it is held: at first, and after parts
-that did not last."""
+"""Number of successive steps of the whole body for which a vertex must be at rest before it is frozen: the first value,
+and the largest, which is reached by doubling after parts that woke soon."""
 WORTH = 0.75
-"""Share of the free vertices beyond which a part does not pay."""
+"""Share of the free vertices above which solving only a part does not pay."""
 MOST_REST = 32
-"""Steps, at most, in which nobody looks at vertices after a part would have been too large."""
+"""Limit of the steps without examination after a part would have been too large."""
 LEAST_VERTICES = 1500
-"""Free vertices below which a factor of its own does not pay."""
+"""Number of free vertices below which a separate factor does not pay."""
 LAYERS = 2
-"""Layers of elements around what moved that are kept awake."""
+"""Layers of elements around the moving ones that are kept awake."""
 SHORT, LONG = 8, 32
-"""Steps within which a part that wakes was chosen too small, and from which on it was chosen well."""
+"""A part that wakes within `SHORT` steps was too small; one that lasts `LONG` steps was well chosen."""
 STIRRED = 0.25
-"""Of the largest motion of a held vertex on waking: what moved more is no longer held."""
+"""Displacement on waking, over the largest one, above which a frozen vertex joins the awake part."""
 CERTAIN = 0.5
-"""Of the tolerance: an estimate from the size of the border's forces that lies below is not refined."""
+"""Estimated displacement, over the tolerance, up to which the cheap estimate from the border's forces is trusted."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of a body that is awake.
+    """An awake part of a body.
 
     Attributes:
-        awake: (n,) vertices that it was made of.
-        active: what it moves.
-        watched: int32 held vertices whose forces may change.
-        rows: of these among the body's free vertices.
-        handles: int32 vertices of handles beside held elements.
+        awake: (n,) vertices from which it was made.
+        active: its unknowns and elements.
+        watched: int32 frozen vertices whose forces may change.
+        rows: rows of these among the body's free vertices.
+        handles: int32 vertices of handles beside frozen elements.
     """
 
     awake: NDArray[np.bool_]
@@ -63,13 +63,13 @@ class Part:
 
 
 class Dormancy:
-    """Chooses between the whole and a part of the body, step by step.
+    """Chooses in each step between the whole body and its awake part.
 
     Args:
         body: the discretised body.
-        whole: everything that can move.
-        skip: what may be left out.
-        pushed: terms beside the elements act, perhaps on held vertices.
+        whole: the active set of the whole body.
+        skip: kinds of work that may be left out.
+        pushed: whether terms beside the elements act, possibly on frozen vertices.
     """
 
     def __init__(self, body: Body, whole: ActiveSet, skip: Collection[Skip], *, pushed: bool) -> None:
@@ -80,11 +80,11 @@ class Dormancy:
         self._part: Part | None = None
 
     def forbid(self) -> None:
-        """Hold nothing, ever: where the constant matrix cannot tell how far what is held would move."""
+        """Disable freezing for good; the constant matrix cannot estimate the displacement of frozen vertices."""
         self._possible = False
 
     def at_rest(self) -> Sleep | None:
-        """Return that nothing is held; None where nothing ever is."""
+        """Return the dormancy state with nothing frozen; None if freezing is disabled."""
         if not self._possible:
             return None
         return Sleep(
@@ -102,27 +102,27 @@ class Dormancy:
         )
 
     def choose(self, state: State, base: NDArray[np.float64]) -> ActiveSet:
-        """Return what a solve from ``state`` looks at, with the handles commanded to ``base`` (n, 3) [m]."""
+        """Return the active set of a solve from ``state``, with the handles commanded to ``base`` (n, 3) [m]."""
         sleep = state.sleep
         if sleep is None or sleep.awake is None or sleep.known is None:
             return self._whole
         return self._whole if self.touched(state, base) else self._made(sleep.awake).active
 
     def touched(self, state: State, base: NDArray[np.float64]) -> bool:
-        """Tell whether handles beside what is held move from ``state`` to ``base`` (n, 3) [m]."""
+        """Return whether handles beside frozen elements move from ``state`` to ``base`` (n, 3) [m]."""
         if state.sleep is None or state.sleep.awake is None:
             return False
         handles = self._made(state.sleep.awake).handles
         return not np.array_equal(base[handles], state.positions[handles])
 
     def is_part(self, active: ActiveSet) -> bool:
-        """Tell whether something is held."""
+        """Return whether an active set leaves out frozen elements."""
         return active is not self._whole
 
     def disturbance(self, sleep: Sleep, target: float) -> tuple[float, float]:
-        """Return how far [m] the held vertices would move by now if they were free, and by how much a force of 1 N.
+        """Return the displacement [m] that the frozen vertices would have if they were free, and that per 1 N.
 
-        The first is exact about ``target`` [m].
+        The first value is exact where it matters, around ``target`` [m].
         """
         part = self._made(sleep.awake)
         change = self._forces(part) - sleep.border
@@ -141,7 +141,7 @@ class Dormancy:
     def accepted(
         self, sleep: Sleep | None, active: ActiveSet, positions: NDArray[np.float64], tolerance: float
     ) -> Sleep | None:
-        """Return what is held after a step of ``active`` to ``positions`` (n, 3) [m]; its forces may be missing."""
+        """Return the dormancy state after a step of ``active`` to ``positions`` (n, 3) [m]; forces may be missing."""
         if sleep is None:
             return None
         if self.is_part(active):
@@ -158,25 +158,25 @@ class Dormancy:
         return sleep
 
     def learned(self, sleep: Sleep | None, evaluate: Callable[[], Known]) -> Sleep | None:
-        """Return ``sleep`` with the forces of what it holds; ``evaluate`` takes those of the whole body."""
+        """Return ``sleep`` with the forces of the frozen elements; ``evaluate`` computes those of the whole body."""
         if sleep is None or sleep.awake is None or sleep.known is not None:
             return sleep
         known = evaluate()
         return changed(sleep, known=known, border=self._forces(self._made(sleep.awake)))
 
     def woken(self, sleep: Sleep | None) -> Sleep | None:
-        """Return ``sleep`` with nothing held: handles have moved beside what was."""
+        """Return ``sleep`` with nothing frozen, after handles moved beside frozen elements."""
         return None if sleep is None else self._dropped(sleep)
 
     def _watched(self, sleep: Sleep, quiet: NDArray[np.bool_]) -> Sleep:
-        """Count the steps in which vertices are at rest; hold what has been so for long enough."""
+        """Count the steps in which vertices are at rest; freeze those that have been for long enough."""
         calm, count = sleep.calm & quiet, sleep.count + 1
         if count < sleep.patience:
             return changed(sleep, calm=calm, count=count)
         return changed(self._taken(sleep, ~calm), count=0, calm=np.ones_like(calm))
 
     def _widened(self, sleep: Sleep, moved: NDArray[np.float64]) -> Sleep:
-        """Go on with the part after it woke; enlarge it where it did not last."""
+        """Continue with the part after it woke; enlarge it if it woke within `SHORT` steps."""
         if sleep.lasted < SHORT:
             held = self._made(sleep.awake).active.held
             stirred = np.zeros(len(moved), dtype=bool)
@@ -186,7 +186,7 @@ class Dormancy:
         return changed(sleep, lasted=0, known=None, border=None)
 
     def _taken(self, sleep: Sleep, awake: NDArray[np.bool_]) -> Sleep:
-        """Hold all but the vertices ``awake`` (n,) and some layers around them, where that pays."""
+        """Freeze all but the vertices ``awake`` (n,) and `LAYERS` layers around them, if that pays."""
         cells, free = self._body.cells, self._whole.unknowns.free
         awake = awake | self._alive
         for _ in range(LAYERS):
@@ -201,7 +201,7 @@ class Dormancy:
         return changed(sleep, awake=None, known=None, border=None, lasted=0, count=0, calm=calm)
 
     def _made(self, awake: NDArray[np.bool_]) -> Part:
-        """Return the part of these vertices; the last one is kept, for its factor is dear."""
+        """Return the part with these vertices; the last part is cached because its factor is expensive."""
         if self._part is None or not (awake is self._part.awake or np.array_equal(awake, self._part.awake)):
             whole = self._whole
             free = np.zeros_like(awake)

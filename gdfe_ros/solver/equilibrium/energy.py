@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hyperelastic equilibrium for the ``energy`` policy: descents on the constant matrix, multipliers in between."""
+"""Hyperelastic equilibrium of the policy ``energy``: minimisation with the constant matrix, and multiplier updates."""
 
 from __future__ import annotations
 
@@ -39,28 +39,28 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.value import changed
 
 LEAP = 100.0
-"""Of the tolerance: where the start lies farther from the last equilibrium, nothing is taken for granted."""
+"""Distance of the start from the last equilibrium, over the tolerance, above which the solve does not count as warm."""
 REORIENT = 0.3
-"""Turn [rad] of a handle beyond which the constant matrix is coupled to it anew; the history begins again then."""
+"""Rotation [rad] of a handle beyond which its coupling to the constant matrix is recomputed and the history emptied."""
 RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 
 class EnergyEquilibrium:
-    """Finds positions at which every element's force, derived from its energy, balances.
+    """Equilibrium solver: finds positions at which the forces of all elements, derived from their energy, balance.
 
     Args:
         body: the discretised body.
-        actuation: what acts on it; None for nothing.
-        library: what factors the constant matrix; None chooses.
-        skip: work that may be left out.
-        threads: most that share the elements.
-        predictor: makes what predicts where a solve ends; None for that of equilibria.
-        softening: hourglass scales follow the strain.
+        actuation: the external terms; None for none.
+        library: library that factors the constant matrix; None chooses.
+        skip: kinds of work that may be left out.
+        threads: most threads that share the elements.
+        predictor: makes the predictor of a solve's start; None for the one of equilibria.
+        softening: whether hourglass scales follow the strain.
 
     Attributes:
         matrix: the constant matrix.
         handles: the kinematics of the handles.
-        patience: iterations after which a shorter motion is the better idea.
+        patience: iterations after which a shorter increment is tried instead.
     """
 
     patience = 2000
@@ -119,7 +119,7 @@ class EnergyEquilibrium:
         self._saddles = Saddles(Stability(body, self._model.softest), self) if still else None
 
     def at_rest(self) -> State:
-        """Return the state at rest, which is no equilibrium where the body is inside of what it touches."""
+        """Return the state at rest; it is no equilibrium if the body is inside of an obstacle."""
         body, handles, loose = self.body, self.body.handles, np.zeros((len(self.body.unknowns.slides), 3))
         poses = {handle.name: Pose() for handle in handles}
         still = {handle.name: np.zeros(6) for handle in handles}
@@ -154,25 +154,25 @@ class EnergyEquilibrium:
 
     @property
     def model(self) -> Model:
-        """What all solves have in common."""
+        """The data that all solves share."""
         return self._model
 
     @property
     def whole(self) -> ActiveSet:
-        """Everything that can move."""
+        """The active set of the whole body."""
         return self._whole
 
     def evaluated(self, solve: Solve) -> Task:
-        """Evaluate all terms where a solve begins, and return what would descend from there."""
+        """Evaluate all terms at the start of a solve, and return the minimisation's task there."""
         self._loaded = None
         return solve.evaluate(self._whole, self.matrix.coupling, threads=None)
 
     def observe(self, observer: Observer | None) -> None:
-        """Have somebody see the energy of every iteration; None for nobody."""
+        """Set the observer of the energy of every iteration; None for none."""
         self.minimiser.observer = observer
 
     def solve(self, problem: Increment, start: State) -> Solution:
-        """Find the equilibrium of ``problem`` from ``start``, which stays as it is."""
+        """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
         if self._model.level is None:
             return self._solved(problem, start)
         with one_blas_thread():
@@ -249,7 +249,7 @@ class EnergyEquilibrium:
         )
 
     def forces(self, state: State) -> NDArray[np.float64]:
-        """Return dE/dx (n, 3) [N] of all terms at a state; zero inside of handles."""
+        """Return dE/dx (n, 3) [N] of all terms at a state; zero for vertices inside handles."""
         work, vertices = self._whole.workspace, np.arange(len(self.body.rest), dtype=np.int32)
         Solve.at(self._model, state).evaluate(
             self._whole, self.matrix.coupling, threads=self._whole.threads(self._threads)
@@ -258,12 +258,12 @@ class EnergyEquilibrium:
         return vertex_forces(self.body, vertices, work.force) + work.outside
 
     def skipped(self, solution: Solution) -> dict[str, int]:
-        """Return what a solve left out, by name."""
+        """Return the counts of work that a solve left out, by name."""
         counts = dict(solution.active.skipped)
         return counts if self.actuation.terms else {**counts, Skip.ACTUATORS.value: 1}
 
     def task_at(self, solve: Solve, found: Solution) -> Task:
-        """Return what would descend from a solution, with the multipliers as they are."""
+        """Return the minimisation's task at a solution, with unchanged multipliers."""
         solve.go_on_from(found.state)
         threads = self._whole.threads(self._threads)
         return solve.evaluate(self._whole, self._coupling(solve, self._whole), threads=threads)
@@ -272,12 +272,12 @@ class EnergyEquilibrium:
         return self._saddles.judged(solve, found, part=part) if self._saddles and found.converged else found
 
     def _coupling(self, solve: Solve, active: ActiveSet) -> Coupling:
-        """Return the coupling of the handles' rigid rows in an active set, as turned as the handles are."""
+        """Return the coupling of the handles' rigid rows in an active set, at the handles' rotations."""
         orientation = self._orientation(solve)
         return active.matrix.coupling if orientation is None else active.matrix.turned(orientation)
 
     def descend(self, solve: Solve, active: ActiveSet, history: History, *, spent: int = 0) -> Solution:
-        """Descend from where ``solve`` is, with what the ``history`` has learned, after ``spent`` iterations of it."""
+        """Minimise from the present positions of ``solve`` with a ``history``, after ``spent`` iterations."""
         orientation, coupling = self._orientation(solve), self._coupling(solve, active)
         if orientation is not None and orientation is not solve.start.orientation:
             history = History.empty()
@@ -300,7 +300,7 @@ class EnergyEquilibrium:
         return changed(solution, state=solution.state.with_(orientation=orientation))
 
     def _orientation(self, solve: Solve) -> NDArray[np.float64] | None:
-        """Return the rotations for which the handles' rigid rows are coupled; None where no handle turns."""
+        """Return the rotations at which the handles' rigid rows are coupled; None if no handle rotates freely."""
         if not self.handles.turn:
             return None
         kept = solve.start.orientation
@@ -309,7 +309,7 @@ class EnergyEquilibrium:
         return kept if (cosine >= np.cos(REORIENT)).all() else now
 
     def _load(self, known: Known) -> None:
-        """Have the workspace hold the forces and energies of the elements that are held."""
+        """Copy the forces and energies of the frozen elements into the workspace."""
         if self._loaded is known:
             return
         work = self._whole.workspace
@@ -318,7 +318,7 @@ class EnergyEquilibrium:
         self._loaded = known
 
     def _known(self, found: State) -> Known:
-        """Evaluate the whole body at a state that was found."""
+        """Evaluate the whole body at a state; return its forces and energies."""
         work = self._whole.workspace
         solve = Solve.at(self._model, found)
         solve.evaluate(self._whole, self.matrix.coupling, threads=self._whole.threads(self._threads))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all solves of a body have in common."""
+"""Data that all solves of a body share."""
 
 from __future__ import annotations
 
@@ -17,11 +17,17 @@ from gdfe_ros.solver.terms.actuation import Actuation
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What all solves of a body share: the body, what acts on it, its handles, and what descends in its potential.
+    """Data that all solves of a body share: body, terms, handles, and minimiser.
 
-    ``level`` holds the tangents that precondition a slender body; None where the constant matrix does. Without
-    ``softening`` hourglass scales stay: a change of them would make or take energy. ``softest`` (3 r,) is the
-    constant matrix times the softest motion at rest, as far as it is known; None where nothing moves.
+    Attributes:
+        body: the discretised body.
+        actuation: the external terms.
+        handles: the kinematics of its handles.
+        minimiser: minimises the potential.
+        level: tangent preconditioner of a slender body; None if the constant matrix preconditions.
+        softening: whether hourglass scales follow the strain. In motion they stay, because a change of scale would
+            create or remove energy.
+        softest: (3 r,) the constant matrix times an estimate of the softest mode at rest; None if nothing moves.
     """
 
     body: Body

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where to start a step: linear extrapolation of smooth motion, the harmonic predictor for the rest."""
+"""Start of a step: linear extrapolation of a smooth motion, and the harmonic predictor for the remainder."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.state import Motion, State
 
 LARGEST_RATIO = 2.0
-"""Share of the last step that is repeated at most."""
+"""Largest multiple of the last step that is extrapolated."""
 STILL = 1e-12
-"""Of the body's size: motion of handles that is rounding, and not worth a solve."""
+"""Motion of handles, over the body's size, that is rounding and needs no harmonic predictor."""
 SMOOTH = 0.5
-"""Part of a motion that may be new for it to count as going on."""
+"""Largest share of a motion that may deviate from the last one for extrapolation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Where a solve starts.
+    """Start of a solve.
 
     Attributes:
         positions: (n, 3) [m].
         slides, turns: (p, 3) free motions of handles [m], [rad].
-        ratio: share of the last step that was repeated.
-        sure: it is near the end of the step, however far from its beginning.
+        ratio: multiple of the last step that was extrapolated.
+        sure: whether it is near the end of the step, however far from its beginning.
     """
 
     positions: NDArray[np.float64]
@@ -41,11 +41,11 @@ class Prediction:
 
 
 class Predictor:
-    """Starts a step from a state and its last motion.
+    """Predicts the end of a step from a state and its last motion.
 
     Args:
         body: the discretised body.
-        handles: its handles.
+        handles: the kinematics of its handles.
     """
 
     def __init__(self, body: Body, handles: HandleMotions) -> None:
@@ -55,9 +55,9 @@ class Predictor:
     def predict(
         self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
     ) -> Prediction:
-        """Return where to start when the handles are commanded from ``state`` to ``base`` (n, 3) [m].
+        """Return the start of a solve for handles commanded from ``state`` to ``base`` (n, 3) [m].
 
-        ``change`` (k,) is by how much the commands of actuators and loads change; only what is ``movable`` moves.
+        ``change`` (k,) are the changes of the commands of actuators and loads; only ``movable`` vertices move.
         """
         held, last = self._held, state.motion
         motion = base[held] - state.base[held]
@@ -88,7 +88,7 @@ class Predictor:
 
 
 def _ratio(last: Motion | None, motion: NDArray[np.float64], change: NDArray[np.float64]) -> float:
-    """Return how much of the last motion this one repeats, 0 where it is another motion.
+    """Return the multiple of the last motion that this one repeats; 0 for a different motion.
 
     Handles and commands count alike, each in units of the larger of its last two changes.
     """

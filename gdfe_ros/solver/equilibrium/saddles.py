@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Leaving the equilibria that are saddles of the energy: look at a solution, step down from it, descend again."""
+"""Escape from saddles of the energy: check the stability of a solution, step down from a saddle, minimise again."""
 
 from __future__ import annotations
 
@@ -18,38 +18,39 @@ from gdfe_ros.solver.tangent.curvature import FLAT
 from gdfe_ros.solver.value import changed
 
 MOST_SADDLES = 8
-"""Saddles that are left in a solve, one after the other."""
+"""Most saddles that one solve leaves in succession."""
 STEP, ASK, LOOK = 4, 40, 500
-"""What a step counts beside its iterations, and after how many of both the softest direction is asked again, which is
-one product, and after how many it is looked for anew: each about a fortieth of the work of a stream."""
+"""Numbers of iterations: cost of a step besides its own iterations, interval between evaluations of the curvature along
+the softest direction (one product), and interval between computations of that direction. Each evaluation or
+computation costs about a fortieth of the work of a stream."""
 UNSTABLE = (
     "the equilibrium is unstable: a small push makes the body leave it; remedy: push it aside first, or step back"
 )
 
 
 class Descents(Protocol):
-    """The equilibrium solver, as far as leaving a saddle needs it."""
+    """The part of the equilibrium solver that leaving a saddle needs."""
 
     @property
     def model(self) -> Model:
-        """What all solves have in common."""
+        """The data that all solves share."""
 
     @property
     def whole(self) -> ActiveSet:
-        """Everything that can move."""
+        """The active set of the whole body."""
 
     def task_at(self, solve: Solve, found: Solution) -> Task:
-        """Return what would descend from a solution, with the multipliers as they are."""
+        """Return the minimisation's task at a solution, with unchanged multipliers."""
 
     def descend(self, solve: Solve, active: ActiveSet, history: History, *, spent: int = 0) -> Solution:
-        """Descend from where ``solve`` is."""
+        """Minimise from the present positions of ``solve``."""
 
 
 class Saddles:
-    """Judges the stability of solutions and leaves those that are saddles.
+    """Checks the stability of solutions, and leaves saddles.
 
     Args:
-        stability: looks for directions along which the energy curves down.
+        stability: finds directions of negative curvature.
         descents: solves again from below a saddle.
     """
 
@@ -57,9 +58,9 @@ class Saddles:
         self._stability, self._descents = stability, descents
 
     def judged(self, solve: Solve, found: Solution, *, part: bool) -> Solution:
-        """Return a converged solution with what is known of its stability; look for that where it is due.
+        """Return a converged solution with its stability, which is checked when due.
 
-        A ``part`` of the body says nothing of the whole.
+        A solution of only a ``part`` of the body is not checked: it says nothing about the whole.
         """
         start, soft = solve.start, solve.start.soft
         if soft is not None:
@@ -67,7 +68,7 @@ class Saddles:
         refused = found.state.tangent is not None and found.state.tangent.softest == 0.0
         if not part and (soft is None or refused or soft.looked >= LOOK):
             return self._left(solve, found)
-        if start.summary.stable is False:  # nothing led down from there, and much was tried
+        if start.summary.stable is False:  # no descent was found from there, at great cost
             return _told(found, soft, stable=False)
         jumps = solve.anew or (self._descents.model.level is None and not solve.warm)
         if not part and (soft.asked >= ASK or jumps):
@@ -77,7 +78,7 @@ class Saddles:
         return _told(found, soft, stable=start.summary.stable)
 
     def _left(self, solve: Solve, found: Solution) -> Solution:
-        """Leave an equilibrium that is a saddle of the energy, and those after it; tell whether the last is stable."""
+        """Leave a saddle, and those that follow it; return the last solution with its stability."""
         whole = self._descents.whole
         for _ in range(MOST_SADDLES):
             task = self._descents.task_at(solve, found)
@@ -101,7 +102,7 @@ class Saddles:
 
 
 def _told(found: Solution, soft: SoftDirection | None, *, stable: bool | None) -> Solution:
-    """Return a solution with what is known of its stability, and with a remark where it is unstable."""
+    """Return a solution with its stability, and a message if it is unstable."""
     message = found.message if stable is not False else f"{UNSTABLE}; {found.message}".rstrip("; ")
     summary = changed(found.state.summary, stable=stable, message=message)
     return changed(found, state=found.state.with_(summary=summary, soft=soft))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which bodies descend on a kept tangent: those in which the constant matrix takes a motion for far too stiff."""
+"""Choice of the tangent preconditioner for slender bodies, whose soft modes the constant matrix makes too stiff."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.smooth_field import smooth_field
 
 PRODUCTS = 40
-"""Lanczos steps. From a smooth start they find the softest motion of a slender body to a factor of ten, which is enough
-to tell it from a stocky one; docs/theory/solve.md has the figures."""
+"""Lanczos steps. From a smooth start they find the softness of a slender body to a factor of ten, which is enough to
+distinguish it from a stocky one; docs/theory/solve.md has the figures."""
 SLENDER = 1.5e-3
-"""Softness, as 40 Lanczos steps find it, below which the constant matrix alone falls too short: the stocky scenes have
-3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3."""
+"""Softness, as 40 Lanczos steps find it, below which the steps of the constant matrix alone fall too short. Stocky
+scenes have 3.9e-3 to 6.9e-3, a bar of six times its thickness 8e-4, the robots 2e-4 to 1e-3."""
 SLENDER_IN_MOTION = 2e-2
-"""The same with inertia, where no distance is to be known and a tangent pays sooner."""
+"""The same limit with inertia: no distance has to be certified, and a tangent pays sooner."""
 MECHANISM = 1e-10
-"""Softness below which a motion has no stiffness but rounding: a body that its handles let turn or move as a whole."""
+"""Softness below which a mode has no stiffness but rounding: the handles let the body turn or move as a whole."""
 INVERSE_ITERATIONS = 6
-"""With the tangent's factor: the softest motion to a tenth of its softness."""
+"""Inverse iterations with the tangent's factor; they find the softness to a tenth."""
 
 
 def for_slender(
@@ -46,17 +46,17 @@ def for_slender(
     threads: int | None,
     moving: bool = False,
 ) -> Model:
-    """Return the model with a tangent to descend on where the body needs one; otherwise as it is.
+    """Return the model with a tangent preconditioner if the body needs one; otherwise the model itself.
 
     Args:
         model: of the body, with the constant matrix alone.
-        whole: everything that can move.
+        whole: the active set of the whole body.
         matrix: the constant matrix.
         rest: the state at rest.
         weight: (m,) [Pa] of the constant matrix.
         bending: (m,) [N/m] of the constant matrix.
-        threads: that share the elements.
-        moving: inertia is among the terms.
+        threads: threads that share the elements.
+        moving: whether inertia is among the terms.
     """
     body, count = model.body, len(whole.unknowns.free)
     if count == 0:
@@ -85,5 +85,5 @@ def for_slender(
 
 
 def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the constant matrix times a field (r, 3) of the unknowns, (3 r,); handles stay where they are."""
+    """Return the constant matrix times a field (r, 3) of the unknowns, as (3 r,); rows of handles are zero."""
     return np.concatenate([matrix.multiply(field[:count]).ravel(), np.zeros(3 * (len(field) - count))])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One solve of the ``energy`` policy: descents, updates of multipliers between them, and what they find."""
+"""One solve of the policy ``energy``: minimisations, multiplier updates between them, and the solution."""
 
 from __future__ import annotations
 
@@ -23,45 +23,46 @@ from gdfe_ros.solver.solution import Increment, Solution
 from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
-"""Tolerance of the first descent where multipliers are updated, and by how much each further one is tightened."""
+"""Tolerance of the first minimisation if multipliers are updated, and factor from each tolerance to the next."""
 COARSER = (30.0, 3.0)
-"""Distance over the resolution of contact forces at which the first descents end: each update brings these nearer."""
+"""Tolerances of the first minimisations, over the resolution of contact forces; each multiplier update is closer."""
 ROUGH = 0.3
-"""Of what pairs of a surface missed at the last update: the way that may be left of the next descent."""
+"""Distance to which the next minimisation converges, over the pairs' error at the last update."""
 SCALE_SLACK = 10.0
-"""Change of an hourglass scale, over the tolerance, that leaves the positions within it."""
+"""Change of an hourglass scale, over the tolerance, that still leaves the positions within it."""
 WARM_SLACK = 10.0
-"""Misfit of an element's volume, over the tolerance, that a step of a motion may leave to the next one's pressures."""
+"""Volume error of an element, over the tolerance, that a step of a motion may leave to the next step's pressures."""
 WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
-"""Least iterations of a step that continues a motion, and of one that does not: with a stream of small commands the
-work is even from step to step and the error stays far below the tolerance, which alone would let it build up. The third
-is for a driven body while the history is not full: it does not know the softest modes yet, which forces move most."""
+"""Least iterations of a step that continues a motion, of a step that does not, and of a driven body whose history is
+not full. With small successive commands, the first evens out the work of the steps and keeps the error far below the
+tolerance; otherwise errors would accumulate. The third is needed because the history does not contain the softest
+modes yet, which forces excite most."""
 COLD_AIM = 0.2
-"""Share of the tolerance at which a solve aims that continues no motion: its history does not know the softest modes
-yet, and steps become short before it has arrived."""
+"""Share of the tolerance at which a solve that continues no motion stops. Its history does not contain the softest
+modes yet, and its steps become short before the distance does."""
 MOST_UPDATES = 60
-"""Of pressures, multipliers and scales in one solve; what has not settled by then swings."""
+"""Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
 TOO_DEEP = "surfaces that were apart entered each other so deep that contact could not separate them"
 
 
 class Solve:
-    """A solve while it runs.
+    """A solve in progress.
 
     Args:
-        model: what it works with.
-        problem: what is asked.
-        start: where it begins.
-        base: (n, 3) [m], whose rows of handles' vertices are where they are commanded.
-        prediction: positions to begin with.
-        elements: (k,) int32, those that move.
-        warm: the motion goes on as before, and the start is near the equilibrium.
+        model: data that all solves share.
+        problem: the requested increment.
+        start: state at the beginning.
+        base: (n, 3) [m], positions whose rows of handle vertices are the commanded ones.
+        prediction: positions at the beginning.
+        elements: (k,) int32, the elements that move.
+        warm: whether the motion continues smoothly and the start is near the equilibrium.
 
     Attributes:
         problem, start: as given.
         warm: as given, until a saddle is left.
-        anew: no motion is continued.
+        anew: whether the solve continues no motion.
         turns: (p, 3) rotation vectors [rad] of the handles at the beginning.
-        pressures: that carry the volumes.
+        pressures: multipliers of the volumes.
         iterations: of the last call of `descend`.
     """
 
@@ -90,13 +91,13 @@ class Solve:
 
     @classmethod
     def at(cls, model: Model, state: State) -> Solve:
-        """Begin exactly at a state."""
+        """Return a solve that begins exactly at a state."""
         problem = Increment.at(state, tolerance=1.0, limit=0)
         here = Prediction(state.positions, state.slides, state.turns, 0.0)
         return cls(model, problem, state, state.base, here, np.zeros(0, np.int32), warm=False)
 
     def begin_anew(self, elements: NDArray[np.int32]) -> None:
-        """Begin at the prediction, with the multipliers that belong to it in the ``elements`` that move."""
+        """Start from the prediction, with extrapolated multipliers in the moving ``elements``."""
         start, here = self.start, self._prediction
         self._positions, self._slides, self.turns = here.positions, here.slides, here.turns
         self.pressures = Pressures(self._body, start.elements, elements, here.ratio)
@@ -106,24 +107,24 @@ class Solve:
         self._actuation.begin(self.problem.commands, start.terms, *given, ratio=here.ratio)
 
     def go_on_from(self, state: State) -> None:
-        """Begin at what was found, with the multipliers as they are."""
+        """Start from a state that was found, with unchanged multipliers."""
         self._positions, self._slides, self.turns = state.positions, state.slides, state.turns
         self.pressures.begin()
 
     def leave_to(self, state: State) -> None:
-        """Begin beside a saddle: nothing that led there leads on."""
+        """Start beside a saddle, without the extrapolations of the solve that led to it."""
         self.go_on_from(state)
         self.warm, self._resumed = False, None
         self._prediction = Prediction(state.positions, state.slides, state.turns, 0.0)
 
     def evaluate(self, active: ActiveSet, coupling: Coupling, *, threads: int | None) -> Task:
-        """Place the unknowns and evaluate all terms there; return what descends from there."""
+        """Place the unknowns and evaluate all terms there; return the minimisation's task."""
         task = self._placed(active, coupling, threads)
         task.evaluate()
         return task
 
     def _placed(self, active: ActiveSet, coupling: Coupling, threads: int | None) -> Task:
-        """Place the unknowns; return what descends from there."""
+        """Place the unknowns; return the minimisation's task."""
         blocks = self._operators.blocks if self._actuation.growths else active.blocks
         problem = Problem(
             self._operators.shape,
@@ -143,7 +144,7 @@ class Solve:
         return Task(active, problem, coupling, self.problem.deadline, self._level)
 
     def descend(self, active: ActiveSet, coupling: Coupling, *, threads: int | None, limit: int) -> None:
-        """Descend, and update multipliers until they keep what they are to keep."""
+        """Minimise and update multipliers in turn, until the constraints hold to tolerance."""
         status, tolerance = active.status, self.problem.tolerance
         self._minimiser.begin(active, self.start, warm=self.warm)
         task = self._placed(active, coupling, threads)
@@ -161,7 +162,7 @@ class Solve:
             return
         for count in range(MOST_UPDATES):
             coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
-            if count == 0 and self._minimiser.certified:  # what the last step's forces tell is not worth a descent
+            if count == 0 and self._minimiser.certified:  # not by the last step's forces
                 coarser = np.inf
             fine, left = coarser * self._actuation.resolution, limit - self.iterations
             fine, rough = max(fine, ROUGH * self._actuation.missed), ROUGH * self._actuation.missed > fine
@@ -174,14 +175,14 @@ class Solve:
             updates |= not failed and self._actuation.reached(active.workspace.x)
             if failed or not updates or self._actuation.hopeless:
                 break
-            # Where no descent is left above the tolerance, new pressures and scales may open one.
+            # Even if no further descent is possible, new pressures and scales may make one possible.
             coarse = aims["tolerance"] > self._aim * min(inner, self._actuation.resolution)
             last = (inner == tolerance and not rough and not coarse) or ended is not End.NONE
             quiet = self._settled and went.iterations == 0
             self._settled = self._update(active, still=went.iterations == 0) and last
             if self._settled and (quiet or not self._minimiser.certified):
                 break
-            if not self._settled and self._level is None:  # slender bodies give way far more than penalties do
+            if not self._settled and self._level is None:  # a slender body is far softer than the penalties
                 self._actuation.hasten(tolerance)
             inner = max(tolerance, TIGHTEN * inner)
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
@@ -198,7 +199,7 @@ class Solve:
     def solution(
         self, active: ActiveSet, stored: NDArray[np.float64], least: NDArray[np.float64], *, run: int
     ) -> Solution:
-        """Return what the last descents found; ``stored`` and ``least`` (m,) as `measure` writes them."""
+        """Return the result of the last minimisations; ``stored`` and ``least`` (m,) are written by `measure`."""
         work, start, problem = active.workspace, self.start, self.problem
         self.measure(active, stored, least)
         positions = work.x.copy()
@@ -255,7 +256,7 @@ class Solve:
         )
 
     def _update(self, active: ActiveSet, *, still: bool) -> bool:
-        """Update pressures, multipliers and scales; tell whether the positions stay in tolerance all the same."""
+        """Update pressures, multipliers and scales; return whether the changes keep the positions within tolerance."""
         body, shape, x, settled = self._body, self._operators.shape, active.workspace.x, True
         tolerance = self.problem.keeping or self.problem.tolerance
         slack = WARM_SLACK if self.warm and not self._minimiser.certified else 1.0
@@ -277,11 +278,11 @@ class Solve:
         return np.unique(shape.cells[nearly_folded(self.start.positions, self._operators)])
 
     def _softens(self, active: ActiveSet) -> bool:
-        """Tell whether hourglass scales follow the strain."""
+        """Return whether hourglass scales follow the strain."""
         return self._softening and len(active.softening) > 0
 
     def _verdict(self, active: ActiveSet) -> tuple[bool, float, str]:
-        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and what is wrong."""
+        """Return whether it is an equilibrium, the estimated distance to it over the body's size, and a message."""
         if self._actuation.hopeless:
             return False, np.inf, TOO_DEEP
         tolerance, residual = self.problem.tolerance, self._minimiser.residual(active) / self._aim

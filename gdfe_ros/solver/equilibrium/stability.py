@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether an equilibrium is stable, and the way down from one that is not: a saddle of the energy."""
+"""Stability of an equilibrium, and the descent from a saddle of the energy."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
 
 FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
-"""First length along a direction that curves down, over the body's size, and how often it is doubled or quartered."""
-RANDOM = 0.1
-"""Share of a random load beside that of the softest motion, with which the search begins: a part alone may buckle."""
+"""First length of a step along a direction of negative curvature, over the body's size, and how often it is doubled at
+most, and divided by four."""
+RANDOM = 1.0
+"""Share of a random load, beside that of the softest mode, in the start of the search: buckling may be local. With a
+tenth, the search may converge to the softest mode before it finds one of negative curvature."""
 FALL = 1e-9
-"""Share of the energy by which it falls at least on a way down; less is rounding."""
+"""Least relative decrease of the energy along a descent direction; less is rounding."""
 
 
 class Downhill(NamedTuple):
-    """Where the energy is less along a direction.
+    """A point of lower energy along a direction.
 
     Attributes:
         unknowns: (3 r,).
@@ -35,11 +37,11 @@ class Downhill(NamedTuple):
 
 
 class Stability:
-    """Looks for directions along which the energy of an equilibrium curves down.
+    """Finds directions along which the energy of an equilibrium has negative curvature.
 
     Args:
         body: the discretised body.
-        softest: (3 r,) the constant matrix times the softest motion at rest: in such motions bodies buckle.
+        softest: (3 r,) the constant matrix times the softest mode at rest: bodies buckle in such modes.
     """
 
     def __init__(self, body: Body, softest: NDArray[np.float64]) -> None:
@@ -50,23 +52,23 @@ class Stability:
     def look(self, task: Task) -> Lowest:
         """Return the softest direction at the unknowns of ``task``, whose terms are evaluated there.
 
-        The first vector has a share of all motions, from a fixed seed: a body that is symmetric to the last bit has no
-        force, and no rounding, along the motion in which it buckles.
+        The start vector contains all modes, from a fixed seed: a perfectly symmetric body has no force, and no
+        rounding, along its buckling mode.
         """
         with task.turn:
             self._product.begin(task)
             return lowest(self._product, task.precondition, self._load)
 
     def curves_down(self, task: Task, direction: NDArray[np.float64]) -> bool:
-        """Tell whether the energy curves down along a direction (3 r,) that `look` found elsewhere."""
+        """Return whether the energy has negative curvature along a direction (3 r,) that `look` found earlier."""
         with task.turn:
             self._product.begin(task)
             return float(direction @ self._product(direction)) < -FLAT
 
     def leave(self, task: Task, direction: NDArray[np.float64]) -> Downhill | None:
-        """Return the lowest point along a direction (3 r,), whose length is doubled while the energy falls.
+        """Return the lowest of the points along a direction (3 r,) at lengths doubled while the energy falls.
 
-        None where it does not fall.
+        None if the energy does not fall.
         """
         work = task.active.workspace
         sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0

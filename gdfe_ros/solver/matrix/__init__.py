@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is unknown about a body, and the constant matrix that every direction of a descent starts from."""
+"""The unknowns of a body, and its constant matrix, the initial Hessian of every minimisation."""

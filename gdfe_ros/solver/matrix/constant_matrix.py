@@ -20,7 +20,7 @@ from gdfe_ros.solver.matrix.unknowns import Frame, Unknowns, gather_rigid_rows, 
 def assemble(
     shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64], count: int | None = None
 ) -> sparse.csc_matrix:
-    """Assemble sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T, (n, n).
+    """Return the matrix sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T, (n, n).
 
     Args:
         shape: the elements.
@@ -34,7 +34,7 @@ def assemble(
 
 
 def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
-    """Assemble the paper's A^T A = sum_e V_e N with N = I - 1/8 (Eq. 3), (n, n)."""
+    """Return the paper's A^T A = sum_e V_e N with N = I - 1/8 (Eq. 3), (n, n)."""
     return _scatter(shape.volume[:, None, None] * (np.eye(8) - 0.125), shape)
 
 
@@ -45,20 +45,20 @@ def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators, count: int | No
 
 
 class ConstantMatrix:
-    """The matrix restricted to the unknowns, factored; x, y and z share one factor.
+    """The constant matrix restricted to the unknowns, factored; x, y and z share one factor.
 
     Handles with a free axis are eliminated by their Schur complement, so that one factor of the free vertices serves
-    all three axes whatever is free.
+    all three axes whichever of them are free.
 
     Args:
         matrix: the assembled matrix (n, n), symmetric.
         rest: (n, 3) rest vertices [m].
         unknowns: the numbering of the unknowns.
-        library: what factors; None chooses by size.
+        library: library that factors it; None chooses by size.
 
     Attributes:
-        kind: what solves.
-        coupling: of the handles as they stand at rest.
+        kind: the library in use.
+        coupling: of the handles at rest.
         assembled: the matrix of all vertices (n, n).
     """
 
@@ -81,19 +81,19 @@ class ConstantMatrix:
         self.coupling = self.turned([np.eye(3)] * len(unknowns.slides))
 
     def part(self, unknowns: Unknowns) -> ConstantMatrix:
-        """Factor the rows of fewer ``unknowns``; the rest is held."""
+        """Return the matrix of fewer ``unknowns``, factored; all others are held."""
         return ConstantMatrix(self.assembled, self._rest, unknowns, library=self._library)
 
     def turned(self, rotations: Sequence[NDArray[np.float64]]) -> Coupling:
-        """Return the coupling for handles with a free axis that are turned by rotation matrices (3, 3)."""
+        """Return the coupling of handles with a free axis at the rotation matrices ``rotations`` (3, 3)."""
         return self._fields.coupling(rotations, self._factor.inverse)
 
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Solve A_ff out = right for the free vertices, three right-hand sides (f, 3), as well as descents need it."""
+        """Solve A_ff out = right for three right-hand sides (f, 3), as accurately as minimisations need."""
         self._factor.solve(right, out)
 
     def solve_exactly(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Do so to double precision."""
+        """Solve A_ff out = right to double precision."""
         self._factor.solve(right, out, exact=True)
 
     def multiply(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -104,9 +104,9 @@ class ConstantMatrix:
         return (self.assembled @ whole)[free]
 
     def compliance(self, force: NDArray[np.float64]) -> float:
-        """Return by how much vertex forces (n, 3) give way, over their size: f . A^-1 f [m/N times their unit squared].
+        """Return the compliance f . A^-1 f [m/N times the squared unit of f] of vertex forces f (n, 3).
 
-        Handles with a free axis give way as they do at rest.
+        Handles with a free axis are included, at rest.
         """
         unknowns, count = self._unknowns, len(self._unknowns.free)
         right = np.zeros((unknowns.rows, 3))
@@ -121,7 +121,7 @@ class ConstantMatrix:
         return float(np.vdot(right, out))
 
     def extend(self, motion: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Spread the motion (b, 3) [m] of the prescribed vertices over the free ones: the harmonic predictor (f, 3)."""
+        """Return the harmonic extension (f, 3) [m] of prescribed vertices' motion (b, 3) [m] to the free vertices."""
         right = np.ascontiguousarray(-(self._prescribed @ motion))
         out = np.empty_like(right)
         self.solve_exactly(right, out)
@@ -130,6 +130,6 @@ class ConstantMatrix:
 
 @vector_kernel
 def apply_inverse(gradient, coupling, out, threads):
-    """Write A^-1 gradient (3 r,) to ``out``, the rigid rows included; ``threads`` as of `apply_free`."""
+    """Write A^-1 gradient (3 r,) to ``out``, rigid rows included; ``threads`` as in `apply_free`."""
     apply_free(coupling.inverse, gradient, out, threads)
     close_coupling(gradient, coupling, out)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the rigid rows hang on the free vertices: block elimination with one factor for x, y and z.
+"""Coupling of the rigid rows to the free vertices: block elimination with one factor for x, y and z.
 
-The constant matrix couples no axes, a rotation does. Each handle moves its vertices by scalar fields: 1, and where it
-turns the three components of the arms at rest. A motion of the handle, turned by Q and with the rotation vector theta,
-is a combination of these fields for each axis, dx = dt + (J_l(theta) dtheta) x (Q r): the harmonic extensions of the
-fields are computed once, and the Schur complement of the rigid rows follows from them for any Q.
+The constant matrix couples no axes, but a rotation does. Each handle moves its vertices by scalar fields: 1, and for a
+rotating handle the three components of the arms at rest. A motion of the handle, rotated by Q and with the rotation
+vector theta, is a combination of these fields for each axis, dx = dt + (J_l(theta) dtheta) x (Q r). The harmonic
+extensions of the fields are computed once, and the Schur complement of the rigid rows follows from them for any Q.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from gdfe_ros.solver.matrix.inverse import Inverse
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 SINGULAR = 1e-10
-"""Eigenvalues of the Schur complement below this share of its largest belong to motions that move nothing."""
+"""Eigenvalues of the Schur complement, over its largest, below which the motion moves nothing."""
 
 Solve = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
 
 
 class Coupling(NamedTuple):
-    """What completes a solve with the free block; empty where no handle has a free axis.
+    """Data that complete a solve with the free block; empty if no handle has a free axis.
 
     Attributes:
         columns: (f, k) float64, A_fp b of each scalar field b [N/m times the field's unit].
         harmonic: (f, k) float64, A_ff^-1 columns.
         motion: (3, k, 3 q) float64, by axis: coefficient of each field in each component of the rigid rows.
-        inverse_schur: (3 q, 3 q) float64, inverse of the rigid rows' Schur complement, zero where prescribed.
-        inverse: of the free block, as kernels take it.
+        inverse_schur: (3 q, 3 q) float64, inverse of the rigid rows' Schur complement, zero for prescribed components.
+        inverse: of the free block, for the kernels.
     """
 
     columns: NDArray[np.float64]
@@ -76,7 +76,7 @@ class RigidFields:
         self._gram = fields.T @ (matrix @ fields) - self.columns.T @ self.harmonic
 
     def coupling(self, turned: Sequence[NDArray[np.float64]], inverse: Inverse) -> Coupling:
-        """Return the coupling with each handle turned by a rotation matrix (3, 3), tangents about theta = 0."""
+        """Return the coupling with each handle at a rotation matrix (3, 3), linearised about theta = 0."""
         motion = self._motion(turned)
         schur = np.einsum("ika,kl,ilb->ab", motion, self._gram, motion)
         complement = pinvh(schur, rtol=SINGULAR) if len(schur) else schur
@@ -94,14 +94,14 @@ class RigidFields:
             for axis in range(3):
                 way = np.zeros(3)
                 way[axis] = unknowns.turns[p, axis] / unknowns.radius[p]
-                # dx = way x (Q r): row i holds the coefficients of r's three components.
+                # dx = way x (Q r): row i contains the coefficients of r's three components.
                 motion[:, first + 1 : first + 4, column + axis] = np.cross(way, np.asarray(turned[p]).T).T
         return motion
 
 
 @kernel
 def close_coupling(gradient, coupling, out):
-    """Complete ``out`` (3 r,), whose first rows hold A_ff^-1 gradient, by the rigid rows."""
+    """Add the rigid rows' contribution to ``out`` (3 r,), whose first rows contain A_ff^-1 gradient."""
     count, fields = coupling.columns.shape
     rigid = len(coupling.inverse_schur)
     if rigid == 0:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the elimination of a sparse symmetric matrix fills, by its graph alone: the tree and its supernodes.
+"""Symbolic elimination of a sparse symmetric matrix: its elimination tree and supernodes.
 
-Columns of the factor whose rows are the same, but for those above, are one supernode: a dense rectangle (Liu, Ng and
-Peyton 1993). The tree says which supernode needs what of which (Liu 1990). Numbers here are those of vertices.
+Columns of the factor with the same rows below them form one supernode, a dense rectangle (Liu, Ng and Peyton 1993).
+The tree says which supernodes each one contributes to (Liu 1990). All numbers count vertices.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 
 SLACK = 0.05
-"""Share of a supernode that may be zeros: fewer and broader ones are faster, where the matrix is factored often."""
+"""Largest share of zeros in a supernode: fewer and broader supernodes are faster if the matrix is factored often."""
 SMALL = 1.0
-"""Share of a group's even part of the work up to which a subtree is not opened."""
+"""Work of a subtree, over a group's even share, up to which it is not divided."""
 NARROW = 2
-"""Vertices up to which a supernode is merged with its parent at any rate."""
+"""Width in vertices up to which a supernode is always merged with its parent."""
 
 
 class Elimination(NamedTuple):
@@ -28,10 +28,10 @@ class Elimination(NamedTuple):
 
     Attributes:
         order: (f,) vertices in the order of their elimination.
-        first: (s + 1,) place in the order where each supernode begins.
-        rows: (r,) places of the rows of all supernodes, each one's ascending, those of its own vertices first.
-        row_start: (s + 1,) where each one's rows begin.
-        parent: (s,) supernode that each one changes; -1 for none.
+        first: (s + 1,) position in the order at which each supernode begins.
+        rows: (r,) positions of the rows of all supernodes; ascending for each one, its own vertices first.
+        row_start: (s + 1,) index at which each supernode's rows begin.
+        parent: (s,) supernode to which each one contributes; -1 for none.
     """
 
     order: NDArray[np.int64]
@@ -42,12 +42,12 @@ class Elimination(NamedTuple):
 
     @property
     def entries(self) -> int:
-        """Number of entries of the factor, vertex by vertex."""
+        """Number of entries of the factor, in blocks of vertices."""
         return int(self.widths @ self.heights)
 
     @property
     def work(self) -> int:
-        """Multiplications of a factor, vertex by vertex."""
+        """Multiplications of a factorisation, in blocks of vertices."""
         return int(self.widths @ self.heights**2)
 
     @property
@@ -66,16 +66,16 @@ class Elimination(NamedTuple):
         return np.repeat(np.arange(len(self.parent)), self.heights)
 
     def stand(self, nodes: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return where ``rows`` (k,) stand among those of supernodes ``nodes`` (k,)."""
+        """Return the index of each of ``rows`` (k,) among the rows of the supernode ``nodes`` (k,)."""
         size = len(self.order)
         return np.searchsorted(self.owner * size + self.rows, nodes * size + rows) - self.row_start[nodes]
 
     def parts(self, graph: sparse.csr_matrix) -> tuple[NDArray[np.int64], ...]:
-        """Return what each supernode takes of the matrix: its upper triangle (k,), supernode by supernode.
+        """Return the entries of the matrix' upper triangle that each supernode assembles (k,), supernode by supernode.
 
         Returns:
-            Number among the graph's entries, row and place in the supernode's front (k,), and where each one's
-            begin (s + 1,).
+            Index among the graph's entries, row and column in the supernode's front (k,), and the offset of each
+            supernode (s + 1,).
         """
         rank = np.argsort(self.order)
         row, column = rank[np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))], rank[graph.indices]
@@ -87,7 +87,7 @@ class Elimination(NamedTuple):
         return taken, row[taken] - self.first[owner], self.stand(owner, column[taken]), begin
 
     def inside(self) -> NDArray[np.int64]:
-        """Return where each row (r,) beyond a supernode's own stands among its parent's; -1 elsewhere."""
+        """Return the index of each row (r,) beyond a supernode's own among its parent's rows; -1 for other rows."""
         owner = self.owner
         upper = self.parent[owner]
         beyond = (self.rows >= self.first[owner + 1]) & (upper >= 0)
@@ -115,7 +115,7 @@ def elimination_tree(indptr, indices, order, rank):
 
 @kernel
 def postorder(parent):
-    """Return the columns (f,) in an order in which each tree's columns follow each other, children first."""
+    """Return the columns (f,) in postorder: each subtree's columns are consecutive, children first."""
     count = len(parent)
     child, sibling = np.full(count, -1), np.full(count, -1)
     for column in range(count - 1, -1, -1):
@@ -158,9 +158,9 @@ def column_heights(indptr, indices, order, rank, parent):
 
 @kernel
 def merge(parent, height, slack, narrow):
-    """Return where supernodes begin (s + 1,), and the number of rows (s,) of each.
+    """Return the first column of each supernode (s + 1,), and its number of rows (s,).
 
-    A supernode is merged with its parent where it stands right before it and few zeros are stored by that.
+    A supernode is merged with its parent if it directly precedes it and few zeros are stored as a result.
     """
     count = len(parent)
     first, last = np.empty(count, np.int64), np.empty(count, np.int64)
@@ -192,7 +192,7 @@ def merge(parent, height, slack, narrow):
 
 @kernel
 def structure(indptr, indices, order, rank, first, row_start, parent):
-    """Return the rows (r,) of each supernode, in no order, and its parent (s,)."""
+    """Return the rows (r,) of each supernode, unsorted, and its parent (s,)."""
     count = len(first) - 1
     owner, rows = np.empty(len(order), np.int64), np.full(row_start[count], -1)
     above, seen = np.full(count, -1), np.full(len(order), -1)
@@ -229,9 +229,9 @@ def structure(indptr, indices, order, rank, first, row_start, parent):
 
 
 def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64], *, slack: float = SLACK) -> Elimination:
-    """Return what eliminating the vertices of a symmetric graph (f, f) in an order (f,) fills.
+    """Return the elimination of the vertices of a symmetric graph (f, f) in an order (f,).
 
-    Supernodes are merged where at most a share ``slack`` of them is zeros.
+    Supernodes are merged if at most a share ``slack`` of the result is zeros.
     """
     indptr, indices = graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
     order = order[postorder(elimination_tree(indptr, indices, order, np.argsort(order)))]
@@ -245,9 +245,9 @@ def eliminated(graph: sparse.csr_matrix, order: NDArray[np.int64], *, slack: flo
 
 
 def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int64]]:
-    """Return an elimination in which ``count`` groups of subtrees come first, and where each begins (count + 1,).
+    """Return an elimination with ``count`` groups of subtrees first, and the index at which each begins (count + 1,).
 
-    Subtrees of much work are opened until all are small beside a group; what has been opened comes last.
+    Large subtrees are divided until all are small compared with a group; the divided supernodes come last.
     """
     if count == 0:
         return found, np.zeros(1, np.int64)
@@ -270,7 +270,7 @@ def grouped(found: Elimination, count: int) -> tuple[Elimination, NDArray[np.int
 
 
 def _opened(found: Elimination, whole: NDArray[np.int64], count: int) -> list[int]:
-    """Return the roots of subtrees that are small beside a group."""
+    """Return the roots of subtrees that are small compared with a group."""
     below: dict[int, list[int]] = {}
     for node, above in enumerate(found.parent.tolist()):
         below.setdefault(above, []).append(node)
@@ -286,7 +286,7 @@ def _opened(found: Elimination, whole: NDArray[np.int64], count: int) -> list[in
 
 
 def _reordered(found: Elimination, nodes: NDArray[np.int64]) -> Elimination:
-    """Return the same elimination with its supernodes (s,) in another order, children before parents all the same."""
+    """Return the same elimination with its supernodes (s,) in another order that keeps children before parents."""
     place, widths = np.argsort(nodes), found.widths
     first = np.concatenate([[0], np.cumsum(widths[nodes])])
     moved = first[place] - found.first[:-1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors of symmetric positive definite matrices, one of each matrix in a process: equal bodies share theirs."""
+"""Factors of symmetric positive definite matrices; equal matrices in a process share one factor."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from gdfe_ros.solver.matrix.inverse import Inverse, apply_free
 from gdfe_ros.solver.matrix.supernodes import NotDefiniteError, supernodal
 
 DENSE_UP_TO = 200
-"""Free vertices up to which an explicit inverse, applied in compiled code, is the fastest."""
+"""Free vertices up to which an explicit inverse, applied in compiled code, is fastest."""
 SOUND = 1e-3
-"""Share of a solution that its correction may be where a factor is kept in single precision: it stands in for the
-matrix in descents, and tells how far an equilibrium is."""
+"""Largest relative correction of a solution for which a factor is kept in single precision. It preconditions
+minimisations and estimates the distance to the equilibrium."""
 REFINED = 3
-"""Corrections of a solution with such a factor: each leaves at most that share of the error."""
+"""Corrections of a solution with a single-precision factor; each reduces the error to at most `SOUND`."""
 
 
 class Factorisation(str, Enum):
-    """What solves with the constant matrix."""
+    """Library or method that solves with the constant matrix."""
 
     DENSE = "dense inverse"
     SUPERNODES = "supernodes"
@@ -37,13 +37,13 @@ class Factor:
 
     Args:
         matrix: (f, f), symmetric positive definite.
-        points: (f, 3) where its vertices are [m].
-        kind: what factors it. Where a matrix is so close to singular that `Factorisation.SUPERNODES` finds it not
-            definite, scipy's LU takes its place.
+        points: (f, 3) its vertices [m].
+        kind: method of factorisation. If `Factorisation.SUPERNODES` finds an almost singular matrix not definite,
+            scipy's LU is used instead.
 
     Attributes:
-        kind: what solves.
-        inverse: as kernels take it; that of scipy has none.
+        kind: the method in use.
+        inverse: for the kernels; empty for scipy's LU.
     """
 
     def __init__(self, matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> None:
@@ -67,7 +67,7 @@ class Factor:
     def solve(self, right: NDArray[np.float64], out: NDArray[np.float64], *, exact: bool = False) -> None:
         """Write the solution (f, 3) of three right-hand sides (f, 3) to ``out``.
 
-        Where the factor is kept in single precision, it is within `SOUND`, unless it is to be ``exact``.
+        A single-precision factor gives a relative error of `SOUND`, unless ``exact`` is set.
         """
         if self._library is not None:
             out[...] = self._library.solve(right)
@@ -77,7 +77,7 @@ class Factor:
             out += self._correction(right, out)
 
     def _sound(self) -> bool:
-        """Tell whether the factor is close enough to the matrix, in its softest motions most of all."""
+        """Return whether the factor is accurate enough, in particular for the softest modes."""
         if not len(self.inverse.coarse):
             return True
         right = np.random.default_rng(0).standard_normal((self._matrix.shape[0], 3))
@@ -86,18 +86,18 @@ class Factor:
         return bool(np.linalg.norm(self._correction(right, out)) <= SOUND * np.linalg.norm(out))
 
     def _correction(self, right: NDArray[np.float64], out: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what a solution ``out`` (f, 3) lacks."""
+        """Return the correction (f, 3) of a solution ``out`` (f, 3)."""
         change = np.empty_like(out)
         apply_free(self.inverse, (right - self._matrix @ out).reshape(-1), change.reshape(-1), None)
         return change
 
 
 _MADE: WeakValueDictionary[bytes, Factor] = WeakValueDictionary()
-"""Factors that some body of the process has, by the digest of their matrix and its vertices."""
+"""Factors in use in the process, by the digest of their matrix and its vertices."""
 
 
 def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Factorisation) -> Factor:
-    """Return the factor of a matrix (f, f): that of an equal one which some body of the process has, or a new one."""
+    """Return the factor of a matrix (f, f): that of an equal matrix in the process, or a new one."""
     digest = hashlib.blake2b(f"{kind.value} {matrix.shape}".encode())
     for part in (matrix.indptr, matrix.indices, matrix.data, points):
         digest.update(np.ascontiguousarray(part).data)
@@ -109,5 +109,5 @@ def factor_of(matrix: sparse.csc_matrix, points: NDArray[np.float64], kind: Fact
 
 
 def usual_kind(count: int) -> Factorisation:
-    """Return what is fastest for a number of free vertices."""
+    """Return the fastest method for a number of free vertices."""
     return Factorisation.DENSE if count <= DENSE_UP_TO else Factorisation.SUPERNODES

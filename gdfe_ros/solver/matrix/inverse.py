@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What applies the inverse of the constant matrix in compiled code: as it is, or by the supernodes of a factor U^T U.
+"""Compiled application of the constant matrix' inverse: explicit, or by the supernodes of a factor U^T U.
 
-Three right-hand sides are solved at once: each entry of the factor is read once for x, y and z. Rows of the factor are
-taken four at a time, where there are fewer with rows of zeros in their place, and lines of eight numbers as a whole:
-what stands left of the diagonal in a row, or beyond its end, is zero. Inner loops count in unsigned numbers: an index
-that might be negative is looked at each time, and nothing is SIMD.
+Three right-hand sides are solved at once, so that each entry of the factor is read once for x, y and z. Rows of the
+factor are processed four at a time, padded by rows of zeros, in lines of eight numbers; entries left of the diagonal
+and beyond a row's end are zero. Inner loops count in unsigned numbers: a possibly negative index would cost a test in
+each iteration and prevent SIMD.
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel, parallel_kernel, vector_kernel
 
 TAKEN, LINE = 4, 8
-"""Rows that are taken at a time, and numbers that each row's length is a multiple of."""
+"""Rows that are processed at a time, and the divisor of each row's length."""
 
 
 class Inverse(NamedTuple):
-    """An inverse (f, f) as kernels take it; nothing of it is ever written, so that threads may share it.
+    """An inverse (f, f) for the kernels; it is never modified, so that threads may share it.
 
     Attributes:
         explicit: (f, f) the inverse itself, or (0, 0).
-        order, first, row_start, rows: of the `Elimination` of the factor; empty where there is none.
-        group_start: (g + 1,) first supernode of each group, none of which needs another; after them come those which
-            need several.
+        order, first, row_start, rows: of the `Elimination` of the factor; empty without one.
+        group_start: (g + 1,) first supernode of each group. Groups are independent of each other; the supernodes after
+            them depend on several groups.
         length: (s,) of the rows of each supernode.
-        value_start: (s + 1,) where they begin.
-        values: of all rows, one over the diagonal in its place, and last a row of zeros; empty where ``coarse`` is not.
+        value_start: (s + 1,) offset of their values.
+        values: of all rows, with one over the diagonal in its place, and at the end a row of zeros; empty if ``coarse``
+            is not.
         coarse: the same in single precision, or empty.
     """
 
@@ -49,7 +50,7 @@ class Inverse(NamedTuple):
 
     @classmethod
     def of(cls, explicit: NDArray[np.float64] | None = None) -> Inverse:
-        """Return an inverse that is known as a matrix (f, f), or that of a matrix which a library solves with."""
+        """Return an explicit inverse (f, f), or an empty one for a matrix that a library solves with."""
         start, none = np.zeros(1, np.int64), np.zeros(0, np.int64)
         known = np.zeros((0, 0)) if explicit is None else explicit
         return cls(known, none, start, start, none, start, none, start, np.zeros(0), np.zeros(0, np.float32))
@@ -59,7 +60,7 @@ class Inverse(NamedTuple):
 def apply_free(inverse, right, out, threads):
     """Write A_ff^-1 right to the first rows of ``out``, for three right-hand sides (f, 3), flat.
 
-    Any number of ``threads`` writes the same bits; None, for one, spares the compilation of the other way.
+    Any number of ``threads`` writes the same bits; with None, for one thread, the parallel version is not compiled.
     """
     if len(inverse.order) == 0:
         apply_explicit(inverse.explicit, right, out)
@@ -79,7 +80,7 @@ def apply_free(inverse, right, out, threads):
 
 @vector_kernel
 def apply_explicit(explicit, right, out):
-    """Do so by the inverse itself."""
+    """Write the product of an explicit inverse and ``right`` to ``out``."""
     for i in range(len(explicit)):
         for axis in range(3):
             out[3 * i + axis] = 0.0
@@ -92,7 +93,7 @@ def apply_explicit(explicit, right, out):
 
 @vector_kernel
 def solve_rows(inverse, values, x, threads):
-    """Solve U^T U x = x (f, 3), flat, in the order of elimination: groups, each apart, before and after the others."""
+    """Solve U^T U x = x (f, 3), flat, in the order of elimination; independent groups first and last."""
     groups = len(inverse.group_start) - 1
     begin, end = inverse.group_start[groups], len(inverse.length)
     above = x[3 * inverse.first[begin] :]
@@ -114,14 +115,14 @@ def solve_rows(inverse, values, x, threads):
 
 @kernel
 def reduce_groups(inverse, values, x, taken, first, last):
-    """Reduce some groups; what they make of what lies above them goes to ``taken`` (g, 3 k)."""
+    """Solve U^T x = x for some groups; contributions to the supernodes after all groups go to ``taken`` (g, 3 k)."""
     for group in range(first, last):
         reduce_nodes(inverse, values, x, taken[group], inverse.group_start[group], inverse.group_start[group + 1])
 
 
 @parallel_kernel
 def reduce_in_threads(threads, inverse, values, x, taken):
-    """Share the groups out to threads."""
+    """Distribute the forward solution of the groups to threads."""
     groups = len(inverse.group_start) - 1
     for part in prange(threads):
         reduce_groups(inverse, values, x, taken, part * groups // threads, (part + 1) * groups // threads)
@@ -129,7 +130,7 @@ def reduce_in_threads(threads, inverse, values, x, taken):
 
 @parallel_kernel
 def expand_in_threads(threads, inverse, values, x):
-    """Share the groups out to threads."""
+    """Distribute the backward solution of the groups to threads."""
     groups = len(inverse.group_start) - 1
     for part in prange(threads):
         first, last = part * groups // threads, (part + 1) * groups // threads
@@ -180,14 +181,14 @@ def expand_nodes(inverse, values, x, begin, end):
 
 @vector_kernel
 def row_of(values, at, blank, length, number, own):
-    """Return row ``number`` of a supernode, a row of zeros beyond its ``own``."""
+    """Return row ``number`` of a supernode; a row of zeros beyond its ``own``."""
     begin = at + number * length if number < own else blank
     return values[begin : begin + length]
 
 
 @vector_kernel
 def forward(u, first, a, b, c, d):
-    """Solve with four rows of U^T, one axis."""
+    """Solve four rows of U^T for one axis."""
     p = u[first] * a[first]
     q = (u[first + 1] - a[first + 1] * p) * b[first + 1]
     r = (u[first + 2] - a[first + 2] * p - b[first + 2] * q) * c[first + 2]
@@ -197,7 +198,7 @@ def forward(u, first, a, b, c, d):
 
 @vector_kernel
 def backward(taken, first, a, b, c, d):
-    """Solve with four rows of U, one axis, of what the other rows have left."""
+    """Solve four rows of U for one axis, from the right-hand sides ``taken`` less the other rows."""
     p, q, r, s = taken
     s *= d[first + 3]
     r = (r - c[first + 3] * s) * c[first + 2]
@@ -208,13 +209,13 @@ def backward(taken, first, a, b, c, d):
 
 @vector_kernel
 def four_of(u, first):
-    """Return four numbers in a row."""
+    """Return four successive numbers."""
     return u[first], u[first + 1], u[first + 2], u[first + 3]
 
 
 @vector_kernel
 def put(found, u, first, own):
-    """Write four numbers in a row, but for those that are not a supernode's ``own``."""
+    """Write four successive numbers, except those beyond a supernode's ``own``."""
     p, q, r, s = found
     u[first] = p
     if first + 1 < own:
@@ -227,7 +228,7 @@ def put(found, u, first, own):
 
 @vector_kernel
 def reduce_rows(values, at, blank, u, v, w, own):
-    """Solve with the ``own`` rows of U^T of a supernode, and take what they make of the others from these."""
+    """Solve the ``own`` rows of U^T of a supernode, and subtract their products from its other rows."""
     length = len(u)
     for first in range(0, own, TAKEN):
         a, b = row_of(values, at, blank, length, first, own), row_of(values, at, blank, length, first + 1, own)
@@ -246,7 +247,7 @@ def reduce_rows(values, at, blank, u, v, w, own):
 
 @vector_kernel
 def expand_rows(values, at, blank, u, v, w, own):
-    """Solve with the ``own`` rows of U of a supernode, of which the others are known."""
+    """Solve the ``own`` rows of U of a supernode, whose other rows are known."""
     length = len(u)
     for first in range((own - 1) // TAKEN * TAKEN, -1, -TAKEN):
         a, b = row_of(values, at, blank, length, first, own), row_of(values, at, blank, length, first + 1, own)

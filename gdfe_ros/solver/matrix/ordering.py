@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Orders of a body's vertices in which its matrices have a narrow band, or fill little when they are factored."""
+"""Orders of a body's vertices that give its matrices a narrow band, or little fill."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
 LEAF = 60
-"""Vertices of a part that is not divided any more."""
+"""Vertices of a part that is not divided further."""
 DIGITS = 6
-"""Of coordinates over the body's size: vertices of one cross-section count as level with each other."""
+"""Decimal digits to which coordinates over the body's size are rounded, so that a cross-section's vertices count as
+level."""
 
 
 def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return an order (f,) of the vertices whose neighbours in it are near.
+    """Return an order (f,) of the vertices in which neighbours are close to each other.
 
-    Cross-section by cross-section along a principal axis is twice as narrow as what reverse Cuthill-McKee finds, for
-    straight bodies; for others that is the better one. The narrowest is taken.
+    For straight bodies, the order by cross-sections along a principal axis has half the bandwidth of reverse
+    Cuthill-McKee; for others the latter is better. The narrowest is returned.
 
     Args:
         graph: (f, f), an entry for every two vertices that share an element.
@@ -36,7 +37,7 @@ def narrow_order(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArr
 
 
 def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
-    """Return an order (f,) by minimum degree, SuperLU's: good for bodies that branch."""
+    """Return the order (f,) of minimum degree, by SuperLU; it suits bodies that branch."""
     links = sparse.csr_matrix((np.ones(len(graph.indices)), graph.indices, graph.indptr), shape=graph.shape)
     definite = (sparse.diags_array(np.diff(graph.indptr) + 1.0) - links).tocsc()
     options = {"SymmetricMode": True}
@@ -44,10 +45,11 @@ def least_degree(graph: sparse.csr_matrix) -> NDArray[np.int64]:
 
 
 def dissected(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return an order (f,) by nested dissection (George 1973): halves first, and last what separates them.
+    """Return an order (f,) by nested dissection (George 1973): both halves first, then their separator.
 
-    A body is halved across its longest axis; of the upper half what has neighbours in the lower one separates the two.
-    For bodies of thousands of vertices in each direction's section far less is filled than in a narrow order.
+    A body is halved across its longest axis; the separator consists of the vertices of the upper half with neighbours
+    in the lower one. For bodies with thousands of vertices per cross-section the fill is far less than in a narrow
+    order.
 
     Args:
         graph: (f, f), an entry for every two vertices that share an element.
@@ -74,7 +76,7 @@ def dissected(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> NDArray[
 
 
 def spread(graph: sparse.csr_matrix, order: NDArray[np.int64]) -> int:
-    """Return the largest distance of neighbours in an order."""
+    """Return the half bandwidth of an order: the largest distance of neighbours."""
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     rows = np.repeat(np.arange(len(order)), np.diff(graph.indptr))

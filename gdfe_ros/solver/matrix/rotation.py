@@ -46,13 +46,13 @@ def rotation_matrix(turn):
 
 @inlined
 def rotated(r, x, y, z):
-    """Return a vector turned by a rotation matrix."""
+    """Return a vector rotated by a rotation matrix."""
     return r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z, r[6] * x + r[7] * y + r[8] * z
 
 
 @inlined
 def left_jacobian_transposed(turn, moment):
-    """Return J_l(theta)^T m: from a moment about world axes to the slope along the rotation vector's components."""
+    """Return J_l(theta)^T m: the derivative by the rotation vector's components from a moment about world axes."""
     _, b, c = coefficients(turn)
     x, y, z = turn
     m0, m1, m2 = moment

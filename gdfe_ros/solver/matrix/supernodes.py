@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sparse Cholesky factor A = U^T U of the constant matrix: multifrontal (Liu 1992), dense fronts by LAPACK.
+"""Sparse Cholesky factor A = U^T U of the constant matrix by the multifrontal method (Liu 1992), with LAPACK.
 
-Each supernode gathers its part of the matrix and what its children leave in a dense front, eliminates its own vertices
-there, and leaves the rest to its parent.
+Each supernode assembles its entries of the matrix and its children's update matrices in a dense front, eliminates its
+own vertices there, and passes the remaining update matrix to its parent.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ from gdfe_ros.solver.matrix.inverse import LINE, Inverse
 from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
 COARSE_FROM = 4_000_000
-"""Entries from which a factor is kept in single precision: it no longer fits into any cache, and reading it is what a
-solve takes."""
+"""Number of entries from which a factor is kept in single precision: it no longer fits into any cache, and a solve
+takes the time of reading it."""
 
 GROUPS = 4
 """Groups of supernodes of a large factor that threads may share."""
 ZEROS = 0.15
-"""Share of a supernode that may be zeros: what is factored once and solved with often is fastest with few of them."""
+"""Largest share of zeros in a supernode: a matrix that is factored once and solved with often is fastest with few
+zeros."""
 
 
 class NotDefiniteError(ArithmeticError):
-    """A matrix has no Cholesky factor in double precision."""
+    """A matrix without a Cholesky factor in double precision."""
 
 
 @kernel
 def extend(left, places, front):
-    """Add what a child leaves (p, p), lower triangle, at the ``places`` (p,) of its vertices in the front."""
+    """Add a child's update matrix (p, p), lower triangle, to the rows ``places`` (p,) of the front."""
     for b in range(len(places)):
         row, line = left[b], front[places[b]]
         for a in range(b + 1):
@@ -43,12 +44,12 @@ def extend(left, places, front):
 
 
 def supernodal(matrix: sparse.csc_matrix, points: NDArray[np.float64], *, exact: bool = False) -> Inverse:
-    """Return the factor of a matrix (f, f) between vertices at ``points`` (f, 3) [m], as kernels take it.
+    """Return the factor of a matrix (f, f) between vertices at ``points`` (f, 3) [m], for the kernels.
 
-    A large one is kept in single precision, unless it is to be ``exact``.
+    A large factor is kept in single precision, unless ``exact`` is set.
 
     Raises:
-        NotDefiniteError: it is not positive definite.
+        NotDefiniteError: the matrix is not positive definite.
     """
     graph = matrix.tocsr()
     graph.sort_indices()

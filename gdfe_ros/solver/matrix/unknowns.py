@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which positions are unknown: free vertices, and the rigid motion of every handle that has a free axis."""
+"""Numbering of the unknowns: free vertices, and the rigid motion of every handle with a free axis."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from gdfe_ros.solver.matrix.rotation import left_jacobian_transposed, rotated, r
 class Unknowns(NamedTuple):
     """Rows of unknowns (r, 3) in metres: the free vertices, then the rigid rows.
 
-    A handle with a free axis has a row for its translation, and one for its rotation where it turns freely: the
+    A handle with a free axis has a row for its translation, and one for its rotation if it rotates freely: the
     rotation vector from its commanded orientation, times a radius. Components that are not free stay zero.
 
     Attributes:
         free: (f,) int32 vertex of each of the first f rows.
         prescribed: (b,) int32 vertices of all handles, handle by handle.
-        member_start: (p + 1,) int32, where the vertices of each handle with a free axis start in ``members``.
+        member_start: (p + 1,) int32, index in ``members`` at which each handle with a free axis begins.
         members: int32 vertices of these handles.
         slides: (p, 3) float64, 1 for a free translation, 0 for a prescribed one.
         turns: (p, 3) float64, the same for rotations.
-        turn_row: (p,) int32, row of the rotation; -1 where the handle does not turn.
-        radius: (p,) float64, largest distance of any vertex of the body from the handle's centre at rest [m]: where
-            the handle turns the body follows.
-        corner_start: (n + 1,) int32, where each vertex's list of element corners starts in ``corner``.
+        turn_row: (p,) int32, row of the rotation; -1 for a handle that does not rotate.
+        radius: (p,) float64, largest distance of any vertex of the body from the handle's centre at rest [m], because
+            the body follows a rotation of the handle.
+        corner_start: (n + 1,) int32, index in ``corner`` at which each vertex's list of element corners begins.
         corner: (8 m,) int32, element times eight plus corner; each vertex sums its forces in this order.
     """
 
@@ -67,10 +67,10 @@ class Unknowns(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """Where handles are commanded.
+    """Commanded positions of the handles.
 
     Attributes:
-        base: (n, 3) positions [m] of the handles' vertices with no free motion; other rows are not read.
+        base: (n, 3) positions [m] of the handles' vertices without free motion; other rows are not read.
         centre: (p, 3) centres [m] of the handles that have a free axis.
     """
 
@@ -79,7 +79,7 @@ class Frame(NamedTuple):
 
 
 def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles: Sequence[Handle]) -> Unknowns:
-    """Number the unknowns of a mesh of vertices ``rest`` (n, 3) [m] with ``cells`` (m, 8) held by ``handles``."""
+    """Return the numbering for vertices ``rest`` (n, 3) [m] and ``cells`` (m, 8) held by ``handles``."""
     prescribed = np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in handles)])
     free = np.setdiff1d(np.arange(len(rest)), prescribed)
     loose = [handle for handle in handles if handle.free or handle.turning]
@@ -127,7 +127,7 @@ def _mean_rows(x, start, members, centres):
 
 @kernel
 def place(u, frame, unknowns, x):
-    """Write positions ``x`` (n, 3) from the unknowns ``u`` (3 r,) and where handles are commanded."""
+    """Write positions ``x`` (n, 3) [m] from the unknowns ``u`` (3 r,) and the commanded handles."""
     count = len(unknowns.free)
     for row in range(count):
         v = unknowns.free[row]
@@ -156,7 +156,7 @@ def place(u, frame, unknowns, x):
 
 @kernel
 def gather_rows(force, unknowns, gradient):
-    """Sum corner forces (m, 8, 3) into the rows of free vertices, in an order that is always the same."""
+    """Sum corner forces (m, 8, 3) into the rows of free vertices, in a fixed order."""
     for row in range(len(unknowns.free)):
         s = vertex_force(force, unknowns, unknowns.free[row])
         gradient[3 * row], gradient[3 * row + 1], gradient[3 * row + 2] = s
@@ -175,7 +175,7 @@ def add_rows(outside, unknowns, gradient):
 def gather_rigid_rows(u, x, force, outside, pushed, frame, unknowns, gradient):
     """Write the rigid rows of ``gradient`` (3 r,): dE/dt, and dE/dtheta = J_l(theta)^T moment over the radius.
 
-    ``force`` (m, 8, 3) are corner forces, ``outside`` (n, 3) [N] what else acts, where something has ``pushed``.
+    ``force`` (m, 8, 3) [N] are corner forces; ``outside`` (n, 3) [N] are those of the other terms, used if ``pushed``.
     """
     count = len(unknowns.free)
     for p in range(len(unknowns.slides)):
@@ -204,7 +204,7 @@ def gather_rigid_rows(u, x, force, outside, pushed, frame, unknowns, gradient):
 
 @inlined
 def rigid_part(u, row, mask, p, scale):
-    """Return the free components of a rigid row."""
+    """Return the free components of a rigid row, times ``scale``."""
     return (
         mask[p, 0] * u[3 * row] * scale,
         mask[p, 1] * u[3 * row + 1] * scale,
@@ -214,7 +214,7 @@ def rigid_part(u, row, mask, p, scale):
 
 @inlined
 def vertex_force(force, unknowns, vertex):
-    """Sum the forces (m, 8, 3) of the element corners at one vertex."""
+    """Return the sum of the forces (m, 8, 3) of the element corners at one vertex."""
     s0, s1, s2 = 0.0, 0.0, 0.0
     for i in range(unknowns.corner_start[vertex], unknowns.corner_start[vertex + 1]):
         e, a = unknowns.corner[i] >> 3, unknowns.corner[i] & 7

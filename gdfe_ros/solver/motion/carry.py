@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A motion carried over to a body of the same shape whose materials are others."""
+"""Transfer of a motion to a body of the same shape with other materials."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from gdfe_ros.solver.value import changed
 
 
 def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
-    """Return a motion as it goes on with other materials: positions, velocities and commands stay.
+    """Return a snapshot that continues a motion with other materials: positions, velocities and commands stay.
 
-    What elements and descents remember belongs to the old materials and is taken from ``fresh``. Nothing counts as at
-    rest, for the forces have changed; the energy that the change itself gives or takes is in no account.
+    The stored states of elements and minimisations belong to the old materials and are replaced by those of ``fresh``.
+    Nothing counts as at rest, because the forces have changed. The change of energy is in no account.
 
     Args:
-        moving: of the old body.
-        fresh: of the new one, at rest.
+        moving: snapshot of the old body.
+        fresh: snapshot of the new one, at rest.
     """
     old, new = moving.state, fresh.state
     state = old.with_(

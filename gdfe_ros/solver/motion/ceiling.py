@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The most energy that a moving body may have; what a step makes beyond is no motion of the body's."""
+"""Upper bound of a moving body's energy, which detects steps that create energy."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
 ABOVE_START = 0.01
-"""Energy above what it began with, over the largest so far: a spinning body swings by that in sixty steps a turn."""
+"""Allowed excess over the initial energy, over the largest energy so far: a spinning body oscillates by that at sixty
+steps a turn."""
 ABOVE_LEAST = {Scheme.BDF2: 0.25, Scheme.NEWMARK: 0.03, Scheme.GENERALISED_ALPHA: 0.03}
-"""Energy above the least so far, likewise: it swings by a hundredth in resolved motions, as hourglass stiffness follows
-strains; that of `bdf2` sinks too far while something stops a body, and comes back."""
+"""Energy above the least so far, over the largest so far. In resolved motions it oscillates by a hundredth, because
+hourglass stiffness follows strains. With `bdf2` it drops too far when the body is stopped, and comes back."""
 ROUNDING = 1e-9
-"""Share of the energies in an account that is none."""
+"""Share of the energies in an account that is rounding."""
 
 
 class Ceiling:
-    """Tells when a step has made energy.
+    """Detects steps that create energy.
 
-    What a body has beyond the work done on it, kinetic + elastic + potential energy - work, stays as it is or sinks by
-    what is dissipated, whatever is booked of that. It may swing above the start and above its least value by shares of
-    the largest kinetic and elastic energy so far, and by what a strain of the tolerance holds.
+    The balance kinetic + elastic + potential energy - work is constant or falls by the dissipated energy. It may exceed
+    its initial and its least value by shares of the largest kinetic and elastic energy so far, and by the energy of a
+    strain of the size of the tolerance.
 
     Args:
         body: the discretised body.
         scheme: of the steps.
         tolerance: of an equilibrium, over the body's size.
-        accounts: the body's.
+        accounts: the energy accounts of the body.
     """
 
     def __init__(self, body: Body, scheme: Scheme, tolerance: float, accounts: Accounts) -> None:
@@ -42,7 +43,7 @@ class Ceiling:
         self._above_least, self._accounts = ABOVE_LEAST[scheme], accounts
 
     def checked(self, now: State) -> tuple[Ledger, float]:
-        """Return the ledger of a state after a step, and how much energy [J] it has above the ceiling, or none."""
+        """Return the ledger of a state after a step, and its energy above the ceiling [J], 0 if it is below."""
         velocity, bound = kinematics_of(now.terms[inertia.NAME]).velocity, now.ledger.bound
         energies = self._accounts.energies(now, velocity)
         stirred = energies["kinetic"] + energies["elastic"]
@@ -57,7 +58,10 @@ class Ceiling:
 
 
 def told(state: State, excess: float, h: float) -> State:
-    """Return a state whose last step, of length ``h`` [s], made energy [J], which cannot be mended: told once."""
+    """Return a state with a message that its last step of length ``h`` [s] created the energy ``excess`` [J].
+
+    The bound is raised by the excess, so that the message is given once.
+    """
     bound, summary = state.ledger.bound, state.summary
     text = (
         f"an internal step of {h:.3g} s gained {excess:.3g} J of energy without a source; "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a user may choose about motion."""
+"""Settings of the dynamics."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from enum import Enum
 
 SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
-"""Internal steps [s] that are allowed."""
+"""Bounds of the internal step [s]."""
 THICKEST = 1e8
-"""Viscosity [Pa s] that is allowed at most: beyond, rounding of strains is larger than forces of soft bodies."""
+"""Largest viscosity [Pa s]. Beyond it the rounding of strains causes larger forces than soft bodies have."""
 
 
 class Scheme(str, Enum):
-    """How a step in time is discretised; all are of second order (docs/theory/motion.md)."""
+    """Time integration scheme; all are of second order (docs/theory/motion.md)."""
 
     BDF2 = "bdf2"
     NEWMARK = "newmark"
@@ -26,8 +26,8 @@ class Branch:
     """One term of a Prony series.
 
     Attributes:
-        share: of the modulus at once that this branch carries, above 0.
-        time: in which its stress falls to 1/e [s].
+        share: of the instantaneous modulus that this branch carries, above 0.
+        time: relaxation time [s], in which its stress falls to 1/e.
     """
 
     share: float
@@ -36,18 +36,18 @@ class Branch:
 
 @dataclass(frozen=True)
 class Dynamics:
-    """Inertia, damping and steps in time.
+    """Inertia, damping and time steps.
 
     Attributes:
-        scheme: ``bdf2`` damps what a step does not resolve, ``newmark`` keeps the energy, ``generalised_alpha`` damps
-            as much as ``rho_inf`` says.
+        scheme: ``bdf2`` damps motion that a step does not resolve, ``newmark`` conserves energy, ``generalised_alpha``
+            damps according to ``rho_inf``.
         rho_inf: spectral radius of ``generalised_alpha`` at infinite frequency, 0 to 1; other schemes have none.
-        step: longest internal step [s]; a step of a simulation is cut into equal ones no longer than it.
-        mass_damping: force over mass and velocity, against the world [1/s].
+        step: longest internal step [s]; a step of a simulation is divided into equal ones no longer than it.
+        mass_damping: damping force over mass and velocity, relative to the world [1/s].
         viscosity: second Piola-Kirchhoff stress over the rate of the Green strain [Pa s].
         prony: branches of a generalised Maxwell body beside the material, whose law is that of slow motion.
-        velocity: (3,) of every vertex at the start [m/s].
-        spin: (3,) angular velocity about the centre of mass at the start [rad/s].
+        velocity: (3,) initial velocity of every vertex [m/s].
+        spin: (3,) initial angular velocity about the centre of mass [rad/s].
 
     Raises:
         ValueError: a value is out of range.
@@ -83,20 +83,20 @@ class Dynamics:
 
     @property
     def swing(self) -> float:
-        """Energy that the first step may give over h^2 a^T M a of the start; what damps gives it back later."""
+        """Energy that the first step may add, over h^2 a^T M a at the start; numerical damping removes it later."""
         damped = (1.0 - self.rho_inf) / (1.0 + self.rho_inf) if self.scheme is Scheme.GENERALISED_ALPHA else 0.0
         return 0.125 * damped**2
 
     @property
     def damps(self) -> bool:
-        """Whether strains that change are resisted."""
+        """Whether the material resists changes of strain."""
         return bool(self.viscosity or self.prony)
 
     def relaxation(self, shear: float) -> float:
-        """Return the longest time [s] in which a material of this shear modulus [Pa] creeps to its shape."""
+        """Return the longest time constant [s] with which a material of this shear modulus [Pa] creeps to its shape."""
         return max([0.5 * self.viscosity / shear, *(branch.time for branch in self.prony)])
 
     @property
     def slow_share(self) -> float:
-        """Share of the modulus at once that is left in slow motion, which is the material's law."""
+        """Share of the instantaneous modulus that remains in slow motion, which is the material's law."""
         return 1.0 - sum(branch.share for branch in self.prony)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a step in time has come: internal steps of equal length, cut in halves where one fails."""
+"""Progress of a time step: internal steps of equal length, which are halved on failure."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.value import changed
 
 HALVINGS = 4
-"""How often an internal step that fails is cut in half."""
+"""How often a failing internal step may be halved."""
 WHOLE = 2**HALVINGS
-"""Shares that an internal step has."""
+"""Units into which an internal step is divided."""
 DEEPEST_FOLD = -0.5
-"""Least volume ratio of a corner with which a fall goes on: walls push open what is folded so little."""
+"""Least volume ratio of a corner with which an undriven motion continues: fold barriers open such folds again."""
 ROUNDING = 1e-9
-"""Share of an internal step that counts as none."""
+"""Share of an internal step that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Flight:
-    """A step in time while it is made.
+    """A time step in progress.
 
     Attributes:
-        state: where it is.
-        began: where it began.
-        poses, commands: where handles and commands will be at the end.
-        duration: of the whole [s].
-        total: shares of the whole.
-        done: shares behind.
-        size: shares of the next internal step.
+        state: the present state.
+        began: the state at the beginning.
+        poses, commands: at the end.
+        duration: of the whole step [s].
+        total: its units.
+        done: completed units.
+        size: units of the next internal step.
         iterations, attempts: so far.
-        flaw: what was wrong first; empty where nothing was.
+        flaw: the first failure; empty for none.
     """
 
     state: State
@@ -61,7 +61,7 @@ class Flight:
         return cls(state=state, began=state, poses=poses, commands=commands, duration=duration, total=WHOLE * count)
 
     def repeats(self, failure: Failure) -> bool:
-        """Tell whether nothing has changed since this failed: a body that is driven on may get there in more time."""
+        """Return whether this step would only repeat ``failure``; a driven body may succeed in more time."""
         if (self.poses, self.commands) != (failure.poses, failure.commands):
             return False
         if (self.state.poses, self.state.commands) == (self.poses, self.commands):
@@ -70,17 +70,17 @@ class Flight:
 
     @property
     def arrived(self) -> bool:
-        """Whether the whole is behind."""
+        """Whether the whole step is completed."""
         return self.done >= self.total
 
     @property
     def length(self) -> float:
-        """Length [s] of the next internal step, to nine digits: each other length asks for a factor of its own."""
+        """Length [s] of the next internal step, rounded to nine digits because each new length needs a factor."""
         return float(f"{self.duration / (self.total / self.size):.9g}")
 
     @property
     def longest(self) -> float:
-        """Length [s] of an internal step that is not cut."""
+        """Length [s] of an internal step that is not halved."""
         return self.duration / (self.total / WHOLE)
 
     @property
@@ -96,7 +96,7 @@ class Flight:
 
     @property
     def can_halve(self) -> bool:
-        """Whether the next internal step may be cut in half."""
+        """Whether the next internal step may be halved."""
         return self.size > 1
 
     @property
@@ -105,29 +105,29 @@ class Flight:
         return self.aim != (self.state.poses, self.state.commands)
 
     def endures(self, solution: Solution) -> bool:
-        """Tell whether a solution with folded elements is taken all the same, as not converged, so that time goes on.
+        """Return whether the simulation continues after a solution with folded elements, which counts as not converged.
 
-        It is where no shorter step is left, no command drives the body there, and corners are folded but a little.
-        Walls push them open in the steps that follow.
+        It does if no shorter step is left, no command drives the body, and corners are folded only slightly. Fold
+        barriers open them in the following steps.
         """
         return not (self.can_halve or self.driven or solution.diverged) and solution.min_det > DEEPEST_FOLD
 
     def tried(self, solution: Solution) -> Flight:
-        """Return the flight with the work of an attempt."""
+        """Return the flight with the cost of an attempt added."""
         return changed(self, iterations=self.iterations + solution.iterations, attempts=self.attempts + 1)
 
     def halved(self) -> Flight:
-        """Return the flight with the next internal step cut in half."""
+        """Return the flight with the next internal step halved."""
         return changed(self, size=self.size // 2)
 
     def went(self, state: State) -> Flight:
-        """Return the flight after an internal step; after two halves, the whole is tried again."""
+        """Return the flight after an internal step; after two halves, the full length is tried again."""
         done = self.done + self.size
         size = min(WHOLE, self.size * 2) if done % (2 * self.size) == 0 else self.size
         return changed(self, state=state, done=done, size=size, flaw=self.flaw or self._flaw(state))
 
     def march(self, skipped: dict[str, int]) -> March:
-        """Return how far it came."""
+        """Return the outcome of the step so far."""
         flaw, arrived = self.flaw, self.arrived
         if not arrived:
             flaw = f"simulated {self.simulated:.6g} of {self.duration:.6g} s: {flaw or self.state.summary.message}"
@@ -146,7 +146,7 @@ class Flight:
         )
 
     def withdrawn(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
-        """Return the march to the state before an internal step that failed; unless ``hurried``, it remembers that."""
+        """Return the outcome at the state before a failed internal step; record the failure unless ``hurried``."""
         reason, least = solution.message, self.state.summary.min_det
         text = f"an internal step of {self.length:.3g} s failed: {reason}".rstrip("; ")
         text = f"{text}; positions and velocities are those before it"
@@ -167,7 +167,7 @@ class Flight:
 
     @property
     def simulated(self) -> float:
-        """Time behind [s]."""
+        """Simulated time [s]."""
         return self.duration if self.arrived else self.duration * self.done / self.total
 
     @staticmethod

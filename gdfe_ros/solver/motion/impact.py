@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Impacts of rigid bodies: what stops them within a step acts once.
+"""Impacts of rigid bodies: contact forces that stop a body within one step act once, as impulses.
 
-A scheme of second order takes the force of a step for one that was there before and goes on after it: what stops a
-rigid body at something hard in one step would throw it back, by BDF2 with up to 1.25 times its speed. So of the force
-of each contact of rigid bodies the share that is spent on the speed with which it approached counts as an impulse: it
-moves the body by d in that step, changes its velocity by d / h, and is forgotten. What is left, as the weight of a body
-at rest, is a force as any other. On both sides the share is the same: momentum is kept.
+A scheme of second order assumes that the force of a step acted before it and continues after it. A contact force that
+stops a rigid body in one step would therefore throw it back, with BDF2 at up to 1.25 times its speed. The share of each
+contact force that cancels the speed of approach is thus treated as an impulse: it moves the body by d in that step,
+changes its velocity by d / h, and does not enter the next step. The rest, such as the weight of a resting body, is an
+ordinary force. The share is the same on both sides, so momentum is conserved.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ from gdfe_ros.solver.terms.term import Term
 
 
 class Impacts:
-    """Has impacts of a body's rigid bodies act once.
+    """Treats impacts of a body's rigid bodies as impulses.
 
     Args:
         body: the discretised body.
         dynamics: of the steps.
-        scheme: whose next step counts on what is left; with ``newmark`` all contacts push as `Pushes` has it.
+        scheme: whose next step uses the remaining forces. With ``newmark`` there are no impacts: `Pushes` treats all
+            contacts.
     """
 
     def __init__(self, body: Body, dynamics: Dynamics, scheme: Scheme) -> None:
@@ -44,7 +45,7 @@ class Impacts:
     def stopped(self, before: State, now: State, h: float, contacts: Sequence[Term], *, first: bool) -> State:
         """Return the state after a step of length ``h`` [s] from ``before``, with impacts as impulses.
 
-        There are none in the ``first`` step: how anything approached is not known yet.
+        The ``first`` step has none, because the speed of approach is not known yet.
         """
         touching = [contact for contact in contacts if isinstance(contact, RigidContact) and contact.updates]
         last = kinematics_of(before.terms[NAME])
@@ -57,7 +58,7 @@ class Impacts:
             contact.add_forces(x, forces)
             moved.append(self._moved(x, forces, rule.kappa))
         together = sum(moved)
-        # What it moved by, not its velocity: that of a body at rest must be exactly none.
+        # The displacement of the last step instead of the velocity: for a body at rest it is exactly zero.
         approach = (h / before.terms[NAME]["h"][0]) * (before.positions - last.before)
         for contact, alone in zip(touching, moved, strict=True):
             contact.add_impacts(x, before, approach, (together, alone), impulsive)
@@ -74,7 +75,7 @@ class Impacts:
         return now.with_(terms={**now.terms, NAME: kept})
 
     def _moved(self, x: NDArray[np.float64], forces: NDArray[np.float64], kappa: float) -> NDArray[np.float64]:
-        """Return by how much forces (n, 3) [N] move the vertices of rigid bodies in a step (n, 3) [m]."""
+        """Return the displacement (n, 3) [m] of rigid bodies' vertices by forces (n, 3) [N] in a step."""
         moved, own = np.zeros_like(x), self._vertices
         moved[own] = rigid_part(x[own], forces[own] / (kappa * self._masses))
         return moved

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an inertial measurement unit that is cast into a body reads.
+"""Readings of an inertial measurement unit embedded in a body.
 
-It sits at a material point, turned as the cell around it: by R of the mean deformation gradient F = R U. With F' the
+It sits at a material point with the orientation of its cell: R of the mean deformation gradient F = R U. With F' the
 mean gradient of the velocities, R^T F' = W U + U', and U' is symmetric: the axial vector w of W = R^T R' follows from
 
     (tr(U) 1 - U) w = axial(R^T F' - F'^T R),   axial(A) = (A_32, A_13, A_21).
 
-The unit feels R^T (a - g): nothing in free fall, and at rest what keeps it from falling.
+The unit measures R^T (a - g): zero in free fall, and at rest the acceleration that balances gravity.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImuReading:
-    """What a unit reads.
+    """Reading of one unit.
 
     Attributes:
-        orientation: from the unit's axes to the world's; at rest they are the same.
+        orientation: from the unit's axes to the world's; the identity at rest.
         angular_velocity: (3,) [rad/s] in the unit's axes.
         linear_acceleration: (3,) [m/s^2] in the unit's axes, without that of gravity: 9.81 upward at rest.
     """
@@ -51,16 +51,16 @@ def later_readings(
     state: State,
     commands: Mapping[str, float],
 ) -> Callable[[], dict[str, ImuReading]]:
-    """Return what evaluates, once and in any thread, the readings at points by name.
+    """Return a function that evaluates the readings at points by name, once and in any thread.
 
-    Before the first step of a run nothing is accelerated yet: a unit reads what it would at rest.
+    Before the first step of a run nothing is accelerated yet: a unit reads the same as at rest.
 
     Args:
         points: one material point each.
         loads: of the scene.
         stepper: of the simulation.
-        state: in which they are read.
-        commands: factors on the loads, by name.
+        state: of the readings.
+        commands: factors of the loads, by name.
 
     Raises:
         CommandError: the body has no mass.
@@ -87,11 +87,11 @@ def imu_reading(
     *,
     gravity: Vector,
 ) -> ImuReading:
-    """Return what a unit at a material point reads.
+    """Return the reading of a unit at a material point.
 
     Args:
         shape: operators of the elements at rest.
-        point: where the unit sits.
+        point: position of the unit.
         positions: (n, 3) [m].
         velocities: (n, 3) [m/s].
         accelerations: (n, 3) [m/s^2].
@@ -116,7 +116,7 @@ def _cell(shape: ShapeOperators, corners: NDArray[np.int32]) -> int:
 
 
 def _polar(gradient: Vector) -> tuple[Vector, Vector]:
-    """Return R and U (3, 3) of F = R U; R is a rotation also where an element is turned inside out."""
+    """Return R and U (3, 3) of F = R U; R is a rotation even for an inverted element."""
     left, stretches, right = np.linalg.svd(gradient)
     if np.linalg.det(left @ right) < 0.0:
         left[:, 2], stretches[2] = -left[:, 2], -stretches[2]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inertia as a term: E = k/2 |x - x_hat|_M^2, whose minimum with all others balances momentum."""
+"""Inertia as a term: E = k/2 |x - x_hat|_M^2, whose minimum with all other terms balances momentum."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
 
 NAME = "(inertia)"
-"""No actuator or load of a scene can be called that."""
+"""Name of the term; no actuator or load of a scene can have it."""
 OPTIONAL = ("pushed", "shadow")
-"""What a state keeps only where something can touch."""
+"""Arrays that a state stores only if contact is possible."""
 
 
 @kernel
 def inertia_energy(x, reals, integers, force, size):
-    """Return k/2 d^T M d [J] with d = x - x_hat; `term_kernel` wants this signature.
+    """Return k/2 d^T M d [J] with d = x - x_hat, with the signature required by `term_kernel`.
 
     ``reals`` are k [1/s^2], x_hat (n, 3) [m] and the entries of M [kg]; ``integers`` its row starts and columns.
     """
@@ -57,7 +57,7 @@ def _entry(x, n, reals, k, integers, i, force, size):
 
 
 class Inertia(Term):
-    """The mass of a body in steps of one length, with damping against the world.
+    """Inertia of a body in steps of one length, with damping relative to the world.
 
     Args:
         body: the discretised body.
@@ -83,27 +83,27 @@ class Inertia(Term):
         super().__init__(NAME, numbers, np.concatenate([mass.indptr, mass.indices]).astype(np.int32))
 
     def stiffness(self) -> sparse.spmatrix:
-        """Return kappa M, and what damping against the world adds."""
+        """Return the term's stiffness: kappa M plus the damping relative to the world."""
         return (self._factor * self._mass).tocsc()
 
     def couplings(self) -> NDArray[np.int32]:
-        """Return the vertices that rigid bodies are, which no element couples (r, 4)."""
+        """Return the vertices (r, 4) of rigid bodies, which no element couples."""
         return self._rigid
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return nothing (r, 12, 12): all of it is in the stiffness."""
+        """Return zeros (r, 12, 12): all of it is in the stiffness."""
         return np.zeros((len(self._rigid), 12, 12))
 
     def neutral(self) -> Saved:
-        """Return that nothing has begun yet."""
+        """Return the stored state before the first step."""
         none = np.zeros_like(self._driven, dtype=np.float64)
         return saved_of(Kinematics.started(none, none, none, 0.0), h=0.0)
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Prepare a step; ``positions`` (n, 3) [m] have the handles where they will be. Before the first: no inertia.
+        """Prepare a step; ``positions`` (n, 3) [m] have the handles at their targets.
 
-        The vertices that handles drive have the velocity that they are moved with: a jump of it would ring for ever
-        otherwise.
+        Before the first step there is no inertia. Vertices that handles drive get the velocity of their displacement; a
+        jump of it would otherwise oscillate for ever.
         """
         if not saved["h"][0]:
             self.reals[0] = 0.0
@@ -119,12 +119,12 @@ class Inertia(Term):
         self._rule, self._last = rule, saved["positions"]
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return how the vertices move now."""
+        """Return the state to store: the kinematics at ``positions`` (n, 3) [m]."""
         if not saved["h"][0]:
             return saved
         now, rule = kinematics_of(saved), self._rule
         velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
-        if len(self._rigid):  # differences of turned positions stretch a little, and what does not damp keeps that
+        if len(self._rigid):  # rotation makes differences stretch a little; undamped schemes keep that
             velocity[self._rigid] = rigid_part(positions[self._rigid], velocity[self._rigid])
         given, change = self._followed(positions, self._last, now.velocity)
         after = Kinematics(
@@ -137,22 +137,22 @@ class Inertia(Term):
         return saved_of(after, h=self._h, positions=positions)
 
     def energy(self, positions: NDArray[np.float64]) -> float:
-        """Return nothing: what inertia stores is kinetic."""
+        """Return 0: the energy of inertia is kinetic."""
         return 0.0
 
     def _followed(
         self, positions: NDArray[np.float64], last: NDArray[np.float64], velocity: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return velocity and acceleration (n, 3) of what is driven from ``last`` to ``positions`` (n, 3) [m]."""
+        """Return velocity and acceleration (n, 3) of driven vertices from ``last`` to ``positions`` (n, 3) [m]."""
         given = (positions - last) / self._h
         return given, (given - velocity) / self._h
 
 
 def rule_of(dynamics: Dynamics, h: float, saved: Saved) -> Rule:
-    """Return the rule of a step of length ``h`` [s] from what a state keeps.
+    """Return the rule of a step of length ``h`` [s] from a stored state.
 
-    Where the length changes, `bdf2` starts anew, and a step of the trapezoidal rule, which has no memory, stands in for
-    `generalised_alpha`: a step before that was never made would make energy of two lengths in turn.
+    If the length changes, `bdf2` restarts, and one step of the trapezoidal rule, which has no memory, replaces
+    `generalised_alpha`: an assumed previous step would create energy when two lengths alternate.
     """
     now, x = kinematics_of(saved), saved["positions"]
     if saved["h"][0] == h:
@@ -163,7 +163,7 @@ def rule_of(dynamics: Dynamics, h: float, saved: Saved) -> Rule:
 
 
 def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64] | None = None) -> Saved:
-    """Return what a state keeps of ``kinematics`` at positions (n, 3) [m] after a step of length ``h`` [s]."""
+    """Return the stored state of ``kinematics`` at positions (n, 3) [m] after a step of length ``h`` [s]."""
     arrays = {name: value for name, value in vars(kinematics).items() if name != "first" and value is not None}
     return {
         **arrays,
@@ -174,6 +174,6 @@ def saved_of(kinematics: Kinematics, *, h: float, positions: NDArray[np.float64]
 
 
 def kinematics_of(saved: Saved) -> Kinematics:
-    """Return the kinematics that a state keeps."""
+    """Return the kinematics of a stored state."""
     arrays = {name: array for name, array in saved.items() if name not in ("positions", "h", "first")}
     return Kinematics(**arrays, first=bool(saved["first"][0]))

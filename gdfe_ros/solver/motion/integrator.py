@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What makes internal steps of any length by one rule: their equilibria, pushes and impacts."""
+"""Internal steps of any length by one scheme: their equilibria, pushes and impacts."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Term
 
 ACCURACY = 3.0
-"""Distance to the end of an internal step that is left, over h^2 |a| and the tolerance."""
+"""Requested distance of an internal step's solve, over h^2 |a| and the tolerance."""
 FINEST = 1e-4
-"""Least distance asked for, over the tolerance."""
+"""Smallest requested distance, over the tolerance."""
 KEPT = 4
-"""Step lengths whose factors are kept."""
+"""Number of step lengths whose factors are kept."""
 
 
 class Integrator:
-    """Makes internal steps of a body, one at a time. It has no state of its own, but factors for the lengths in use.
+    """Makes internal steps of a body, one at a time. It stores no state, only factors for the step lengths in use.
 
     Args:
         body: the discretised body.
-        settings: how to solve.
+        settings: of the solver.
         dynamics: scheme and damping.
-        mass: (n, n) its mass matrix [kg].
-        free_mass: of what is free to move.
-        acting: makes what acts on the body, with further terms.
-        euler: each step by backward Euler, which no state before the last enters, in the place of the scheme.
+        mass: (n, n) mass matrix [kg].
+        free_mass: mass of the free vertices.
+        acting: function that returns the actuation with additional terms.
+        euler: whether to step by backward Euler, which needs only the last state, instead of the scheme.
     """
 
     def __init__(
@@ -65,13 +65,13 @@ class Integrator:
         if euler:
             dynamics = replace(dynamics, scheme=Scheme.BDF2, rho_inf=Dynamics.rho_inf)
         self._dynamics = dynamics
-        # Pressures that lag behind a motion feed it; where nothing damps, they must not.
+        # Pressures that lag behind a motion add energy to it; without damping they must not lag.
         self._fed = self._scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.mass_damping)
         self._made: dict[float, EnergyEquilibrium] = {}
         self._pushes, self._impacts = Pushes(free_mass, dynamics, self._scheme), Impacts(body, dynamics, self._scheme)
 
     def solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
-        """Find the end of an internal step of length ``h`` [s]."""
+        """Solve an internal step of length ``h`` [s]."""
         state, (poses, commands) = self.begun(flight.state), flight.aim
         reach = h * h * largest(kinematics_of(state.terms[inertia.NAME]).acceleration) / self._body.size
         tolerance = self._settings.tolerance * min(1.0, max(FINEST, ACCURACY * reach))
@@ -89,7 +89,7 @@ class Integrator:
         return equilibrium.solve(problem, state)
 
     def accepted(self, state: State, solution: Solution, h: float) -> State:
-        """Return the state after an internal step of length ``h`` [s] from ``state``, whose ledger it has."""
+        """Return the state after an internal step of length ``h`` [s] from ``state``, whose ledger it keeps."""
         first, equilibrium = bool(state.terms[inertia.NAME]["first"][0]), self.equilibrium(h)
         state = self.begun(state)
         now = equilibrium.accept(solution, state)
@@ -98,22 +98,22 @@ class Integrator:
         return self.followed(state, now, h, first=first)
 
     def followed(self, before: State, now: State, h: float, *, first: bool) -> State:
-        """Return the state at the end of a step with what contacts leave for the next one to count on."""
+        """Return the state at the end of a step, without the pushes and impacts that the next step must not use."""
         contacts = self.equilibrium(h).actuation.contacts
         now = self._impacts.stopped(before, now, h, contacts, first=first)
         return self._pushes.forgotten(before, now, h, contacts)
 
     def fit(self, before: State, h: float) -> None:
-        """Tell contacts what of their multipliers is force in a step of length ``h`` [s] from ``before``."""
+        """Set the contacts' ratio of force to multiplier for a step of length ``h`` [s] from ``before``."""
         self._pushes.fit(before, h, self.equilibrium(h).actuation.contacts)
 
     @property
     def dynamics(self) -> Dynamics:
-        """Scheme and damping in force."""
+        """Scheme and damping in use."""
         return self._dynamics
 
     def equilibrium(self, h: float) -> EnergyEquilibrium:
-        """Return what solves internal steps of length ``h`` [s]."""
+        """Return the equilibrium solver of internal steps of length ``h`` [s]."""
         if h in self._made:
             return self._made[h]
         own = [Inertia(self._body, self._mass, self._dynamics, h)]
@@ -133,7 +133,7 @@ class Integrator:
         return self._made[h]
 
     def begun(self, state: State) -> State:
-        """Return the state that a step begins at: backward Euler remembers none before it."""
+        """Return the state at the beginning of a step; for backward Euler without the step before it."""
         if not self._euler:
             return state
         saved = {**state.terms[inertia.NAME], "first": np.ones(1)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Energy of a moving body: what it has, what was put in, what was lost."""
+"""Energy account of a moving body: energies, work and dissipation."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ from gdfe_ros.solver.value import changed
 
 
 class Accounts:
-    """Keeps a body's ledger.
+    """Keeps a body's energy account.
 
     Args:
         body: the discretised body.
         mass: (n, n) its mass matrix [kg].
-        dynamics: how it starts, and its damping.
+        dynamics: initial velocities and damping.
     """
 
     def __init__(self, body: Body, mass: sparse.csr_matrix, dynamics: Dynamics) -> None:
         self._body, self._mass, self._dynamics = body, mass, dynamics
 
     def opened(self) -> Ledger:
-        """Return the ledger of the start, at rest but for the velocities that a scene gives."""
+        """Return the ledger at the start: at rest except for the initial velocities of the scene."""
         velocity = self.velocity_at_start(self._body.rest)
         kinetic = self._kinetic(velocity)
         return Ledger(work=0.0, lost=0.0, bound=Bound(start=kinetic, least=kinetic, most=kinetic))
 
     def begun(self, ledger: Ledger, acceleration: Array, h: float) -> Ledger:
-        """Return the ledger of a body that begins with an acceleration (n, 3) [m/s^2] in steps of ``h`` [s]."""
+        """Return the ledger of a body that starts with an acceleration (n, 3) [m/s^2] in steps of ``h`` [s]."""
         swing = self._dynamics.swing * h * h * float(np.vdot(acceleration, self._mass @ acceleration))
         return changed(ledger, bound=_raised(ledger.bound, swing))
 
     def velocity_at_start(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the velocity (n, 3) [m/s] that a scene gives vertices at ``positions`` (n, 3) [m]; handles stand."""
+        """Return the initial velocity (n, 3) [m/s] of the scene at ``positions`` (n, 3) [m]; zero for handles."""
         own = slice(self._body.count)
         weights = np.asarray(self._mass.sum(axis=0)).ravel()[own]
         centre = weights @ positions[own] / weights.sum()
@@ -53,8 +53,8 @@ class Accounts:
     def after(self, before: State, now: State, h: float) -> Ledger:
         """Return the ledger after an internal step of length ``h`` [s]: work by the trapezoidal rule.
 
-        With the force of one end of the step all through it, the work of each handle and command would be more or less
-        by as much as raises the bound. Where growth changes, whose work is in no account, the bound begins anew.
+        The uncertainty is the change of each handle's and command's work if the force of one end of the step acted
+        throughout; it is added to the bound. If growth changes, whose work is not accounted for, the bound restarts.
         """
         ledger, first, last = before.ledger, before.summary.reactions, now.summary.reactions
         moves = [(first[name], last[name], _motion(before, now, name)) for name in now.poses]
@@ -71,7 +71,7 @@ class Accounts:
         return Ledger(work=ledger.work + work, lost=lost, bound=bound)
 
     def energies(self, state: State, velocity: NDArray[np.float64]) -> dict[str, float]:
-        """Return the energies [J] at a state with a velocity (n, 3) [m/s], by name."""
+        """Return the energies [J] of a state with a velocity (n, 3) [m/s], by name."""
         stored = float(state.terms[viscosity.NAME]["stored"][0]) if self._dynamics.damps else 0.0
         return {
             "kinetic": self._kinetic(velocity),
@@ -94,7 +94,7 @@ def _raised(bound: Bound | None, energy: float) -> Bound | None:
 
 
 def _work(first: Array | float, last: Array | float, change: Array | float) -> float:
-    """Return the mean of what acts at the beginning and at the end of a step times what it acts along."""
+    """Return the mean of the forces at the beginning and at the end of a step times their displacement."""
     return float(np.dot(0.5 * (first + last), change))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mass of a body: the matrix that belongs to trilinear displacements, the same for x, y and z."""
+"""Mass matrix of a body, consistent with trilinear displacements; the same for x, y and z."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ def mass_matrix(
     *,
     filling: Filling | None = None,
 ) -> sparse.csr_matrix:
-    """Return M_ab = sum_e rho_e int N_a N_b dV (n, n) [kg], and N_a N_b of each attached mass.
+    """Return M_ab = sum_e rho_e int N_a N_b dV (n, n) [kg], plus N_a N_b of each attached mass.
 
-    Lumped at vertices, a section two cells across would have 1.5 times its polar moment.
+    A lumped matrix would give a section two cells across 1.5 times its polar moment.
 
     Args:
         rest: (n, 3) rest vertices [m].
         cells: (m, 8) their corners.
         density: (m,) [kg/m^3].
         attached: masses on points.
-        filling: how far the cells are filled.
+        filling: filled share of cut cells.
     """
     blocks = np.zeros((len(cells), 8, 8))
     for volume, shape in gauss_points(rest, cells, filling):
@@ -46,7 +46,7 @@ def mass_matrix(
 
 
 class FreeMass:
-    """The mass of what handles do not drive, factored when it is first asked for.
+    """Mass of the vertices that handles do not drive; factored on first use.
 
     Args:
         body: the discretised body.
@@ -59,7 +59,7 @@ class FreeMass:
         self._factor: SuperLU | None = None
 
     def accelerated(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the acceleration (n, 3) [m/s^2] of what is free by forces (n, 3) [N]; nothing else has any."""
+        """Return the acceleration (n, 3) [m/s^2] of the free vertices by forces (n, 3) [N]; zero for all others."""
         if self._factor is None:
             self._factor = splu(self._mass[self._free][:, self._free].tocsc())
         acceleration = np.zeros_like(forces)
@@ -68,7 +68,7 @@ class FreeMass:
 
 
 def _collected(count: int, corners: NDArray[np.int32], blocks: NDArray[np.float64]) -> sparse.csr_matrix:
-    """Return the sum (n, n) of blocks (m, k, k) that couple corners (m, k)."""
+    """Return the sum (n, n) of blocks (m, k, k) that couple the corners (m, k)."""
     size = corners.shape[1]
     rows, columns = np.repeat(corners, size, axis=1).ravel(), np.tile(corners, (1, size)).ravel()
     return sparse.coo_matrix((blocks.ravel(), (rows, columns)), shape=(count, count)).tocsr()

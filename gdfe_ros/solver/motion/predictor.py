@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a step in time starts: free vertices fly on, handles are where they are commanded."""
+"""Start of a time step: free flight of the free vertices, commanded positions of the handles."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from gdfe_ros.solver.motion.inertia import NAME, kinematics_of
 from gdfe_ros.solver.state import State
 
 SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
-"""Of the free flight, in turn, until no element is folded: a force at one light vertex would have that fly many cells
-far in a step, and what is folded at the start ends in another equilibrium. The centre of mass of what nothing holds
-flies all the way: descents would bring it back to within the tolerance only, and momentum would be lost."""
+"""Shares of the free flight that are tried in turn until no element is folded. A force at one light vertex could carry
+it many cells far in a step, and a start with folds ends in another equilibrium. The centre of mass of a body that
+nothing holds always flies in full: the minimisation would correct it only to within the tolerance, and lose
+momentum."""
 
 
 class FlightPredictor(Predictor):
-    """Starts a step of one length from a state and its velocities.
+    """Predicts the end of a step of one length from a state and its velocities.
 
     Args:
         body: the discretised body.
-        handles: its handles.
+        handles: the kinematics of its handles.
         h: length of the step [s].
         masses: (n,) of the vertices [kg].
     """
@@ -38,7 +39,7 @@ class FlightPredictor(Predictor):
     def predict(
         self, state: State, base: NDArray[np.float64], change: NDArray[np.float64], movable: Movable
     ) -> Prediction:
-        """Return where to start when the handles are commanded from ``state`` to ``base`` (n, 3) [m]."""
+        """Return the start of a solve for handles commanded from ``state`` to ``base`` (n, 3) [m]."""
         now, h, last, held = kinematics_of(state.terms[NAME]), self._h, state.motion, self._held
         slides, turns = state.slides, state.turns
         if last is not None:
@@ -47,7 +48,7 @@ class FlightPredictor(Predictor):
         drift, flight = self._shares @ flight, flight[self._free]
         led = state.positions.copy()
         led[held] += base[held] - state.base[held]
-        for share in (*SHARES, 1.0):  # handles may fold elements whatever the rest does
+        for share in (*SHARES, 1.0):  # handles may fold elements whatever the other vertices do
             start = led.copy()
             start[self._free] += share * flight + (1.0 - share) * drift
             if least_volume_ratio(start, self._shape) > 0.0:

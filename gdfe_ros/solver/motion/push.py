@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pushes of contacts: forces that are constant over a step, and forgotten after it.
+"""Pushes of contacts: forces that are constant over a step, and do not enter the next one.
 
-A scheme of second order counts on the forces of a step for the next one, in which the body may have left what pushed
-it, and makes energy of that. So a contact pushes with one force F all through the step. A solve finds the multiplier,
-the force at the step's end that moves the body as far as F does in all of it; the rule's `share` is their ratio.
+A scheme of second order continues the forces of a step into the next one. If the body has left the contact by then,
+this creates energy. A contact therefore pushes with one force F throughout the step. A solve finds the multiplier, the
+force at the end of the step that causes the same displacement; their ratio is the rule's `share`.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from gdfe_ros.solver.state import State
 
 
 class Pushes:
-    """Keeps the pushes of a body's contacts out of what its next step counts on.
+    """Keeps the contacts' pushes out of the forces that the next step continues.
 
     Args:
-        mass: of what is free to move.
+        mass: of the free vertices.
         dynamics: of the steps.
-        scheme: whose next step counts on what is left. ``bdf2`` has no pushes: it damps what contacts excite. But for
-            ``newmark`` what is hard on both sides has `Impacts` instead: it does not bounce.
+        scheme: of the steps. ``bdf2`` has no pushes, because it damps motion that contacts excite. Contacts between
+            rigid bodies and obstacles have `Impacts` instead, except with ``newmark``.
     """
 
     def __init__(self, mass: FreeMass, dynamics: Dynamics, scheme: Scheme) -> None:
         self._mass, self._dynamics, self._scheme = mass, dynamics, scheme
 
     def fit(self, before: State, h: float, contacts: Sequence[ContactTerm]) -> None:
-        """Tell contacts, for a step of length ``h`` [s] from ``before``, what of their multipliers is force."""
+        """Set the contacts' ratio of force to multiplier for a step of length ``h`` [s] from ``before``."""
         for contact in contacts:
             pushes = self._are_of(contact)
             contact.share = rule_of(self._dynamics, h, before.terms[NAME]).share if pushes else 1.0
 
     def forgotten(self, before: State, now: State, h: float, contacts: Sequence[ContactTerm]) -> State:
-        """Return the state after a step of length ``h`` [s] from ``before`` that tells pushes from other forces."""
+        """Return the state after a step of length ``h`` [s] from ``before``, with pushes apart from other forces."""
         pushing = [contact for contact in contacts if self._are_of(contact)]
         if not pushing:
             return now

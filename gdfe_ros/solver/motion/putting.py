@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid bodies that somebody puts elsewhere in the middle of a motion."""
+"""Teleport of rigid bodies in the middle of a motion."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ UNTOLD = "rigid bodies were moved to other places, and no step has been made sin
 def put_elsewhere(
     body: Body, handles: HandleMotions, actuation: Actuation, state: State, places: Mapping[str, Pose]
 ) -> State:
-    """Return a state with rigid bodies at rest at poses relative to their rest poses; all else stays.
+    """Return a state with rigid bodies at rest at poses relative to their rest poses.
 
-    What they touched has let go of them, and what they touch there pushes them from the next step on.
+    Their former contacts are dropped; new contacts act from the next step on.
     """
     vertices = _vertices(body, places)
     slides, turns = handles.put(state.slides, state.turns, places)
@@ -57,10 +57,10 @@ def put_elsewhere(
 
 
 def require_free(body: Body, state: State, names: Collection[str]) -> None:
-    """Refuse rigid bodies, by name, that were put inside of an obstacle, each other, or the soft body.
+    """Raise an error if rigid bodies, by name, are inside of an obstacle, each other, or the soft body.
 
     Raises:
-        OverlapError: every overlap, how deep, and the remedy.
+        OverlapError: every overlap, its depth, and the remedy.
     """
     placed = placed_now(body.handles, state.poses, state.positions)
     surface = outline(boundary_faces(body.cells).quads, body.skin, state.positions)
@@ -71,7 +71,7 @@ def require_free(body: Body, state: State, names: Collection[str]) -> None:
 
 
 def pulled(state: State, places: Mapping[str, Pose], acceleration: NDArray[np.float64], body: Body) -> State:
-    """Return a state whose rigid bodies, named in ``places``, are accelerated (n, 3) [m/s^2] by the forces there."""
+    """Return a state whose rigid bodies in ``places`` have the acceleration (n, 3) [m/s^2] of the forces there."""
     vertices, kept = _vertices(body, places), dict(state.terms[inertia.NAME])
     for name in ("acceleration", "balanced"):
         kept[name] = kept[name].copy()
@@ -85,7 +85,7 @@ def _vertices(body: Body, places: Mapping[str, Pose]) -> NDArray[np.int32]:
 
 
 def _stopped(saved: Saved, vertices: NDArray[np.int32], positions: NDArray[np.float64]) -> Saved:
-    """Return what inertia keeps of vertices that have been at ``positions`` (n, 3) [m] for long."""
+    """Return the stored inertia with ``vertices`` at rest at ``positions`` (n, 3) [m]."""
     kept = dict(saved)
     for name in ("velocity", "velocity_before", "acceleration", "balanced", *inertia.OPTIONAL):
         if name in saved:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rigid part of what the vertices of rigid bodies do."""
+"""Rigid part of the vertex vectors of rigid bodies."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 
 def rigid_part(positions: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the nearest field u + w x r of vectors (..., 4, 3) on vertices of equal mass at ``positions`` [m].
+    """Return the closest rigid field u + w x r to vectors (..., 4, 3) on vertices of equal mass at ``positions`` [m].
 
-    Of velocities it is the motion of the same momentum and angular momentum; of forces, over the mass of a vertex,
-    it is how a body of such vertices is accelerated.
+    For velocities it is the rigid motion with the same momentum and angular momentum; for forces over the mass of a
+    vertex, the acceleration of the rigid body.
     """
     arms = positions - positions.mean(axis=-2, keepdims=True)
     mean = vectors.mean(axis=-2, keepdims=True)

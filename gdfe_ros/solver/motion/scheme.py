@@ -6,8 +6,8 @@ Every scheme gives acceleration and velocity at the end of a step as linear func
     a = kappa_a (x - x_a),   v = theta (x - x_v),
 
 and its balance of momentum reads M f(x) = -dE/dx with f = kappa (x - x_hat): the stationary point of
-E(x) + kappa/2 |x - x_hat|_M^2. Forces of contact are constant over a step and are forgotten after it: what the next
-step counts on is without them. `docs/theory/motion.md` derives both.
+E(x) + kappa/2 |x - x_hat|_M^2. Contact forces are constant over a step and do not enter the next one, so the
+accelerations that the next step uses exclude them. `docs/theory/motion.md` derives both.
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ Vectors = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Kinematics:
-    """How the vertices move at the end of a step; all (n, 3).
+    """Kinematics of the vertices at the end of a step; all (n, 3).
 
     Attributes:
         velocity: [m/s].
         acceleration: [m/s^2].
-        balanced: f [m/s^2], what the forces of that moment would accelerate by.
-        before: positions [m] at the end of the step before.
-        velocity_before: [m/s] at the end of the step before.
-        first: no step was made yet, or none of today's length.
-        pushed: the part of the acceleration [m/s^2] that contacts give; None where nothing can touch.
-        shadow: minus the acceleration [m/s^2] that what yields to nothing has after these pushes; None as that.
+        balanced: f [m/s^2], the acceleration by the forces at that moment.
+        before: positions [m] at the end of the previous step.
+        velocity_before: [m/s] at the end of the previous step.
+        first: whether there is no previous step, or none of the present length.
+        pushed: part of the acceleration [m/s^2] by contacts; None if contact is impossible.
+        shadow: minus the acceleration [m/s^2] that a vertex on an unyielding obstacle has after these pushes; None as
+            for ``pushed``.
     """
 
     velocity: Vectors
@@ -51,7 +52,7 @@ class Kinematics:
     def started(
         cls, positions: Vectors, velocity: Vectors, acceleration: Vectors, h: float, *, first: bool = False
     ) -> Kinematics:
-        """Begin at positions (n, 3) [m]: the step before is what this velocity and acceleration would have made."""
+        """Return kinematics at positions (n, 3) [m] whose previous step follows from this velocity and acceleration."""
         return cls(
             first=first,
             velocity=velocity,
@@ -62,10 +63,10 @@ class Kinematics:
         )
 
     def restarted(self, positions: Vectors, h: float) -> Kinematics:
-        """Return how it goes on from positions (n, 3) [m] in steps of another length ``h`` [s].
+        """Return the kinematics restarted at positions (n, 3) [m] with a new step length ``h`` [s].
 
-        The acceleration is what the forces give: that of a scheme may swing from one step to the next, and a step of
-        many times the length would make energy of it.
+        The acceleration is that of the forces. The scheme's own may oscillate from step to step, and a step of many
+        times the length would turn that into energy.
         """
         acceleration = self.balanced if self.pushed is None else self.balanced + self.pushed
         fresh = self.started(positions, self.velocity, acceleration, h, first=True)
@@ -74,7 +75,7 @@ class Kinematics:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Rule:
-    """One step of a scheme from where a body is.
+    """One step of a scheme from given kinematics.
 
     Attributes:
         theta: dv/dx [1/s].
@@ -83,9 +84,9 @@ class Rule:
         rest: x_a (n, 3) [m].
         kappa: df/dx [1/s^2].
         aim: x_hat (n, 3) [m].
-        share: of a contact's multiplier, the force at the end of the step, that is its force all through the step.
-        answer: share of a push that is in its shadow.
-        echo: what of earlier pushes is in it (n, 3) [m/s^2].
+        share: ratio of a contact's constant force to its multiplier, the force at the end of the step.
+        answer: factor of a push in its shadow.
+        echo: contribution of earlier pushes to the shadow (n, 3) [m/s^2].
     """
 
     theta: float
@@ -122,7 +123,7 @@ class Rule:
 
 
 def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
-    """Return kappa [1/s^2] and theta [1/s] of a step of length ``h`` [s]: they depend on nothing else."""
+    """Return kappa [1/s^2] and theta [1/s] of a step of length ``h`` [s]; they do not depend on the kinematics."""
     none = np.zeros((0, 3))
     still = Kinematics(velocity=none, acceleration=none, balanced=none, before=none, velocity_before=none)
     rule = Rule.of(dynamics, h, none, still)
@@ -130,7 +131,7 @@ def stiffness(dynamics: Dynamics, h: float) -> tuple[float, float]:
 
 
 def _bdf2(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
-    if now.first:  # backward Euler: what would have been before may lie far above the energy that is there
+    if now.first:  # backward Euler: an assumed previous step may have far more energy than the body
         aim = x + h * now.velocity
         return Rule(theta=1.0 / h, drift=x, kappa_a=1.0 / h**2, rest=aim, kappa=1.0 / h**2, aim=aim, share=1.0)
     theta = 1.5 / h
@@ -140,7 +141,7 @@ def _bdf2(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
 
 
 def _newmark(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
-    """Average acceleration: the trapezoidal rule."""
+    """Return the rule of average acceleration, the trapezoidal rule."""
     acceleration, answer, echo = now.acceleration, 1.0, 0.0
     if now.pushed is not None:
         acceleration, answer, echo = acceleration - now.pushed, 2.0, -now.shadow
@@ -151,7 +152,7 @@ def _newmark(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
 
 
 def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics) -> Rule:
-    """Chung and Hulbert (1993): (1 - am) a + am a_n = (1 - af) f + af f_n."""
+    """Return the rule of Chung and Hulbert (1993): (1 - am) a + am a_n = (1 - af) f + af f_n."""
     rho = dynamics.rho_inf
     am, af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
     beta, gamma = 0.25 * (1.0 - am + af) ** 2, 0.5 - am + af
@@ -172,9 +173,10 @@ def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics
 
 
 def _way(beta: float, gamma: float) -> float:
-    """Return by what part of h^2 and itself a push moves within its step; half of it, were nothing dissipated.
+    """Return the displacement by a push within its step, over h^2 times the push; it would be 1/2 without dissipation.
 
-    What is rigid leaves with at most the speed it came with, and what does not yield at all is not moved later on.
+    With this value a rigid body leaves at most as fast as it came, and one on an unyielding obstacle does not move
+    later.
     """
     swing = (1.0 - 0.5 * gamma / beta) * (0.5 / beta - 1.0)
     return max(beta, 0.5 * (1.0 + swing))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a state to the state a while later: internal steps, each the minimum of a potential."""
+"""Time steps from a state to a later one: internal steps, each the minimum of a potential."""
 
 from __future__ import annotations
 
@@ -34,23 +34,24 @@ from gdfe_ros.solver.terms.term import Term
 from gdfe_ros.solver.value import changed
 
 CALM = 0.5
-"""For how long [s] no vertex of a body at rest would leave the tolerance, at its velocity or acceleration."""
+"""Time [s] within which no vertex of a body at rest would leave the tolerance, at its velocity or acceleration."""
 RELAXED = 3.0
-"""The same over the longest time in which a body relaxes."""
+"""The same time over the longest relaxation time of the body."""
 SHORTEST = 1e-2
-"""Share of the longest internal step below which time is only noted: an acceleration over so short a time is noise."""
+"""Duration, over the longest internal step, below which time is only added up: an acceleration over so short a time is
+noise."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class InternalStep:
-    """An internal step that was accepted, for those who follow a motion.
+    """An accepted internal step, for observers of a motion.
 
     Attributes:
         before, after: states.
         h: its length [s].
-        share: of the way from where the whole step began to its commands that is behind after it.
-        integrator: that made it; None where a motion only begins, from which ``after`` has accelerations.
-        first: the step before is none that this scheme made.
+        share: completed share of the whole step's commands after it.
+        integrator: that made it; None for the start of a motion, where ``after`` gets its accelerations.
+        first: whether the previous step was not made by this scheme.
     """
 
     before: State
@@ -62,18 +63,18 @@ class InternalStep:
 
 
 class MotionStepper:
-    """Steps a body with mass in time. It has no state of its own, but factors for the step lengths in use.
+    """Steps a body with mass in time. It stores no state, only factors for the step lengths in use.
 
     Args:
         body: the discretised body.
-        settings: how to solve.
+        settings: of the solver.
         dynamics: scheme and damping.
         mass: (n, n) its mass matrix [kg].
-        acting: makes what acts on the body, with further terms.
+        acting: makes the actuation with further terms.
 
     Attributes:
-        equilibrium: what solves internal steps of the longest length.
-        actuation: what acts on the body in these.
+        equilibrium: solves internal steps of the longest length.
+        actuation: the external terms in these.
     """
 
     def __init__(
@@ -101,15 +102,15 @@ class MotionStepper:
 
     @property
     def free_mass(self) -> FreeMass:
-        """The mass of what is free to move."""
+        """The mass of the free vertices."""
         return self._free_mass
 
     def at_rest(self) -> State:
-        """Return the state at the start: the rest shape, with the velocities that the scene gives."""
+        """Return the initial state: the rest shape with the initial velocities of the scene."""
         return self.equilibrium.at_rest().with_(ledger=self._accounts.opened())
 
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
-        """Tell whether nothing happens at these commands: the body is at rest, and held."""
+        """Return whether nothing happens at these commands: the body is at rest, and held by handles."""
         same = state.poses == targets and state.commands == commands and state.summary.converged
         if not (same and Skip.SOLVE in self._settings.skip and self.body.handles and self._began(state)):
             return False
@@ -118,7 +119,7 @@ class MotionStepper:
         return slow and self._calm**2 * largest(now.acceleration) <= near
 
     def settled(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
-        """Tell whether a state stays as it is at these commands: at rest, or where every step fails."""
+        """Return whether a state does not change at these commands: it is at rest, or every step fails."""
         failure = state.ledger.failure
         stuck = failure is not None and (failure.poses, failure.commands) == (targets, commands)
         return stuck or self.rests(state, targets, commands)
@@ -133,11 +134,11 @@ class MotionStepper:
         deadline: Deadline | None = None,
         observer: Callable[[InternalStep], None] | None = None,
     ) -> March:
-        """Follow the commands, which change evenly, for ``duration`` [s] from ``state``, which stays as it is.
+        """Follow the commands, which change linearly, for ``duration`` [s] from ``state``, which is not modified.
 
-        What is too short for a step is made up for by the next one. A deadline ends it between two internal steps: one
-        that is begun is finished, since what is half solved has no velocity. Who interrupts has it dropped. An
-        ``observer`` is shown each internal step.
+        A duration that is too short for a step is added to the next one. A deadline ends the step between two internal
+        steps; an internal step in progress is finished, because a partial solution has no velocity. An interruption
+        discards it. The ``observer`` is called after each internal step.
         """
         due = state.ledger.owed + duration
         if due < SHORTEST * self._dynamics.step:
@@ -183,17 +184,17 @@ class MotionStepper:
         return _told(flight.march(self.equilibrium.skipped(solution)), state.ledger.owed)
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
-        """Return a state at ``positions`` (n, 3) [m] with the velocities of the start; handles stay where they are."""
+        """Return a state at ``positions`` (n, 3) [m] with the initial velocities; handles keep their poses."""
         found = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return found.with_(ledger=changed(found.ledger, bound=None))
 
     def put(self, state: State, places: Mapping[str, Pose]) -> State:
-        """Return a state with rigid bodies, by name, without velocity at poses relative to their rest poses.
+        """Return a state with rigid bodies, by name, at rest at poses relative to their rest poses.
 
-        The work that this takes counts as done on them.
+        The change of energy counts as work done on them.
 
         Raises:
-            OverlapError: something else is there.
+            OverlapError: the place is occupied.
         """
         found = put_elsewhere(self.body, self.equilibrium.handles, self.actuation, state, places)
         require_free(self.body, found, places)
@@ -207,7 +208,7 @@ class MotionStepper:
         return found.with_(balance=after, ledger=changed(found.ledger, work=work))
 
     def completed(self, state: State) -> State:
-        """Return a state that was read from an archive with the operators that follow from its commands."""
+        """Return a state that was read from an archive, with the operators that follow from its commands."""
         require_own(state, self.at_rest())
         growths = self.actuation.growths
         return state.with_(operators=growths.at(state.commands, growths.ungrown))
@@ -221,11 +222,11 @@ class MotionStepper:
         return self._kinematics(state).acceleration
 
     def energies(self, state: State) -> dict[str, float]:
-        """Return kinetic, elastic and potential energy, work done and energy lost since the start [J], by name."""
+        """Return kinetic, elastic, potential energy, work done and dissipated energy since the start [J], by name."""
         return self._accounts.energies(state, self._kinematics(state).velocity)
 
     def _accepted(self, integrator: Integrator, state: State, solution: Solution, h: float) -> tuple[State, float]:
-        """Return the state after an internal step of length ``h`` [s], and the energy [J] that the step made."""
+        """Return the state after an internal step of length ``h`` [s], and the energy [J] that the step created."""
         now = integrator.accepted(state, solution, h)
         now = now.with_(ledger=self._accounts.after(state, now, h))
         ledger, excess = self._ceiling.checked(now)
@@ -241,7 +242,7 @@ class MotionStepper:
         return bool(state.terms[inertia.NAME]["h"][0])
 
     def _started(self, state: State, commands: Mapping[str, float]) -> State:
-        """Return a state with the acceleration that the forces there give; loads act from the start."""
+        """Return a state with the acceleration by its forces; loads act from the start."""
         loads = {name: commands[name] for name in self.actuation.loaded}
         before, state = state.commands, state.with_(commands={**state.commands, **loads})
         velocity, h = self._accounts.velocity_at_start(state.positions), self._dynamics.step
@@ -254,7 +255,7 @@ class MotionStepper:
         return state.with_(terms=terms, balance=balance, ledger=self._accounts.begun(ledger, acceleration, h))
 
     def _raised(self, state: State, before: Mapping[str, float]) -> float:
-        """Return the potential [J] that loads, which act from now on, have of what was put elsewhere before."""
+        """Return the potential [J] of loads, which act from now on, in displacements made before the start."""
         rest = self.at_rest().positions
         if np.array_equal(rest, state.positions):
             return 0.0
@@ -266,31 +267,31 @@ class MotionStepper:
 
 
 def _stage(integrator: Integrator, before: State, flight: Flight, h: float) -> InternalStep:
-    """Return the internal step that a flight made last, of length ``h`` [s]."""
+    """Return the last internal step of a flight, of length ``h`` [s], for observers."""
     first = bool(before.terms[inertia.NAME]["first"][0])
     share = {"share": flight.done / flight.total, "first": first}
     return InternalStep(before=integrator.begun(before), after=flight.state, h=h, integrator=integrator, **share)
 
 
 def _noted(state: State, duration: float) -> March:
-    """Return a march in which nothing but time passed."""
+    """Return the outcome of a step in which only time passed."""
     summary, counts = state.summary, {"iterations": 0, "increments": 0, "skipped": {Skip.SOLVE.value: 1}}
     said = {"converged": summary.converged, "message": summary.message}
     return March(state=state, reached=True, simulated=duration, **said, **counts)
 
 
 def _told(march: March, owed: float) -> March:
-    """Return a march that tells of the time that was ``owed`` [s] before it as past already."""
+    """Return an outcome without the time ``owed`` [s] from before the step, which was reported as simulated already."""
     ledger = changed(march.state.ledger, owed=max(0.0, owed - march.simulated))
     return changed(march, state=march.state.with_(ledger=ledger), simulated=max(0.0, march.simulated - owed))
 
 
 def _sound(solution: Solution) -> bool:
-    """Tell whether no element is folded or inverted."""
+    """Return whether no element is folded or inverted."""
     return not solution.diverged and solution.min_det > 0.0
 
 
 def _failed(solution: Solution) -> bool:
-    """Tell whether a shorter step may do better."""
+    """Return whether a shorter step may succeed instead."""
     stuck = not (solution.converged or solution.exhausted)
     return stuck or not _sound(solution)

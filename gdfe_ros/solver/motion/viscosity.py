@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Viscosity and relaxation as one term that sees Green strains only: a rigid motion at any rate is not resisted.
+"""Viscosity and relaxation as one term of Green strains: rigid motions at any rate are not resisted.
 
 An element's strains are E = (F^T F - 1)/2 of its mean deformation gradient and w_k = F^T q_k of its hourglass vectors
-q_k, which tell its bending; both stay as they are when the body turns. A dashpot and the branches of a Prony series
-each ask for k/2 |E - E_hat|^2 V with a strain that follows from the steps before; they add up to one such energy.
+q_k, which measure its bending; both are invariant to rotations of the body. A dashpot and the branches of a Prony
+series each contribute k/2 |E - E_hat|^2 V with a strain E_hat that follows from the previous steps; they add up to one
+such energy.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
 
 NAME = "(viscosity)"
-"""No actuator or load of a scene can be called that."""
+"""Name of the term; no actuator or load of a scene can have it."""
 STRAINS = 18
-"""Of an element: the six of E, and three of each hourglass vector."""
+"""Strains of an element: the six of E, and three of each hourglass vector."""
 BEND = 0.25
-"""Hourglass stiffness over modulus and length of an element: a cube of an incompressible material that bends."""
+"""Hourglass stiffness over modulus and length of an element, from a cube of incompressible material in bending."""
 _WIDTH = 2 + STRAINS + 24 + 32
-"""Numbers of an element for the kernel: two stiffnesses, aims, gradient and hourglass operators."""
+"""Numbers of an element for the kernel: two stiffnesses, strains E_hat, gradient and hourglass operators."""
 
 
 @kernel
@@ -59,7 +60,7 @@ def gather(x, gradient, hourglass, corners, f, q):
 
 @kernel
 def viscous_energy(x, reals, integers, force, size):
-    """Return sum_e K/2 |E - E_hat|^2 + C/2 sum_k |w_k - w_hat_k|^2 [J]; `term_kernel` wants this signature."""
+    """Return sum_e K/2 |E - E_hat|^2 + C/2 sum_k |w_k - w_hat_k|^2 [J], with the signature of `term_kernel`."""
     energy = 0.0
     f, q, strain, stress = np.empty((3, 3)), np.empty((4, 3)), np.empty(STRAINS), np.empty((3, 3))
     for e in range(len(integers) // 8):
@@ -119,8 +120,8 @@ def all_strains(x, cells, gradient, hourglass, out):
 class Viscosity(Term):
     """Dashpot and Prony branches of a body in steps of one length.
 
-    A dashpot of viscosity eta asks for eta dE/dt with the backward difference of second order,
-    dE/dt = 3/(2 h) (E - (4 E_n - E_(n-1))/3). A branch of modulus m and time tau holds E - V with
+    A dashpot of viscosity eta has the stress eta dE/dt with the backward difference of second order,
+    dE/dt = 3/(2 h) (E - (4 E_n - E_(n-1))/3). A branch of modulus m and time tau has the stress m (E - V) with
     dV/dt = (E - V)/tau by the trapezoidal rule.
 
     Args:
@@ -147,7 +148,7 @@ class Viscosity(Term):
         super().__init__(NAME, numbers.ravel(), shape.cells.ravel().astype(np.int32))
 
     def stiffness(self) -> sparse.spmatrix:
-        """Return what resists at rest, as the constant matrix takes it."""
+        """Return the term's stiffness at rest, in the form of the constant matrix."""
         return assemble(self._body.shape, self._sum, self._sum * self._bend, len(self._body.rest))
 
     def neutral(self) -> Saved:
@@ -163,7 +164,7 @@ class Viscosity(Term):
         }
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Aim at the strains that follow from the steps before."""
+        """Set the strains E_hat that follow from the previous steps."""
         now = saved["strain"]
         drift = (4.0 * now - self._before(saved)) / 3.0
         total = self._dash[:, None] * drift
@@ -172,7 +173,7 @@ class Viscosity(Term):
         self.reals.reshape(-1, _WIDTH)[:, 2 : 2 + STRAINS] = total / self._sum[:, None]
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return strains, branches, the energy [J] in the springs of these, and what was lost so far."""
+        """Return the state to store: strains, branches, their elastic energy and the dissipated energy so far [J]."""
         now, new, h = saved["strain"], self._strains(positions), self._h
         rate = 1.5 / h * (new - (4.0 * now - self._before(saved)) / 3.0)
         power = self._dynamics.viscosity * self._squared(rate)
@@ -194,11 +195,11 @@ class Viscosity(Term):
         }
 
     def energy(self, positions: NDArray[np.float64]) -> float:
-        """Return nothing: what branches store fades, and counts with what is lost."""
+        """Return 0: the energy that branches store is reported apart."""
         return 0.0
 
     def _before(self, saved: Saved) -> NDArray[np.float64]:
-        """Return the strains a step of today's length before."""
+        """Return the strains one step of the present length earlier."""
         before, length = saved["h"][0], self._h
         if before == length:
             return saved["before"]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Equilibrium of desired shapes for the ``relative`` policy: the paper as published (Eqs. 1-10, Algorithm 1).
 
-What the paper leaves open is read as follows: R is the proper rotation; V^V is the current shape scaled to
-its rest volume; V^v is the V^V of the last converged step in the element's own frame; alpha = eps_p / eps_c where
+Points that the paper leaves open are read as follows: R is the proper rotation; V^V is the current shape scaled to
+its rest volume; V^v is the V^V of the last converged step in the element's own frame; alpha = eps_p / eps_c if
 that is at most 1 (see `blend`), and 0 in the first step.
 """
 
@@ -34,21 +34,21 @@ from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation
 
 SAFETY = 0.01
-"""One step of the fixed point falls short of the distance to its limit by up to this factor."""
+"""Least length of a fixed-point step over the distance to the limit."""
 
 
 class RelativeEquilibrium:
-    """Finds positions at which every element is as close as possible to its desired shape (Eq. 3).
+    """Equilibrium solver: finds positions at which every element is as close as possible to its desired shape (Eq. 3).
 
     Args:
         body: the discretised body.
-        actuation: growth alone, which enters the desired shapes: this policy knows no forces; None for nothing.
-        library: what factors the constant matrix; None chooses.
+        actuation: growth only, which enters the desired shapes, because this policy has no forces; None for none.
+        library: library that factors the constant matrix; None chooses.
 
     Attributes:
         matrix: the constant matrix.
         handles: the kinematics of the handles.
-        patience: iterations after which a shorter motion is the better idea.
+        patience: iterations after which a shorter increment is tried instead.
     """
 
     patience = 120
@@ -66,10 +66,10 @@ class RelativeEquilibrium:
         self._difference = np.zeros_like(self._rest)
 
     def observe(self, observer: Observer | None) -> None:
-        """Do nothing: there is no energy to see."""
+        """Do nothing: this policy has no energy to observe."""
 
     def at_rest(self) -> State:
-        """Return the state at rest: nothing captured, no strain."""
+        """Return the state at rest, without captured shapes and strain."""
         body, loose = self._body, np.zeros((len(self._body.unknowns.slides), 3))
         operators, commands = self._actuation.growths.ungrown, dict(self._actuation.neutral)
         poses = {handle.name: Pose() for handle in body.handles}
@@ -97,7 +97,7 @@ class RelativeEquilibrium:
         )
 
     def solve(self, problem: Increment, start: State) -> Solution:
-        """Find the equilibrium of shapes for ``problem`` from ``start``, which stays as it is."""
+        """Find the equilibrium of shapes for ``problem`` from ``start``, which is not modified."""
         base = self.handles.base(problem.poses, start.poses, start.base)
         change = start.change_to(problem.commands)
         prediction = self._predictor.predict(start, base, change, self._movable)
@@ -109,7 +109,7 @@ class RelativeEquilibrium:
         if converged:
             captured = np.empty_like(self._rest)
             capture_shapes(x, operators.shape, captured)
-            # Kept as it would be without growth, so that it grows and shrinks with the element.
+            # Stored without growth, so that it grows and shrinks with the element.
             shapes = ShapeState(captured=self._stretched(captured, operators, back=True), strain=strain, omega=omega)
         else:
             reason = problem.deadline.reason if late else f"stopped after {problem.limit} iterations"
@@ -141,7 +141,7 @@ class RelativeEquilibrium:
         return found.with_(motion=self._predictor.motion(previous, found, previous.change_to(found.commands)))
 
     def skipped(self, solution: Solution) -> dict[str, int]:
-        """Return nothing: every element is compared with its desired shape in every iteration."""
+        """Return no counts: every element is compared with its desired shape in every iteration."""
         return {}
 
     def _iterate(
@@ -152,7 +152,12 @@ class RelativeEquilibrium:
         prediction: Prediction,
         operators: Operators,
     ) -> tuple[NDArray, NDArray, NDArray, NDArray, int, float, bool]:
-        """Iterate to a fixed point; return positions, slides, omega, strains, iterations, residual, if it was late."""
+        """Iterate to a fixed point.
+
+        Returns:
+            Positions, free translations, omega, strains, number of iterations, residual, and whether the deadline
+            passed.
+        """
         body, unknowns, frame = self._body, self._body.unknowns, self.handles.frame(base)
         count, x = len(unknowns.free), prediction.positions.copy()
         x[unknowns.prescribed] = base[unknowns.prescribed]
@@ -186,7 +191,7 @@ class RelativeEquilibrium:
         residual: float,
         message: str,
     ) -> Summary:
-        """Return what the formulas of the ``energy`` policy give at the positions: this policy has no newtons."""
+        """Return a summary with the forces of the ``energy`` policy at these positions; this policy has none."""
         body = self._body
         pressure = volume_pressures(body, x, operators=operators)
         force, energies = corner_forces(body, x, pressure, operators=operators)
@@ -209,7 +214,7 @@ class RelativeEquilibrium:
     def _stretched(
         self, shapes: NDArray[np.float64], operators: Operators, *, back: bool = False
     ) -> NDArray[np.float64]:
-        """Return shapes (m, 8, 3) grown with their elements, or ``back`` to no growth."""
+        """Return shapes (m, 8, 3) grown with their elements; with ``back``, with growth divided out."""
         cells = self._actuation.growths.cells
         if not len(cells):
             return shapes

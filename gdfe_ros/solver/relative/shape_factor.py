@@ -11,7 +11,7 @@ CALIBRATION = (-0.4141, 1.42245, 0.0017)
 CALIBRATED_TO = 90.0
 """Largest R_G of the calibration, Sec. 4.2.1."""
 LARGEST_RATIO = 1e3
-"""Largest ratio of moduli that shape factors express; beyond it omega is below 4e-4."""
+"""Largest ratio of moduli that shape factors represent; beyond it omega is below 4e-4."""
 
 
 def geometric_ratio(mechanical_ratio: ArrayLike) -> NDArray[np.float64]:
@@ -23,7 +23,7 @@ def shape_factors(modulus: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return omega (m,) of elements with tangent moduli (m,) [Pa] (Eqs. 7 and 8).
 
     omega_i = h / R_G(E_max / E_i), h = r / (r + 1), r = E_max / E_min. A modulus below E_max / ``LARGEST_RATIO``, such
-    as the negative tangent of a falling curve, counts as that.
+    as the negative tangent of a falling curve, is raised to that.
     """
     stiffest = modulus.max()
     modulus = np.maximum(modulus, stiffest / LARGEST_RATIO)
@@ -32,7 +32,7 @@ def shape_factors(modulus: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def calibration_remarks(modulus: NDArray[np.float64]) -> list[str]:
-    """Say where moduli (k,) [Pa] at rest need ratios of shape factors that Eq. 7 was not fitted on."""
+    """Return a remark if the moduli (k,) [Pa] at rest need shape factors beyond the calibration of Eq. 7."""
     ratio = float(modulus.max() / modulus.min())
     needed = float(geometric_ratio(ratio))
     if needed <= CALIBRATED_TO:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes of elements under the ``relative`` policy: the desired one (Eqs. 9 and 10), and the one kept of a step."""
+"""Element shapes of the ``relative`` policy: the desired one (Eqs. 9 and 10), and the captured one."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.measures import mean_gradient
 
 LEAST_VOLUME = 1e-3
-"""Volume ratio below which V^V is no longer scaled up further; of an inverted element the size of its volume counts,
-or it would be blown up without end."""
+"""Volume ratio below which V^V is not scaled up further. For an inverted element the absolute value counts; it would
+grow without bound otherwise."""
 
 
 def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return alpha = eps_p / eps_c of Eq. 9, or its inverse where a strain has become smaller.
+    """Return alpha = eps_p / eps_c of Eq. 9, or its inverse for a strain that has decreased.
 
-    The paper has loading in mind, where the ratio is at most 1. Of an element that is let go the captured shape must
-    not stay the desired one: as its strain vanishes so does alpha, and it comes home.
+    The paper considers loading, where the ratio is at most 1. On unloading, alpha must vanish with the strain, so that
+    the captured shape does not remain the desired one and the element returns to rest.
     """
     most = np.maximum(before, now)
     return np.minimum(before, now) / np.maximum(most, 1e-12)

@@ -27,10 +27,10 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 
 
 class Tangents:
-    """Makes tangents of a body for derivatives, with a factor that is analysed once.
+    """Linearises solves of one body, with a factor whose symbolic analysis is done once.
 
     Args:
-        equilibrium: that solves.
+        equilibrium: the equilibrium solver.
     """
 
     def __init__(self, equilibrium: EnergyEquilibrium) -> None:
@@ -38,10 +38,10 @@ class Tangents:
         self._level: TangentLevel | None = None
 
     def at(self, start: State, end: State) -> Linearised:
-        """Linearise the solve that began at ``start`` and ended at ``end``.
+        """Return the linearised solve that began at ``start`` and ended at ``end``.
 
         Raises:
-            GdfeError: the end is no equilibrium, or there is no derivative there.
+            GdfeError: the end is no equilibrium, or has no derivative.
         """
         require_differentiable(end)
         equilibrium = self._equilibrium
@@ -64,7 +64,7 @@ class EquilibriumColumns:
     """Derivatives of equilibria.
 
     Args:
-        equilibrium: that solves.
+        equilibrium: the equilibrium solver.
     """
 
     def __init__(self, equilibrium: EnergyEquilibrium) -> None:
@@ -82,7 +82,7 @@ class EquilibriumColumns:
         """Return d(output)/d(parameter) at an equilibrium.
 
         Raises:
-            GdfeError: it is none, there is no derivative, or it was interrupted.
+            GdfeError: the state is no equilibrium, has no derivative, or the computation was interrupted.
         """
         with one_blas_thread():
             solve, columns = self._tangents.at(state, state), []
@@ -97,7 +97,7 @@ class EquilibriumColumns:
 
 
 def own_side(body: Body, state: State, end: State | None = None) -> Side:
-    """Return what the solve that is linearised was given: it began with ``state`` and ended at ``end``, or there."""
+    """Return the inputs of the solve that is linearised, from ``state`` to ``end`` (None: the same state)."""
     end = end or state
     return Side(start=state, commands=end.commands, poses=end.poses, table=body.table)
 
@@ -110,9 +110,10 @@ def pair_of(
     scheme: Dynamics | None = None,
     share: float = 1.0,
 ) -> Pair:
-    """Return the solves beside one that a parameter makes; in motion in steps of length ``h`` [s] by a scheme.
+    """Return the inputs of two solves with a parameter varied up and down.
 
-    A command or pose that changes evenly has come a ``share`` of its way.
+    In motion, steps have the length ``h`` [s] and use ``scheme``. A command or pose that changes linearly over a step
+    has completed the fraction ``share`` of its change.
     """
     sides, step = [], parameter.step(own.commands)
     for change in (step, -step):
@@ -138,7 +139,7 @@ def rows_of(column: Column, outputs: Outputs, names: Sequence[str]) -> dict[str,
 def joined(
     names: Sequence[str], parameters: Sequence[Parameter], columns: Sequence[dict[str, NDArray[np.float64]]]
 ) -> Sensitivities:
-    """Return the columns of all parameters side by side."""
+    """Return the columns of all parameters as one result."""
     values = {name: np.stack([column[name] for column in columns], axis=1) for name in names} if columns else {}
     return Sensitivities(
         outputs=tuple(names),
@@ -149,10 +150,10 @@ def joined(
 
 
 def require_differentiable(state: State) -> None:
-    """Refuse a state that is no stable equilibrium.
+    """Raise an error for a state that is no stable equilibrium.
 
     Raises:
-        GdfeError: it has not converged, is a saddle, or has folded elements.
+        GdfeError: the state has not converged, is a saddle, or has folded elements.
     """
     summary = state.summary
     if summary.stable is False:

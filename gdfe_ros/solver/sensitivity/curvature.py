@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The second derivative of a chamber's energy -p V, quad by quad."""
+"""Second derivative of a chamber's energy -p V, quad by quad."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from gdfe_ros.solver.terms.chamber import EFFORT, ChamberTerm, push
 from gdfe_ros.solver.terms.term import Term
 
 STEP = 1e-3
-"""Displacement of a central difference over the body's size; forces are quadratic, so that it is exact."""
+"""Displacement of a central difference over the body's size. Forces are quadratic, so that the difference is exact."""
 
 
 class PressedWalls(Term):
-    """A chamber of given pressure as the tangents of derivatives take it: with what its pressure takes from stiffness.
+    """A chamber of given pressure with its full tangent, which includes the negative part that minimisations leave out.
 
     Args:
-        chamber: the term that acts.
-        body: what surrounds it.
+        chamber: the chamber's term.
+        body: the body around it.
     """
 
     def __init__(self, chamber: ChamberTerm, body: Body) -> None:
@@ -36,10 +36,10 @@ class PressedWalls(Term):
         return self._points.corners[self._quads].reshape(len(self._quads), -1)
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return -p d^2V/dx^2 (q, 3 c, 3 c) [N/m]."""
+        """Return the tangents of the pressure on the wall's faces, -p d^2V/dx^2 (q, 3 c, 3 c) [N/m]."""
         places = self._chamber.actuator.at(positions)[self._quads]
         count, middle = len(places), places.reshape(-1, 3).mean(axis=0)
-        # One quad more, of no size, keeps the point fixed from which the kernel counts.
+        # An additional quad of zero size keeps the kernel's reference point fixed.
         own = np.concatenate([np.zeros(4, np.int32), 1 + np.arange(4 * count, dtype=np.int32)])
         pressure, blocks = float(self._chamber.reals[EFFORT]), np.empty((count, 12, 12))
         for column in range(12):
@@ -58,7 +58,7 @@ class PressedWalls(Term):
 
 
 def curved(terms: tuple[Term, ...], body: Body) -> list[Term]:
-    """Return terms as the tangents of derivatives take them."""
+    """Return the terms with the full tangents that derivatives need."""
 
     def pressed(term: Term) -> bool:
         return isinstance(term, ChamberTerm) and term.actuator.mode is Mode.PRESSURE

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Linear systems whose matrix is known by its products: GMRES (Saad and Schultz 1986), preconditioned from the left."""
+"""Solution of linear systems given by matrix-vector products: left-preconditioned GMRES (Saad and Schultz 1986)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from scipy.linalg import solve_triangular
 from gdfe_ros.errors import GdfeError
 
 ENOUGH = 1e-5
-"""Residual, likewise, that is accepted where products are differences, and less cannot be reached."""
+"""Relative residual that is accepted if the tolerance cannot be reached because the products are differences."""
 EXHAUSTED = 1e-13
-"""Length of what a product adds to the space of all before it, over its own, that is rounding."""
+"""Norm of the orthogonal part of a product, over its own, below which it is rounding."""
 ROUNDING = 1e-6
-"""Share of the right-hand side that a solution is taken for at least."""
+"""Least size of the solution, over the right-hand side, that the relative residual assumes."""
 MOST = 150
-"""Products at most."""
+"""Limit of products."""
 
 Map = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -28,9 +28,9 @@ def solved(product: Map, precondition: Map, right: NDArray[np.float64], *, toler
 
     Args:
         product: returns A times a vector (k,).
-        precondition: returns M^-1 times a vector (k,); the nearer M is to A, the fewer products are needed.
+        precondition: returns M^-1 times a vector (k,); the closer M is to A, the fewer products are needed.
         right: b (k,).
-        tolerance: of the preconditioned residual, over that of b or, where it is less, x.
+        tolerance: of the preconditioned residual, over the smaller of those of b and x.
 
     Raises:
         GdfeError: A is singular, or nearly so: there is no derivative.
@@ -44,7 +44,7 @@ def solved(product: Map, precondition: Map, right: NDArray[np.float64], *, toler
     goal[0] = size
     for k in range(MOST):
         image = precondition(product(basis[-1]))
-        for _ in range(2):  # once leaves rounding, which counts where the matrix is nearly the preconditioner
+        for _ in range(2):  # a single pass leaves rounding, which matters if the matrix is close to the preconditioner
             shares = np.array([float(vector @ image) for vector in basis])
             rows[: k + 1, k] += shares
             for share, vector in zip(shares, basis, strict=True):
@@ -56,7 +56,7 @@ def solved(product: Map, precondition: Map, right: NDArray[np.float64], *, toler
         _turn(rows[k : k + 2, k], turns[k])
         _turn(goal[k : k + 2], turns[k])
         answer = solve_triangular(rows[: k + 1, : k + 1], goal[: k + 1])
-        # A stiff constraint makes the right-hand side far larger than the solution, which is what must be known.
+        # A stiff constraint makes the right-hand side far larger than the solution, whose accuracy matters.
         left = abs(goal[k + 1]) / min(size, max(float(np.linalg.norm(answer)), ROUNDING * size))
         if left < tolerance or not length > EXHAUSTED or (left < ENOUGH and left > 0.5 * best):
             break
@@ -72,6 +72,6 @@ def solved(product: Map, precondition: Map, right: NDArray[np.float64], *, toler
 
 
 def _turn(pair: NDArray[np.float64], turn: NDArray[np.float64]) -> None:
-    """Turn two numbers by a rotation of this cosine and sine."""
+    """Rotate two numbers by the angle with the given cosine and sine."""
     cosine, sine = turn
     pair[:] = cosine * pair[0] + sine * pair[1], cosine * pair[1] - sine * pair[0]

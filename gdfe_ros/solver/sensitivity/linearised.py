@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A converged solve, linearised: K dx + G dm = -dF, with the multipliers m as further unknowns.
+"""Linearisation of a converged solve: K dx + G dm = -dF, with the multipliers m as further unknowns.
 
-Where a solve has converged, the forces F(x, m) vanish and an update changes no multiplier, m = U(x, m). Derivatives of
-both vanish too. Products of the elements' tangents are exact; those of all other terms, and of their updates, are
-central differences of the very kernels that the solve called. What the pressures and hourglass scales of elements do
-is eliminated element by element.
+At a converged solve the forces F(x, m) vanish and an update changes no multiplier, m = U(x, m). The derivatives of
+both equations vanish as well. Products with the elements' tangents are exact; those of all other terms, and of their
+updates, are central differences of the kernels that the solve called. The response of the elements' pressures and
+hourglass scales is eliminated element by element.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.term import Term, terms_energy
 
 SOFT, STIFF = 1e-6, 1e-8
-"""Error of a derivative, and where multipliers keep something: forces there are stiff in it."""
+"""Relative error of a derivative without multipliers, and with them, because constraints make the forces stiff."""
 SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
-"""Displacement of a difference of terms, of one within the way that counts as slipping, and of one that turns handles,
-over the body's size."""
+"""Displacements of differences over the body's size: of terms in general, of terms with friction, whose slip is tiny,
+and of rotations of handles."""
 
 
 class Change(NamedTuple):
@@ -55,26 +55,26 @@ class Change(NamedTuple):
 
 
 class Linearised:
-    """A solve at its end.
+    """A converged solve and its linearisation.
 
     Args:
-        equilibrium: that solved.
-        level: takes tangents of the body; one of its own, which no descent uses.
-        start: the state that the solve began with; that at its end where only what comes next is asked for.
-        end: the state that it found.
+        equilibrium: the equilibrium solver.
+        level: evaluates tangents of the body; an instance that no minimisation uses.
+        start: state at the beginning of the solve; equal to ``end`` if only later solves are of interest.
+        end: state at the end of the solve.
 
     Attributes:
         x: (n, 3) [m] positions.
         u: (3 r,) unknowns.
-        frame: where handles are commanded.
+        frame: commanded positions of the handles.
         forces: (n, 3) [N] dE/dx of all terms.
         multipliers: (k,) of all terms, one after another.
         scale: (m,) hourglass scales.
         softening: elements whose scales follow the strain.
         spacing: [m] of differences.
-        interrupted: asked at every product; once it tells so, what is going on is an error.
-        numbers: (k,) of all terms, as they were at the end.
-        volumes: the laws of the elements' volumes there.
+        interrupted: called at every product; the computation ends with an error once it returns True.
+        numbers: (k,) reals of all terms at the end.
+        volumes: volume laws of the elements at the end.
     """
 
     def __init__(self, equilibrium: EnergyEquilibrium, level: TangentLevel, start: State, end: State) -> None:
@@ -120,12 +120,12 @@ class Linearised:
     def element_forces(
         self, table: MaterialTable, *, operators: Operators | None = None, scale: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Return dE/dx (n, 3) [N] of elements with the materials of a ``table``, at the pressures that it asks for."""
+        """Return dE/dx (n, 3) [N] of elements with the materials of ``table``, at the corresponding pressures."""
         body, found = self.body, operators or self.end.operators
         force, energies = np.zeros((len(body.material), 8, 3)), np.zeros(len(body.material))
         if found is self.end.operators:
             material, pressure = body.material, self.volumes.pressed(body.material, self.table, table)
-        else:  # volumes differ
+        else:  # growth changes the volumes
             material, pressure, table = self.volumes.material, self.volumes.pressure, self.volumes.table
         scale = self.scale if scale is None else scale
         given = self.x, found.shape, found.blocks, material, pressure, scale, table, self._watch.watched
@@ -133,11 +133,11 @@ class Linearised:
         return self._summed(force)
 
     def held(self) -> NDArray[np.float64]:
-        """Return the multipliers (k,) in force."""
+        """Return the present multipliers (k,) of all terms."""
         return self._joined(lambda term: term.multipliers)
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Have all terms take multipliers (k,)."""
+        """Set the multipliers (k,) of all terms."""
         for term, part in zip(self.actuation.terms, self._parts(multipliers), strict=True):
             term.hold(part)
 
@@ -146,15 +146,15 @@ class Linearised:
         return self._joined(lambda term: term.updated(x))
 
     def metres(self, multipliers: NDArray[np.float64]) -> float:
-        """Return what a change (k,) of the multipliers is as a displacement [m], at most."""
+        """Return the largest displacement [m] that corresponds to a change (k,) of the multipliers."""
         return float(np.abs(multipliers / self._weights).max(initial=0.0))
 
     def restore(self) -> None:
-        """Have all terms be as they were at the end."""
+        """Reset the reals of all terms to those at the end."""
         self.actuation.table.reals[...] = self.numbers
 
     def moved(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the motion (n, 3) [m] of all vertices that one (3 r,) of the unknowns is."""
+        """Return the motion (n, 3) [m] of all vertices for one of the unknowns (3 r,)."""
         motion, count = np.zeros_like(self.x), len(self._unknowns.free)
         motion[self._unknowns.free] = unknowns[: 3 * count].reshape(-1, 3)
         if self._motion.size:
@@ -162,7 +162,7 @@ class Linearised:
         return motion
 
     def gathered(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return forces (n, 3) [N] as those (3 r,) on the unknowns."""
+        """Return forces (n, 3) [N] as generalised forces (3 r,) on the unknowns."""
         own = forces[self._unknowns.free].ravel()
         if not self._motion.size:
             return own
@@ -171,18 +171,18 @@ class Linearised:
     def product(
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return dF (n, 3) [N] and dU (k,) of a motion (n, 3) [m] and of multipliers (k,)."""
+        """Return dF (n, 3) [N] and dU (k,) for a motion (n, 3) [m] and a change of the multipliers (k,)."""
         forces, change = self._beside(motion, multipliers)
         add_products(self._stiffness, self._softened, self._slopes, self.body.cells, motion, forces)
         return forces, change
 
     def solve(self, forces: NDArray[np.float64], change: NDArray[np.float64], turned: NDArray[np.float64]) -> Change:
-        """Return the derivative that balances forces (n, 3) [N] and a change (k,) of what updates find.
+        """Return the derivative that balances forces (n, 3) [N] and a change (k,) of the updated multipliers.
 
-        ``turned`` (3 q,) is what else acts on the rigid rows.
+        ``turned`` (3 q,) are further generalised forces on the rigid rows.
 
         Raises:
-            GdfeError: there is none.
+            GdfeError: there is no derivative.
         """
         rows = 3 * self._unknowns.rows
         load = self.gathered(forces)
@@ -194,7 +194,12 @@ class Linearised:
         return Change(unknowns, self.moved(unknowns), multipliers)
 
     def rigid_part(self, u: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
-        """Return what the forces at the end are on the rigid rows (3 q,) where these, or handles, are elsewhere."""
+        """Return the forces at the end as generalised forces (3 q,) on the rigid rows, at other rigid motions.
+
+        Args:
+            u: (3 r,) unknowns with the rigid motions.
+            frame: commanded positions of the handles.
+        """
         x, gradient = self.x.copy(), np.zeros_like(u)
         place(u, frame, self._unknowns, x)
         none = np.zeros((len(self.body.material), 8, 3))
@@ -218,7 +223,7 @@ class Linearised:
         )
 
     def _soften(self, equilibrium: EnergyEquilibrium) -> None:
-        """Take how the forces of elements follow their hourglass scales, where these follow strains."""
+        """Compute the derivative of the elements' forces by their hourglass scales, if these follow strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
         self._slopes = self._softened = np.zeros((0, 24))
         if not len(self.softening):
@@ -235,7 +240,7 @@ class Linearised:
         self._softened = forces[0] - forces[1]
 
     def _turned_stiffness(self) -> NDArray[np.float64]:
-        """Return d(force on the rigid rows)/d(rigid rows) (3 q, 3 q) that turning forces about is."""
+        """Return d(rigid rows' generalised forces)/d(rigid rows) (3 q, 3 q) at constant vertex forces."""
         first, count = 3 * len(self._unknowns.free), 3 * self._unknowns.rigid_rows
         stiffness, step = np.zeros((count, count)), TURN * self.body.size
         for column in range(count if self._motion.size else 0):
@@ -271,7 +276,7 @@ class Linearised:
     def _beside(
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return what `product` does, without the elements."""
+        """Return the result of `product` without the elements."""
         largest = max(np.abs(motion).max(initial=0.0), self.metres(multipliers))
         if largest == 0.0 or not len(self.actuation.table.address):
             return np.zeros_like(motion), np.zeros_like(multipliers)

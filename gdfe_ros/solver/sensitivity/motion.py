@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives along a motion: each internal step hands on those of positions, velocities and all that terms keep."""
+"""Derivatives along a motion: each internal step passes on those of positions, velocities and the terms' states."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
 Kept = Mapping[str, Mapping[str, NDArray[np.float64]]]
-"""What terms keep, by term and name."""
+"""Stored states of the terms, by term and name."""
 MOST_LENGTHS = 4
-"""Lengths of steps whose tangents are kept analysed."""
+"""Number of step lengths whose analysed tangents are kept."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,7 +31,7 @@ class Carried:
 
     Attributes:
         positions: (n, 3) [m].
-        terms: what terms keep.
+        terms: of the terms' stored states.
         share: of a command or a pose.
         reactions: (6,) by handle and obstacle.
     """
@@ -46,10 +46,10 @@ class Trail:
     """Follows a motion, step by step, with its derivatives.
 
     Args:
-        stepper: that makes it.
+        stepper: the stepper of the motion.
         parameters: of the derivatives.
-        state: where it begins; nothing has influenced that.
-        tangents: of earlier trails, which are used again.
+        state: at the beginning; it depends on no parameter.
+        tangents: cache that several trails share.
     """
 
     def __init__(
@@ -67,11 +67,11 @@ class Trail:
         self._began = [0.0 for _ in parameters]
 
     def begin(self) -> None:
-        """Note that a step of the simulation begins: commands go on from where they are."""
+        """Record the beginning of a step of the simulation, from which commands change linearly."""
         self._began = [column.share for column in self.columns]
 
     def observe(self, stage: InternalStep) -> None:
-        """Follow an internal step; where it has no derivative, `flaw` says so from then on."""
+        """Propagate the derivatives through an internal step; if it has none, `flaw` says why from then on."""
         self.state = stage.after
         if self.flaw:
             return
@@ -112,7 +112,7 @@ class Trail:
         return found
 
     def _history(self, own: Side, parameter: Parameter, column: Carried) -> Pair | None:
-        """Return the solves beside one that began elsewhere; None where it did not."""
+        """Return the inputs of two solves with a varied initial state; None if it does not depend on the parameter."""
         kept = column.terms[inertia.NAME]
         h, size = own.start.terms[inertia.NAME]["h"][0] or 1.0, self._stepper.body.size
         ways = (np.abs(kept["velocity"]).max(initial=0.0) * h, np.abs(kept["acceleration"]).max(initial=0.0) * h * h)
@@ -124,7 +124,7 @@ class Trail:
         return Pair(*sides, own, step)
 
     def _left(self, stage: InternalStep, side: Side, x: NDArray[np.float64]) -> Kept:
-        """Return what terms keep of a step beside, with what contacts leave for the next one to count on."""
+        """Return the terms' states after a varied step, without the contact forces that the next step must not use."""
         integrator, h = stage.integrator, stage.h
         terms = {}
         for term in integrator.equilibrium(h).actuation.terms:
@@ -133,7 +133,7 @@ class Trail:
         return integrator.followed(side.start, now, h, first=stage.first).terms
 
     def _started(self, stage: InternalStep) -> list[Carried]:
-        """Return the derivatives of the accelerations with which a motion begins, from rest."""
+        """Return the derivatives of the initial accelerations of a motion that starts from rest."""
         stepper, h = self._stepper, stage.h
         acceleration = stage.after.terms[inertia.NAME]["acceleration"]
         velocity = stage.after.terms[inertia.NAME]["velocity"]
@@ -164,7 +164,7 @@ class Trail:
 
 
 def _beside(state: State, parameter: Parameter, column: Carried, step: float) -> State:
-    """Return a state by ``step`` times its derivative."""
+    """Return a state changed by ``step`` times its derivative."""
     terms = {
         name: {key: array + step * column.terms[name][key] if key in column.terms[name] else array
                for key, array in kept.items()}
@@ -183,7 +183,7 @@ def _beside(state: State, parameter: Parameter, column: Carried, step: float) ->
 
 
 def _difference(above: Kept, below: Kept, twice: float) -> Kept:
-    """Return the difference of what terms keep, over ``twice`` a step; what is not a number on both sides is none."""
+    """Return the difference of two stored states over ``twice`` a step; NaN in both counts as zero."""
     return {
         name: {key: np.nan_to_num((array - below[name][key]) / twice) for key, array in kept.items()}
         for name, kept in above.items()

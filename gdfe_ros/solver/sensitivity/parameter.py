@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters by name, as a scene's keys name them: what of a command, a pose or a model each one is."""
+"""Named parameters of derivatives, each a component of a command, a pose or a model."""
 
 from __future__ import annotations
 
@@ -21,27 +21,26 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.sensitivity.variant import Model, Variant
 
 NEAR = 1e-5
-"""By how much a value is varied, over itself or what it is of the order of: forces differ smoothly, to 1e-10."""
+"""Relative variation of a value, over itself or its order of magnitude: forces are smooth, so the error is 1e-10."""
 FAINT = 1e-8
-"""Tension over modulus and the square of the body's size, and pressure over the modulus, that are little: forces are
-linear in both."""
+"""Small tension over modulus and squared body size, and small pressure over modulus; forces are linear in both."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-"""Of a pose: translation [m] and rotation vector [rad]."""
+"""Components of a pose: translation [m] and rotation vector [rad]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Parameter:
-    """What a derivative is with respect to.
+    """A parameter of a derivative.
 
     Attributes:
-        name: dotted, as `parameters_of` takes it.
+        name: dotted, as a scene's keys name it.
         unit: of its value; empty for none.
-        value: at which the model has it; zero for poses and commands, which a state has.
-        scale: what its value is of the order of, at least.
+        value: its value in the model; zero for poses and commands, whose values are in the state.
+        scale: least order of magnitude of its value.
         command: actuator or load whose command it is; empty for none.
-        handle: whose pose it is a part of; empty for none.
-        axis: which part.
-        model: returns the body with another value; None where it is not part of the model.
+        handle: handle to whose pose it belongs; empty for none.
+        axis: index of the component of the pose.
+        model: returns the body with another value; None if it does not belong to the model.
     """
 
     name: str
@@ -54,15 +53,15 @@ class Parameter:
     model: Callable[[float], Variant] | None = None
 
     def step(self, commands: Mapping[str, float]) -> float:
-        """Return by how much it is varied where these commands are in force."""
+        """Return the variation of its value at the given commands."""
         return NEAR * max(self.scale, abs(commands[self.command]) if self.command else 0.0)
 
     def commanded(self, commands: Mapping[str, float], change: float) -> Mapping[str, float]:
-        """Return commands with this one changed."""
+        """Return the commands with this one changed by ``change``."""
         return {**commands, self.command: commands[self.command] + change} if self.command else commands
 
     def posed(self, poses: Mapping[str, Pose], change: float) -> Mapping[str, Pose]:
-        """Return poses with this part of one changed."""
+        """Return the poses with this component changed by ``change``."""
         if not self.handle:
             return poses
         return {**poses, self.handle: moved(poses[self.handle], np.eye(6)[self.axis] * change)}
@@ -75,7 +74,7 @@ def moved(pose: Pose, change: Sequence[float]) -> Pose:
 
 
 class Parameters:
-    """The parameters that a scene has.
+    """The parameters of a scene.
 
     Args:
         body: the discretised body.
@@ -109,7 +108,7 @@ class Parameters:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All names."""
+        """Names of all parameters."""
         return tuple(self._made)
 
     def named(self, names: Sequence[str]) -> list[Parameter]:
@@ -128,7 +127,7 @@ class Parameters:
         self._made[name] = Parameter(name=name, unit=unit, scale=scale, **more)
 
     def _add_material(self, name: str, material: Material) -> None:
-        """Add the parameters of a material's law; its Poisson's ratio where it is not incompressible."""
+        """Add the parameters of a material's law, and its Poisson's ratio unless it is incompressible."""
 
         def add(key: str, unit: str, value: float, scale: float, made: Callable[[float], Material]) -> None:
             @cache
@@ -198,7 +197,7 @@ class Parameters:
                 add(f"prony.{i}.{key}", unit, value, value, made)
 
     def _size_of(self, actuator: Actuator) -> float:
-        """Return what a command is of the order of."""
+        """Return the order of magnitude of an actuator's command."""
         size, young = self._body.size, float(self._body.table.parameters[:, YOUNG].min())
         if isinstance(actuator, Growth):
             return 1.0

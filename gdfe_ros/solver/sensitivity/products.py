@@ -14,11 +14,11 @@ def add_products(stiffness, softened, slopes, cells, motion, forces):
 
     Args:
         stiffness: K (m, 24, 24) [N/m].
-        softened: f (m, 24) [N], by how much the forces follow the hourglass scale; none where scales stay.
-        slopes: s (m, 24) [1/m], by how much that follows the corners.
+        softened: f (m, 24) [N], derivative of the forces by the hourglass scale; empty if scales are constant.
+        slopes: s (m, 24) [1/m], derivative of the scale by the corners.
         cells: (m, 8) corners.
         motion: dx (n, 3) [m].
-        forces: is added to.
+        forces: (n, 3) [N], is added to.
     """
     local, soft = np.empty(24), len(softened) > 0
     for e in range(len(cells)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives as a user gets them."""
+"""Result of a sensitivity computation, and its outputs."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Sensitivities:
         """Return d(output)/d(parameter) (k,).
 
         Raises:
-            CommandError: one of them is not among those that were asked for.
+            CommandError: the output or the parameter was not requested.
         """
         for name, known in ((output, self.outputs), (parameter, self.parameters)):
             if name not in known:
@@ -48,10 +48,10 @@ class Sensitivities:
 
 
 class Outputs:
-    """The outputs that a scene has: ``positions``, ``probes.<name>``, ``reactions.<handle or obstacle>``.
+    """The outputs of a scene: ``positions``, ``probes.<name>``, ``reactions.<handle or obstacle>``.
 
     Args:
-        probes: by name, what carries each point.
+        probes: material points, by name.
         reacting: names of handles and obstacles.
         count: vertices of the mesh.
     """
@@ -61,12 +61,12 @@ class Outputs:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All names."""
+        """Names of all outputs."""
         probes = (f"probes.{name}" for name in self._probes)
         return (*probes, *(f"reactions.{name}" for name in self._reacting), "positions")
 
     def named(self, names: Sequence[str] | None) -> tuple[str, ...]:
-        """Return outputs by their names; None takes all probes.
+        """Return the checked names of outputs; None stands for all probes.
 
         Raises:
             CommandError: there is no such output.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A solve beside the one that is linearised: what differs in what it was given, and what follows in what it found."""
+"""Varied solves next to the one that is linearised: their inputs, and the resulting derivatives."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import Term
 
 NEAR = 1e-7
-"""Displacement, over the body's size, of a difference of what a solve leaves behind."""
+"""Largest displacement, over the body's size, in differences between states near the end of a solve."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Side:
-    """What a solve beside was given.
+    """Inputs of a varied solve.
 
     Attributes:
-        start: the state that it began with.
+        start: state at the beginning.
         commands: of actuators and loads.
         poses: of handles.
         table: its materials.
-        terms: that take the place of those of the same name.
+        terms: replacements of the terms of the same names.
     """
 
     start: State
@@ -45,12 +45,12 @@ class Side:
 
 
 class Pair(NamedTuple):
-    """Two solves beside the one that is linearised.
+    """Two varied solves next to the one that is linearised.
 
     Attributes:
-        above, below: on either side of it.
-        middle: what it was given itself.
-        step: half of by how much they differ, in the unit of what differs.
+        above, below: varied up and down.
+        middle: not varied.
+        step: half of their difference, in the unit of the varied quantity.
     """
 
     above: Side
@@ -60,14 +60,14 @@ class Pair(NamedTuple):
 
 
 class Column:
-    """The derivative of a solve with respect to what pairs of solves differ in, all together.
+    """Derivative of a solve by one parameter: the sum of the effects of several pairs of varied inputs.
 
     Args:
-        solve: that is linearised.
-        pairs: each on either side of it.
+        solve: the linearised solve.
+        pairs: of varied inputs.
 
     Attributes:
-        change: of positions, multipliers and forces.
+        change: derivative of positions and multipliers.
 
     Raises:
         GdfeError: there is no derivative.
@@ -92,7 +92,7 @@ class Column:
         self.change = found._replace(positions=found.positions + driven)
 
     def reactions(self) -> dict[str, NDArray[np.float64]]:
-        """Return the derivative (6,) of what each handle and obstacle exerts on the body."""
+        """Return the derivative (6,) of each handle's and obstacle's reaction on the body."""
         solve, change = self._solve, self.change
         forces = self._forces + solve.product(solve.moved(change.unknowns), change.multipliers)[0]
         largest = max(np.abs(change.positions).max(initial=0.0), solve.metres(change.multipliers))
@@ -107,9 +107,10 @@ class Column:
         return {name: (value - found[1][name]) / (2.0 * step) for name, value in found[0].items()}
 
     def after(self, made: Callable[[Side, NDArray[np.float64]], T], difference: Callable[[T, T, float], T]) -> list[T]:
-        """Return the parts of the derivative of what ``made`` makes, of a side and positions (n, 3) [m], at the end.
+        """Return the parts of the derivative of ``made(side, positions)`` at the end of the solve.
 
-        All terms are then as at the end of that side. ``difference`` divides by what two of them differ in.
+        The terms are set to the end of that side before each call. ``difference`` returns the difference of two results
+        over a given step.
         """
         solve, change, parts = self._solve, self.change, []
         for pair in self._pairs:
@@ -130,7 +131,7 @@ class Column:
         return parts
 
     def _placed(self, side: Side) -> tuple[NDArray[np.float64], Frame]:
-        """Return positions (n, 3) [m] and the frame with the handles where a side has them."""
+        """Return positions (n, 3) [m] and the frame with the handles of a side."""
         solve, end, handles = self._solve, self._solve.end, self._solve.handles
         base = handles.base(side.poses, end.poses, end.base)
         if base is end.base:
@@ -142,7 +143,7 @@ class Column:
         return x, frame
 
     def _varied(self, side: Side, x: NDArray[np.float64]) -> None:
-        """Have all terms take what a side was given, with the multipliers of the end."""
+        """Set all terms to the inputs of a side, with the multipliers of the end."""
         solve = self._solve
         for term in solve.actuation.terms:
             own = side.terms.get(term.name, term)
@@ -153,7 +154,7 @@ class Column:
         solve.hold(solve.multipliers)
 
     def _terms_part(self, pair: Pair, *places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return by how much terms pull (n, 3) [N], and updates find (k,), otherwise where vertices are the same."""
+        """Return the terms' change of force (n, 3) [N] and of updated multipliers (k,) at constant positions."""
         solve, numbers = self._solve, []
         first, own = pair.above, pair.middle
         if not first.terms and (first.commands, first.poses, first.start) == (own.commands, own.poses, own.start):
@@ -162,7 +163,7 @@ class Column:
             solve.restore()
             self._varied(side, x)
             numbers.append(solve.actuation.table.reals.copy())
-        half, found = np.zeros(len(solve.numbers)), []  # limits are infinite
+        half, found = np.zeros(len(solve.numbers)), []  # some entries, such as limits, are infinite
         np.subtract(0.5 * numbers[0], 0.5 * numbers[1], out=half, where=numbers[0] != numbers[1])
         self._numbers += half / pair.step
         for sign in (1.0, -1.0):
@@ -173,7 +174,7 @@ class Column:
         return (first - second) / (2.0 * pair.step), (above - below) / (2.0 * pair.step)
 
     def _elements_part(self, pair: Pair) -> NDArray[np.float64]:
-        """Return by how much elements pull (n, 3) [N] otherwise where vertices are the same."""
+        """Return the elements' change of force (n, 3) [N] at constant positions."""
         solve, growths, found = self._solve, self._solve.actuation.growths, []
         before = solve.end.operators
         grown = [growths.at(side.commands, before) for side in (pair.above, pair.below)]

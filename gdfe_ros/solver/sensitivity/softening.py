@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How hourglass scales follow the strain: the part of the tangent that the solver's descents hold still."""
+"""Derivative of the hourglass scales by the strain: the part of the tangent that minimisations keep constant."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def scale_slopes(x, elements, shape, material, table, out):
 def slopes(
     x: NDArray[np.float64], elements: NDArray[np.int32], shape: tuple, material: NDArray[np.int32], table: tuple
 ) -> NDArray[np.float64]:
-    """Return d(scale)/d(corner) (m, 24) [1/m]; zero but for ``elements``."""
+    """Return d(scale)/d(corner) (m, 24) [1/m]; zero except for ``elements``."""
     out = np.zeros((len(material), 8, 3))
     scale_slopes(x, elements, shape, material, table, out)
     return out.reshape(len(material), 24)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene whose materials or damping are others: what of a body and its terms depends on them."""
+"""Variants of a scene with other materials or damping."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from gdfe_ros.solver.terms.term import Term
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Model:
-    """What of a scene depends on its materials and its damping.
+    """Data of a scene that depend on its materials and its damping.
 
     Attributes:
         materials: by name, in the scene's order.
         loads: dead loads.
         masses: attached masses.
-        filling: how far cells are filled.
+        filling: filled share of the cells.
         dynamics: damping; None for equilibria.
     """
 
@@ -48,7 +48,7 @@ class Variant:
     Args:
         body: the body.
         own: its own model.
-        model: the other one.
+        model: the other model.
 
     Attributes:
         table: the materials.
@@ -64,7 +64,7 @@ class Variant:
         self._heavier = [each.density for each in materials] != [each.density for each in own.materials.values()]
 
     def terms(self, h: float | None = None, scheme: Dynamics | None = None) -> dict[str, Term]:
-        """Return the terms that differ, by name; in motion in steps of length ``h`` [s] by the scheme in force."""
+        """Return the terms that differ, by name; in motion for steps of length ``h`` [s] of the present scheme."""
         terms = dict(self._loads)
         if h is None:
             return terms
@@ -76,7 +76,7 @@ class Variant:
 
     @cached_property
     def _loads(self) -> dict[str, Term]:
-        """Gravity, where materials are heavier."""
+        """Gravity terms, if densities differ."""
         if not self._heavier:
             return {}
         density = cell_densities(self._model.materials, self._body.material)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Volumes of elements at a converged state: the total pressure there, and how it follows the volume.
+"""Linearised volume laws of elements at a converged state.
 
-A solve carries the volume of nearly incompressible elements by a pressure of its own beside a soft bulk modulus. Its
-converged state obeys p = U'(J). Near that state the kernels are given the tangent of this law at each element,
-p + U''(J) (J - J_0): a pressure, and a bulk modulus of its own.
+A solve keeps the volume of nearly incompressible elements by a pressure beside a soft bulk modulus. Its converged state
+satisfies p = U'(J). Near that state the kernels receive the tangent of this law at each element,
+p + U''(J) (J - J_0): a pressure and a bulk modulus for each element.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.measures import NEO_HOOKEAN, mean_gradient, volume_at
 
 STIFF = 1e4
-"""Bulk modulus that stands in for an infinite one, over that beside the pressures: it is wrong by a part in 1e5."""
+"""Finite substitute of an infinite bulk modulus, over the one beside the pressures; its relative error is 1e-5."""
 
 
 @kernel
 def volume_state(x, shape, material, table, pressure, ratio, total, slope):
-    """Write J (m,), p (m,) [Pa] and U'' (m,) [Pa] of elements; of those that carry no pressure, what U itself gives."""
+    """Write J (m,), p (m,) [Pa] and U'' (m,) [Pa] of elements; for those without a pressure, p = U'(J)."""
     for e in range(len(material)):
         k = material[e]
         f = mean_gradient(x, shape, e)
@@ -48,17 +48,17 @@ def volume_state(x, shape, material, table, pressure, ratio, total, slope):
 
 
 class Volumes:
-    """The laws of the elements' volumes, linearised at a state.
+    """The volume laws of elements, linearised at a state.
 
     Args:
         x: (n, 3) [m] the state.
         shape: of the elements.
         material: (m,) int32 of each.
-        table: the materials, with the bulk moduli beside the pressures that are in force.
+        table: the materials, with the present bulk moduli beside the pressures.
         pressure: (m,) [Pa] of the state.
 
     Attributes:
-        table, material, pressure: what the kernels are given.
+        table, material, pressure: for the kernels.
         total: (m,) [Pa] p of the state.
         ratio: (m,) J of the state.
     """
@@ -74,7 +74,7 @@ class Volumes:
         self.ratio, self.total, slope = (np.empty(len(material)) for _ in range(3))
         volume_state(x, shape, material, table, pressure, self.ratio, self.total, slope)
         carried = table.parameters[material, CARRIED] == 1.0
-        own = carried & (table.law[material] == NEO_HOOKEAN)  # of these each has a bulk modulus of its own
+        own = carried & (table.law[material] == NEO_HOOKEAN)  # each of these has its own bulk modulus
         parameters, first = table.parameters.copy(), len(table.parameters)
         stiff = np.where(np.isinf(parameters[:, BULK]), STIFF * parameters[:, PENALTY], parameters[:, BULK])
         parameters[:, PENALTY] = np.where(parameters[:, CARRIED] == 1.0, stiff, parameters[:, PENALTY])
@@ -87,7 +87,7 @@ class Volumes:
         self.pressure = np.where(carried, self.total - slope * (self.ratio - 1.0), 0.0)
 
     def pressed(self, material: NDArray[np.int32], before: MaterialTable, table: MaterialTable) -> NDArray[np.float64]:
-        """Return pressures (m,) [Pa] that elements of other materials have, by their law, at the same J."""
+        """Return the pressures (m,) [Pa] of elements with the materials of ``table`` at the same J."""
         old, new = before.parameters[material], table.parameters[material]
         moduli = []
         for each, law in ((old, before.law[material]), (new, table.law[material])):

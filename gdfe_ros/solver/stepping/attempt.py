@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One attempt at a share of a way, and the verdict on it."""
+"""One attempted increment of a load path, and the verdict on it."""
 
 from __future__ import annotations
 
@@ -11,25 +11,26 @@ from gdfe_ros.solver.stepping.way import Verdict, Way
 from gdfe_ros.solver.terms.actuation import inflated
 
 SHORTEST_LOST = 1.0 / 4.0
-"""Share of a command below which an increment is not halved again where its equilibrium cannot be told."""
+"""Increment, as share of a command, below which it is not halved again if its distance to equilibrium is unknown."""
 SHORTEST_JUMP = 1.0 / 32.0
-"""Share of a way that is not cut further for a jump: enough to tell that smaller steps do not prevent it."""
+"""Increment, as share of a load path, below which a jump is accepted: smaller ones would not prevent it."""
 FOLDS, ENTERS = "elements would fold or turn inside out", "surfaces would enter each other"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Attempt:
-    """What an attempt found, and what speaks for and against it.
+    """Result of an attempted increment, and the evidence for the verdict.
 
     Attributes:
-        way: with what the attempt has cost and shown; its end is not reached yet.
+        way: the load path with the cost and findings of the attempt; the end of the increment does not count as reached
+            yet.
         began: the state from which it was made.
-        solution: what was found.
-        jumps: the body jumped to another equilibrium.
-        unstable: names the chamber that lost its stability; empty for none.
-        spent: no iteration or no time is left for another attempt.
-        patient: a solve that is cut may pass through folded shapes: so few iterations were made for this command,
-            those of cut steps before it included, that it may yet arrive.
+        solution: result of the solve.
+        jumps: whether the body jumped to another equilibrium.
+        unstable: name of the chamber that lost its stability; empty for none.
+        spent: whether no iterations or no time are left for another attempt.
+        patient: whether a cut solve may pass through folded shapes, because few iterations were made for this command
+            so far, those of earlier cut steps included.
     """
 
     way: Way
@@ -42,17 +43,17 @@ class Attempt:
 
     @property
     def sound(self) -> bool:
-        """Whether no element is folded or inverted, and no surface deep inside of another."""
+        """Whether no element is folded or inverted, and no surface penetrates another deeply."""
         return self.solution.min_det > 0.0 and not self.solution.buried
 
     @property
     def snapped(self) -> bool:
-        """Whether the body came to another equilibrium, or to none after a jump."""
+        """Whether the body jumped to another equilibrium, or found none after a jump."""
         return self.jumps or (self.way.jumped and not self.solution.converged)
 
     @property
     def verdict(self) -> Verdict:
-        """What follows from it."""
+        """The verdict: accept, stop, halve, leap or withdraw."""
         way, began, solution = self.way, self.began, self.solution
         given_up = solution.exhausted or (solution.lost and way.length <= SHORTEST_LOST)
         failed = not (solution.converged or given_up) or not self.sound
@@ -68,7 +69,7 @@ class Attempt:
 
     @property
     def reason_to_withdraw(self) -> str:
-        """Why it is taken back."""
+        """The reason for going back to the last sound state."""
         way, message = self.way, self.solution.message
         if self.unstable:
             return inflated(self.unstable, self.began.commands, way.aim[1])

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The energy balance of an increment: did the body give up energy that neither handles nor commands took?
+"""Energy balance of an increment: it detects jumps by energy that neither handles nor commands received.
 
-Along a stable branch the potential changes by the work of handles and commands, the integral of its slopes. Where the
-slopes are monotone that integral lies between those of its two ends, for loads always: the potential of a stable
-branch is concave in a load. Energy that is lost beyond these bounds was lost in a jump to another branch.
+Along a stable branch the potential changes by the work of handles and commands, the integral of its slopes. For
+monotone slopes the integral lies between the values with the slopes of both ends. This always holds for loads: the
+potential of a stable branch is concave in a load. Energy released beyond these bounds was released in a jump to another
+branch.
 """
 
 from __future__ import annotations
@@ -18,18 +19,19 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 
 LOST = 0.5
-"""Energy lost in an increment, over the largest of energies and work, that is a jump however long the increment."""
+"""Energy released in an increment, over the largest of energies and work, that proves a jump in any increment."""
 PROVEN = 0.01
-"""The same beyond the bounds of the work."""
+"""Energy released beyond the bounds of the work, over the largest of energies and work, that proves a jump."""
 LEAST_MOTION = 5e-3
-"""Of the body's size: farther than that from where the motion pointed, or it is no jump. A cable that becomes taut
-inside an increment upsets the balance, too, but moves nothing far."""
+"""Least distance from the predicted end, over the body's size, of a jump. A cable that becomes taut inside an increment
+upsets the balance too, but moves nothing far."""
 
 
 def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[float, float]:
-    """Return the work [J] that handles and commands put in between two equilibria, and its doubt.
+    """Return the work [J] of handles and commands between two equilibria, and its uncertainty [J].
 
-    The trapezoidal rule; the doubt is half of what lies between the work with the first and the last slopes.
+    The work is that of the trapezoidal rule. The uncertainty is half of the difference between the work with the first
+    and with the last slopes.
     """
     work, doubt, found = 0.0, 0.0, new.state
     for name, pose in found.poses.items():
@@ -47,9 +49,9 @@ def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[flo
 
 
 def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bool:
-    """Tell whether the body, of a ``size`` [m], jumped on the way between two equilibria, as where it buckles.
+    """Return whether a body of ``size`` [m] jumped between two equilibria, as in buckling.
 
-    It did where energy is lost on the way and it ends far from where the motion pointed.
+    It did if it released energy and ended far from where its motion pointed.
     """
     if old.balance is None or new.balance is None:
         return False
@@ -64,7 +66,7 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
 
 
 def _way(begin: Pose, end: Pose) -> NDArray[np.float64]:
-    """Return the motion (6,) that a wrench does its work on: shift, and turn in world axes halfway."""
+    """Return the motion (6,) conjugate to a wrench: translation [m], and rotation [rad] in world axes halfway."""
     shift = np.subtract(end.translation, begin.translation)
     if not (any(begin.rotation) or any(end.rotation)):
         return np.concatenate([shift, np.zeros(3)])

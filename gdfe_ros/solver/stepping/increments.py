@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Into how many increments a command is cut before anything is solved."""
+"""Number of increments into which a command is divided before the first solve."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from gdfe_ros.constraints import Pose
 
 LARGEST_TURN = math.radians(100.0)
 LARGEST_SHIFT = 1.0
-"""Of the body's size: farther motions are cut."""
+"""Translation of a handle, over the body's size, beyond which a command is divided."""
 
 
 def planned_increments(targets: Mapping[str, Pose], poses: Mapping[str, Pose], size: float) -> int:
-    """Return the increments with which no handle turns or shifts too far from ``poses`` to ``targets`` in one of them.
+    """Return the number of increments that keeps each handle's rotation and translation per increment in bounds.
 
     Args:
-        targets: of every handle.
-        poses: where the handles are.
+        targets: pose of every handle.
+        poses: present poses of the handles.
         size: of the body [m].
     """
     most = 1.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far commands were followed, when that is not to be trusted, and which of two marches is the better one."""
+"""Outcome of a step: how far the commands were followed, and the comparison of two outcomes."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from gdfe_ros.solver.elements.folding import THRESHOLD
 from gdfe_ros.solver.state import State
 
 SAME = 1e-6
-"""Energies within this share of each other count as equal."""
+"""Relative difference within which two energies count as equal."""
 NEAR = 100.0
-"""Positions within this many tolerances of each other are the same equilibrium."""
+"""Distance, in tolerances, within which two equilibria count as the same."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class March:
-    """How far the commands were followed, and what was found there.
+    """Outcome of following a load path.
 
     Attributes:
-        state: where it ended.
+        state: at the end.
         iterations: of all increments.
-        increments: that the way was cut into, those that were tried in vain included.
-        reached: the commands were reached.
-        converged: the state is an equilibrium at the commands.
-        message: what is wrong; empty where nothing is.
-        skipped: what the last solve left out, by name.
-        snapped: it ended in a jump to another equilibrium.
-        restarts: 1 where the way from rest was taken instead, or none at all.
-        simulated: time [s] that a body in motion went; None for one without dynamics.
+        increments: number of attempted increments, failed ones included.
+        reached: whether the commands were reached.
+        converged: whether the state is an equilibrium at the commands.
+        message: the defect; empty if there is none.
+        skipped: counts of work that the last solve left out, by name.
+        snapped: whether it ended in a jump to another equilibrium.
+        restarts: 1 if the state was reached from rest, or with contact dropped, instead of along the load path.
+        simulated: time [s] by which a moving body advanced; None without dynamics.
     """
 
     state: State
@@ -50,27 +50,27 @@ class March:
 
     @property
     def inverted(self) -> bool:
-        """Whether an element is folded or inverted, or a position is not a number."""
+        """Whether an element is folded or inverted, or a position is NaN."""
         return not self.state.summary.min_det > 0.0
 
     @property
     def flaw(self) -> str:
-        """What is wrong with it."""
+        """What is wrong with the outcome."""
         if self.inverted:
             return "folded or inverted elements"
         return "another equilibrium, higher in energy" if self.sound else "no equilibrium"
 
     def differs(self, other: March, reach: float) -> bool:
-        """Tell whether a vertex of the two is farther apart than ``reach`` [m]."""
+        """Return whether a vertex of the two outcomes differs by more than ``reach`` [m]."""
         return not largest_distance(self.state.positions, other.state.positions) <= reach
 
     def is_better(self, other: March, reach: float, *, gain: float) -> bool:
-        """Tell whether this one, from rest, beats the ``other``: sound where that is not, or lower in energy.
+        """Return whether this outcome, from rest, is better than ``other``: sound if that is not, or lower in energy.
 
         Args:
-            other: on the same way, from elsewhere.
-            reach: [m] within which two equilibria are one.
-            gain: energy and potential of the other beyond those of this one [J].
+            other: outcome of the same commands from another start.
+            reach: distance [m] within which two equilibria count as the same.
+            gain: energy and potential of the other minus those of this one [J].
         """
         if self.sound != other.sound:
             return self.sound
@@ -80,5 +80,5 @@ class March:
 
 
 def crumpled(state: State) -> bool:
-    """Tell whether elements are folded, or kept from it by walls: another equilibrium may be lower in energy."""
+    """Return whether elements are folded, or held open by fold barriers: another equilibrium may be lower in energy."""
     return not state.summary.min_det >= THRESHOLD

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What users get of a step."""
+"""Assembly of the result that a user receives from a step."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def step_result(
     """Return the result of a step.
 
     Args:
-        stepper: that made it.
-        state: after it.
-        march: how it went; None where nothing had to be solved.
-        time: simulation time [s] after it.
-        origin: (3,) [m] from which the state counts positions.
-        settings: how it was solved.
-        started: ``time.perf_counter`` when it began [s].
-        limit: what may have ended it.
+        stepper: that made the step.
+        state: after the step.
+        march: outcome of the step; None if nothing had to be solved.
+        time: simulation time [s] after the step.
+        origin: (3,) [m] of the state's positions.
+        settings: of the solver.
+        started: ``time.perf_counter`` at the beginning [s].
+        limit: the deadline; None for none.
     """
     summary, velocities, own = state.summary, stepper.velocities(state), slice(stepper.body.count)
     return StepResult(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A state at given positions, from which steps go on."""
+"""States at given positions, from which steps continue."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from gdfe_ros.solver.value import changed
 
 
 def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[np.float64], *, afresh: State) -> State:
-    """Return a state at ``positions`` (n, 3) [m] in which handles are where they are commanded.
+    """Return a state at ``positions`` (n, 3) [m] with the handles at their commanded poses.
 
     Args:
         body: the discretised body.
         handles: the kinematics of its handles.
-        state: whose commands and growth stay.
-        positions: of all vertices; those that handles hold are not read.
-        afresh: the state at rest, whose pressures, captured shapes and motion it has.
+        state: provides commands and growth.
+        positions: of all vertices; rows of vertices that handles hold are ignored.
+        afresh: the state at rest; provides pressures, captured shapes and motion.
     """
     moved = positions.copy()
     slides, turns = handles.fit(moved, state.base)
@@ -45,14 +45,14 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
 
 
 def require_own(state: State, own: State) -> None:
-    """Refuse a state of another body.
+    """Raise an error if a state belongs to another scene.
 
     Args:
-        state: that is to be gone on from.
+        state: from which a step is to continue.
         own: the body's state at rest.
 
     Raises:
-        CommandError: vertices, handles, commands or terms are others.
+        CommandError: vertices, handles, commands or terms differ.
     """
     for what, one, two in (
         ("vertices", len(state.positions), len(own.positions)),

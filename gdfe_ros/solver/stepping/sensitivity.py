@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How material points move with the commands of actuators: differences of equilibria near the present one."""
+"""Derivatives of material points by actuator commands: finite differences of equilibria near the present one."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from gdfe_ros.solver.stepping.march import March
 from gdfe_ros.solver.stepping.stepper import Stepper
 
 TOLERANCE = 1e-8
-"""Of the equilibria that are compared."""
+"""Tolerance of the equilibria that are compared."""
 REACH = 1e-3
-"""Displacement, over the body's size, by which they differ: the error of a difference is about its square."""
+"""Displacement between the compared equilibria, over the body's size. The error of a difference is about its square."""
 NARROW, WIDE = 0.1, 3.0
-"""The step is chosen anew where the displacement lies outside of these multiples of ``REACH``."""
+"""The change of the command is chosen again if the displacement lies outside of these multiples of ``REACH``."""
 FIRST = 1e-3
 """First change of a command, over its range or size."""
 SMALLEST = 1e-9
@@ -30,9 +30,11 @@ SMALLEST = 1e-9
 SIZINGS = 8
 """Tries to find a change of a command that moves the body by about ``REACH``."""
 KINK = 0.05
-"""Difference of the slopes on either side, over the larger, from which the two are looked at from nearer by."""
+"""Difference of the slopes on both sides, over the larger one, above which a kink is suspected and a smaller step is
+tried."""
 NEARER, REFINEMENTS = 0.1, 2
-"""How much nearer, and how often: what is smooth then differs by this factor less, what has a kink does not."""
+"""Factor by which the step is reduced at a suspected kink, and how often. For a smooth response the slopes' difference
+shrinks by this factor; at a kink it stays."""
 
 
 def jacobian(
@@ -45,8 +47,9 @@ def jacobian(
 ) -> list[NDArray[np.float64]]:
     """Return d(point)/d(command) of each actuator, (points, 3) each, at the equilibrium ``state``.
 
-    Central differences of second order; one-sided ones of second order at the end of a range, where no equilibrium
-    lies on the other side, and at a kink, on the side on which the actuator acts. ``interrupted`` may end it.
+    These are central differences of second order. At the end of a range, or next to a command without equilibrium, they
+    are one-sided of second order; at a kink they are computed on the side on which the actuator acts. ``interrupted``
+    may end the computation.
 
     Raises:
         GdfeError: no equilibrium was found on either side of an actuator's command, or it was interrupted.
@@ -60,13 +63,13 @@ def jacobian(
         return march
 
     present = state
-    if state.shapes is None:  # captured shapes have a history: solving again would be one step more
+    if state.shapes is None:  # captured shapes depend on history: solving again would be a further step
         present = solve(state, state.commands).state
     return [_Differences(stepper, solve, present, actuator).slope(points) for actuator in actuators]
 
 
 class _Differences:
-    """Equilibria beside the present one along one command."""
+    """Equilibria next to the present one along one command."""
 
     def __init__(
         self,
@@ -107,7 +110,7 @@ class _Differences:
         return self._one_sided(1.0 if backward is None else -1.0, nearer)
 
     def _kinked(self, forward: NDArray[np.float64], backward: NDArray[np.float64]) -> bool:
-        """Tell whether the slopes on either side differ."""
+        """Return whether the slopes on both sides differ."""
         rise, fall = forward - self._here, self._here - backward
         return bool(np.abs(rise - fall).max() > KINK * max(np.abs(rise).max(), np.abs(fall).max()))
 
@@ -119,7 +122,7 @@ class _Differences:
         return None
 
     def _found(self, change: float) -> NDArray[np.float64] | None:
-        """Return positions (n, 3) [m] at a changed command; None where it is out of range or has no equilibrium."""
+        """Return positions (n, 3) [m] at a changed command; None if it is out of range or has no equilibrium."""
         command, actuator = self._command + change, self._actuator
         if not actuator.low <= command <= actuator.high:
             return None
@@ -128,7 +131,7 @@ class _Differences:
         return march.state.positions if march.reached and not march.inverted else None
 
     def _sized(self, side: float) -> float:
-        """Choose the change of a command that moves the body by about ``REACH``; a geometric one is not enlarged."""
+        """Return the change of a command that moves the body by about ``REACH``; a geometric one never grows."""
         actuator, width = self._actuator, self._actuator.high - self._actuator.low
         step = FIRST * (width if math.isfinite(width) else max(abs(self._command), self._scale()))
         most = 0.4 * width if math.isfinite(width) else math.inf
@@ -149,7 +152,7 @@ class _Differences:
         return step
 
     def _scale(self) -> float:
-        """Return a first guess of the size of a command whose range has no end."""
+        """Return a first estimate of the size of a command with unbounded range."""
         neutral, mode = self._stepper.actuation.neutral[self._actuator.name], self._actuator.mode
         if neutral > 0.0 or mode is Mode.SHORTENING:
             return neutral or self._size

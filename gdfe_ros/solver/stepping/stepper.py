@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a state to the state at new commands: increments, verdicts, the way from rest where all else fails."""
+"""Steps from a state to the state at new commands: increments, verdicts, and restarts if these fail."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from gdfe_ros.solver.value import changed
 
 SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling; smaller steps do not change that"
 FINER = 1e-2
-"""Share of the tolerance to which a body is solved whose handles turn freely: what a tolerance leaves of the forces on
-them is much beside their moments."""
+"""Factor of the tolerance for a body with freely rotating handles: the residual forces at the full tolerance are large
+compared with the handles' moments."""
 LET_GO = "let go of {} without following the load path, on which {}"
 FARTHER_FOLDS = "on the way to the command elements are pressed flat, and would fold or turn inside out"
 UNFOLD = "remedy: go back to where it was sound, or reset; finer cells fold later"
 
 
 class Stepper:
-    """Finds the states that follow each other. It has no state of its own.
+    """Computes successive states. It is stateless.
 
     Args:
         body: the discretised body.
-        settings: how to solve.
-        actuation: what acts on it; None for nothing.
+        settings: of the solver.
+        actuation: the external terms; None for none.
 
     Attributes:
-        equilibrium: what solves.
+        equilibrium: the equilibrium solver.
     """
 
     def __init__(self, body: Body, settings: SolverSettings, actuation: Actuation | None = None) -> None:
@@ -59,11 +59,11 @@ class Stepper:
             self.equilibrium = RelativeEquilibrium(body, self.actuation)
 
     def at_rest(self) -> State:
-        """Return the state at rest, nothing commanded."""
+        """Return the state at rest, without commands."""
         return self.equilibrium.at_rest()
 
     def rests(self, state: State, targets: Mapping[str, Pose], commands: Mapping[str, float]) -> bool:
-        """Tell whether ``state`` is the equilibrium at these commands already."""
+        """Return whether ``state`` already is the equilibrium at these commands."""
         settled = state.poses == targets and state.commands == commands
         return settled and state.summary.converged and Skip.SOLVE in self._settings.skip
 
@@ -77,15 +77,15 @@ class Stepper:
         tolerance: float | None = None,
         deadline: Deadline | None = None,
     ) -> March:
-        """Follow the commands from ``state``, which stays as it is.
+        """Follow the commands from ``state``, which is not modified.
 
         Args:
-            state: where to begin.
+            state: at the beginning.
             targets: pose of every handle.
             commands: of every actuator and load.
             duration: [s]; an equilibrium does not depend on it.
-            tolerance: instead of the settings'.
-            deadline: when it has passed, the way ends where it is.
+            tolerance: replaces that of the settings.
+            deadline: when it has passed, the step ends where it is.
         """
         tolerance = tolerance or self._settings.tolerance * (FINER if self.equilibrium.handles.turn else 1.0)
         goal = Goal(poses=dict(targets), commands=dict(commands), tolerance=tolerance, deadline=deadline)
@@ -96,8 +96,8 @@ class Stepper:
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
         doubtful = crumpled(state) or crumpled(march.state) or not march.sound
         if given_up and state.anchor is not None and doubtful and not past(deadline):
-            # What a cut solve left behind leads nowhere, or is crumpled and leads to another equilibrium of more
-            # energy: the last equilibrium may lead on.
+            # The state that a cut solve left fails, or is crumpled and leads to an equilibrium of more energy.
+            # Try again from the last equilibrium.
             again = self._march(state.anchor, goal)
             lower = not march.sound or self._energy(again.state) < self._energy(march.state)
             march = _after(again if again.sound and lower else march, march, again)
@@ -115,18 +115,18 @@ class Stepper:
         return march if end is march.state else changed(march, state=end)
 
     def place(self, state: State, positions: NDArray[np.float64]) -> State:
-        """Return a state at ``positions`` (n, 3) [m]; the handles stay where they are commanded.
+        """Return a state at ``positions`` (n, 3) [m]; the handles stay at their commanded poses.
 
-        Pressures, captured shapes and the motion so far are forgotten. Where an element is folded or inverted there,
-        the next step compares what it finds with the way from rest, lest it end in another minimum of the energy.
+        Pressures, captured shapes and the last motion are reset. If an element is folded or inverted there, the next
+        step is compared with the load path from rest, because it may end in another minimum of the energy.
         """
         there = placed(self.body, self.equilibrium.handles, state, positions, afresh=self.at_rest())
         return there.with_(suspect=not there.sound, tried=state.tried)
 
     def completed(self, state: State) -> State:
-        """Return a state that was read from an archive with the operators that follow from its commands.
+        """Return a state that was read from an archive, with the operators that follow from its commands.
 
-        What was an equilibrium to a larger tolerance is none yet.
+        A state that converged only to a larger tolerance is marked as not converged.
         """
         require_own(state, self.at_rest())
         growths, summary = self.actuation.growths, state.summary
@@ -136,25 +136,25 @@ class Stepper:
         return state.with_(operators=operators, anchor=anchor, summary=summary)
 
     def velocities(self, state: State) -> None:
-        """Return nothing: equilibria have no velocity."""
+        """Return None: equilibria have no velocity."""
 
     def energies(self, state: State) -> dict[str, float]:
-        """Return nothing beside what the summary has."""
+        """Return no energies beyond those of the summary."""
         return {}
 
     def _displaced(self, state: State) -> bool:
-        """Tell whether the way from rest may lead elsewhere than the way from ``state``, and was not tried."""
+        """Return whether the load path from rest was not tried yet and may lead elsewhere than that from ``state``."""
         return not (state.tried or np.array_equal(state.positions, self.body.rest))
 
     def _unreachable(self, state: State, goal: Goal) -> str:
-        """Say which command no shape of the body can follow; empty where none is known."""
+        """Return a message that names a command that no shape of the body can follow; empty if none is known."""
         if not self.actuation.strung:
             return ""
         base = self.equilibrium.handles.base(goal.poses, state.poses, state.base)
         return self.actuation.unreachable(base, goal.commands)
 
     def _march(self, state: State, goal: Goal) -> March:
-        """Follow a goal from ``state``, in smaller increments where an attempt asks for them."""
+        """Follow a goal from ``state``, in smaller increments where attempts require it."""
         planned = planned_increments(goal.poses, state.poses, self.body.size)
         way, begin = Way.between(state, goal, planned, self._settings.max_iterations), state
         while True:
@@ -169,7 +169,7 @@ class Stepper:
                 return changed(self._end(state, way, attempt.solution), snapped=attempt.snapped)
 
     def _attempt(self, way: Way, state: State) -> Attempt:
-        """Solve for the next share of a way."""
+        """Solve for the next increment of a load path."""
         (poses, commands), deadline, patience = way.aim, way.goal.deadline, self.equilibrium.patience
         limit = way.left if way.shortest else min(way.left, patience)
         problem = Increment(
@@ -191,7 +191,7 @@ class Stepper:
         )
 
     def _unstable_chamber(self, state: State, solution: Solution, commands: Mapping[str, float]) -> str:
-        """Name the chamber that lost its stability in an attempt that came to an end without an equilibrium."""
+        """Return the name of a chamber that lost its stability in a failed attempt; empty for none."""
         if solution.converged:
             return ""
         before = state.commands if solution.diverged else None
@@ -199,9 +199,9 @@ class Stepper:
         return self.actuation.unstable(solution.positions, since, commands, before)
 
     def _accepted(self, state: State, attempt: Attempt, begin: State) -> State:
-        """Return the state of an accepted attempt; where a march fails on the way, it remembers the last equilibrium.
+        """Return the state of an accepted attempt; if the load path fails, with the last equilibrium as its anchor.
 
-        That is rather the one with which the march began than one that is crumpled.
+        If that is crumpled, the anchor is rather the equilibrium with which the load path began.
         """
         accepted = self.equilibrium.accept(attempt.solution, state)
         before = [each for each in (state, begin) if each.unfinished is None and each.sound]
@@ -238,10 +238,10 @@ class Stepper:
         )
 
     def _let_go(self, march: March, goal: Goal, start: State) -> March:
-        """Return where a body comes to rest that obstacles let go of at once: it may not be able to follow them.
+        """Retry with the moving obstacles at their targets and the contact forces dropped.
 
-        Those that touch it and move are where they are commanded from the start, and the body is where it was, or at
-        rest. It counts only if they do not touch the body then: nothing passes through it to where it pushes.
+        The body starts where it is, and then from rest. The result is accepted only if these obstacles do not touch the
+        body there, so that none passes through it to the place where it would push.
         """
         flaw, touched = march.message, [contact.name for contact in self.actuation.contacts if contact.on_body]
         touched = [name for name in touched if march.state.terms[name]["press"].any()]
@@ -255,7 +255,7 @@ class Stepper:
         return march
 
     def _untouched(self, begin: State, last: State, names: Sequence[str], goal: Goal) -> State:
-        """Return a state in which obstacles are where they are commanded, and remember nothing of the body."""
+        """Return a state with the obstacles ``names`` at their targets and without contact forces."""
         there = self.place(begin, begin.positions)
         rubbed = {contact.name: last.terms[contact.name]["lost"] for contact in self.actuation.contacts}
         lost = {name: {**there.terms[name], "lost": heat} for name, heat in rubbed.items()}
@@ -263,7 +263,7 @@ class Stepper:
         return there.with_(poses=poses, terms={**there.terms, **lost})
 
     def _better_from_rest(self, march: March, goal: Goal) -> March:
-        """Follow the goal again from rest; return the better of the two and say so."""
+        """Follow the goal again from rest; return the better of both outcomes, with a message if it is the new one."""
         again = self._march(self.at_rest(), goal)
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):
@@ -272,12 +272,12 @@ class Stepper:
         return changed(_after(again, march, again), message=message, restarts=1)
 
     def _energy(self, state: State) -> float:
-        """Return the energy of the body and the potential of what acts on it [J]: an equilibrium is its minimum."""
+        """Return the energy of the body plus the potential of the terms [J], which an equilibrium minimises."""
         return state.summary.energy + self.actuation.balance(state.positions, state.commands).potential
 
 
 def _refused(state: State, message: str) -> March:
-    """Return a march that has not begun, for what is commanded cannot be."""
+    """Return the outcome of a step that was not begun because a command is impossible."""
     stays = state.with_(summary=changed(state.summary, converged=False, message=message))
     counts = {"iterations": 0, "increments": 0, "skipped": {}}
     return March(state=stays, reached=False, converged=False, message=message, **counts)
@@ -291,6 +291,6 @@ def _withdrawn(state: State, attempt: Attempt) -> State:
 
 
 def _after(chosen: March, first: March, second: March) -> March:
-    """Return one of two marches with the work of both."""
+    """Return ``chosen`` with the work of both outcomes."""
     iterations, increments = first.iterations + second.iterations, first.increments + second.increments
     return changed(chosen, iterations=iterations, increments=increments)

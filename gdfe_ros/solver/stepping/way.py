@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The way from where a step begins to what is commanded, and how much of it is behind."""
+"""Load path of a step: from its first commands to its target, and the progress on it."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
 SHORTEST_SUBSTEP = 1.0 / 256.0
-"""Share of a way that is not cut further."""
+"""Increment, as share of a load path, that is not halved again."""
 ROUNDING = 1e-9
-"""Share of a way that counts as none."""
+"""Share of a load path that counts as zero."""
 
 
 class Verdict(Enum):
-    """What follows from an attempt."""
+    """The consequence of an attempt."""
 
     ACCEPT = "accept, and go on from there"
     STOP = "accept, and go no farther"
@@ -32,13 +32,13 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Goal:
-    """What a step is to reach.
+    """Target of a step.
 
     Attributes:
         poses: of every handle, relative to its rest pose.
         commands: of every actuator and load.
         tolerance: estimated largest distance to the equilibrium over the body's size.
-        deadline: when it has passed, the way ends where it is; None: never.
+        deadline: when it has passed, the step ends where it is; None: never.
     """
 
     poses: Mapping[str, Pose]
@@ -49,19 +49,19 @@ class Goal:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Way:
-    """How far a goal was followed.
+    """A load path and the progress on it.
 
     Attributes:
-        poses, commands: where it begins.
-        goal: where it ends.
+        poses, commands: at its beginning.
+        goal: at its end.
         budget: most iterations on it.
-        length: share of it that is attempted next.
-        done: share of it behind.
+        length: share of it that the next attempt covers.
+        done: share of it that is completed.
         iterations, attempts: made on it so far.
-        jumped: the body has jumped on it.
-        folded: an attempt ended in folded or inverted elements, or in vain where corners are pressed flat.
+        jumped: whether the body has jumped on it.
+        folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
         leap: length of the first attempt from here that jumped to a sound equilibrium; 0 for none.
-        leaping: shorter attempts led nowhere, and that jump is taken.
+        leaping: whether shorter attempts failed, and that jump is made.
     """
 
     poses: Mapping[str, Pose]
@@ -79,7 +79,7 @@ class Way:
 
     @classmethod
     def between(cls, state: State, goal: Goal, increments: int, limit: int) -> Way:
-        """Return the way from a state to a goal, planned in so many increments of at most ``limit`` iterations."""
+        """Return the load path from a state to a goal, in planned ``increments`` of at most ``limit`` iterations."""
         budget, length = increments * limit, 1.0 / increments
         return cls(poses=state.poses, commands=state.commands, goal=goal, budget=budget, length=length)
 
@@ -90,22 +90,22 @@ class Way:
 
     @property
     def shortest(self) -> bool:
-        """Whether a shorter attempt is not made."""
+        """Whether the increment is too short to be halved."""
         return self.length <= SHORTEST_SUBSTEP or not self.moves
 
     @property
     def next(self) -> float:
-        """Share of the way at which the next attempt ends."""
+        """Share of the load path at which the next attempt ends."""
         return 1.0 if self.done + self.length > 1.0 - ROUNDING else self.done + self.length
 
     @property
     def left(self) -> int:
-        """Iterations that are left; one is always made."""
+        """Number of remaining iterations, at least one."""
         return max(1, self.budget - self.iterations)
 
     @property
     def aim(self) -> tuple[Mapping[str, Pose], Mapping[str, float]]:
-        """Poses and commands that are attempted next."""
+        """Poses and commands of the next attempt."""
         share, goal = self.next, self.goal
         if share == 1.0:
             return goal.poses, goal.commands
@@ -114,7 +114,7 @@ class Way:
         return poses, commands
 
     def tried(self, solution: Solution, *, jumps: bool) -> Way:
-        """Return the way with what an attempt on it has cost and shown."""
+        """Return the load path with the cost and findings of an attempt."""
         sound = solution.min_det > 0.0
         return changed(
             self,
@@ -126,7 +126,7 @@ class Way:
         )
 
     def after(self, verdict: Verdict) -> Way:
-        """Return the way as it goes on after a verdict."""
+        """Return the load path after a verdict."""
         if verdict is Verdict.HALVE:
             return changed(self, length=0.5 * self.length)
         if verdict is Verdict.LEAP:

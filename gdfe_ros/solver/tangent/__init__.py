@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tangent stiffness at a shape, factored: what preconditions slender bodies, and tells how far they have to go."""
+"""The factored tangent stiffness: preconditioner of slender bodies, and estimate of their distance to equilibrium."""

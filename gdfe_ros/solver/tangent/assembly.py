@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tangent stiffness of a body's movable vertices, 3 x 3 block by block."""
+"""Assembly of the tangent stiffness of a body's movable vertices in blocks of 3 x 3."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from gdfe_ros.solver.matrix.unknowns import Unknowns
 
 @kernel
 def add_tangents(stiffness, slot, out):
-    """Add tangents (m, 3 c, 3 c), made symmetric, to ``out`` (k, 3, 3) at ``slot`` (m, c, c); -1: nowhere."""
+    """Add tangents (m, 3 c, 3 c), symmetrised, to the blocks ``out`` (k, 3, 3) with indices ``slot`` (m, c, c).
+
+    Entries with slot -1 are left out.
+    """
     for e in range(len(slot)):
         for a in range(slot.shape[1]):
             for b in range(slot.shape[1]):
@@ -28,12 +31,12 @@ def add_tangents(stiffness, slot, out):
 
 
 class Assembly:
-    """Where each pair of vertices stands in the matrix of the vertices that move.
+    """Sparsity pattern of the matrix of movable vertices.
 
     Rows are the free vertices, then those of the handles with a free axis.
 
     Args:
-        groups: vertices (m, c) that are coupled with each other: cells, and what terms couple.
+        groups: vertices (m, c) that are coupled with each other: by cells, and by terms.
         unknowns: the numbering.
 
     Attributes:
@@ -49,7 +52,7 @@ class Assembly:
         number[moving] = np.arange(rows)
         names = [_names(number[group], rows) for group in groups]
         pairs, slots = np.unique(np.concatenate(names), return_inverse=True)
-        # What does not move has the name -1, which comes first where there is any.
+        # Pairs with an immovable vertex have the number -1, which is sorted first.
         fixed = int(len(pairs) > 0 and pairs[0] < 0)
         ends = np.cumsum([len(name) for name in names])[:-1]
         parts = np.split((slots - fixed).astype(np.int32), ends)
@@ -58,14 +61,14 @@ class Assembly:
         self.indptr = np.searchsorted(pairs[fixed:] // rows, np.arange(rows + 1)).astype(np.int32)
 
     def blocks(self, tangents: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """Sum the tangents (m, 3 c, 3 c) [N/m] of each group to blocks (k, 3, 3)."""
+        """Return the sum of the groups' tangents (m, 3 c, 3 c) [N/m] in blocks (k, 3, 3)."""
         out = np.zeros((len(self.indices), 3, 3))
         for tangent, slot in zip(tangents, self._slots, strict=True):
             add_tangents(tangent, slot, out)
         return out
 
     def spread(self, matrix: sparse.csc_matrix, unknowns: Unknowns) -> NDArray[np.float64]:
-        """Return blocks (k, 3, 3) of a matrix (n, n) that acts on x, y and z alike, over the same pairs."""
+        """Return the blocks (k, 3, 3) of a matrix (n, n) that acts on x, y and z alike, in the same pattern."""
         chosen = np.concatenate([unknowns.free, unknowns.members])
         part = matrix[chosen][:, chosen].tocsr()
         first = np.repeat(np.arange(len(self.indptr) - 1), np.diff(self.indptr))
@@ -73,7 +76,7 @@ class Assembly:
         return values[:, None, None] * np.eye(3)
 
     def graph(self) -> sparse.csr_matrix:
-        """Return an entry for every two vertices that share an element (f + b, f + b)."""
+        """Return the pattern as a matrix (f + b, f + b) with an entry for every coupled pair of vertices."""
         size = self.free + self.members
         return sparse.csr_matrix((np.ones(len(self.indices)), self.indices, self.indptr), shape=(size, size))
 
@@ -84,6 +87,6 @@ class Assembly:
 
 
 def _names(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return a number for each pair of rows in a group (m, c), (m c c,); -1 where one of them does not move."""
+    """Return a number that identifies each pair of rows in a group (m, c), as (m c c,); -1 if one of them is fixed."""
     first, second = rows[:, :, None], rows[:, None, :]
     return np.where((first >= 0) & (second >= 0), first * count + second, -1).ravel()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cholesky factors in a band, by LAPACK: where a factor is much work, and its band has hardly any zeros."""
+"""Banded Cholesky factors by LAPACK, for bodies whose factor is large and whose band has few zeros."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 
 class Band:
-    """Factors matrices of one pattern, one after the other, and solves with the last factor.
+    """Factors matrices of one pattern in succession, and solves with the last factor.
 
     Args:
         graph: (f, f) an entry for each block (3, 3) of the matrices, symmetric, in their order.
-        order: (f,) of the vertices, in which the band is narrow.
+        order: (f,) of the vertices, with a narrow band.
 
     Attributes:
         width: entries of a column from the diagonal on.
-        price: of a factor, in solutions.
+        price: cost of a factorisation, in solutions.
     """
 
     def __init__(self, graph: sparse.csr_matrix, order: NDArray[np.int64]) -> None:
@@ -36,7 +36,7 @@ class Band:
         self._factor = np.zeros((self.width, 0), order="F")
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
-        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite, otherwise there is no factor."""
+        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. If not, there is no factor."""
         band = np.zeros((self.width, self._size), order="F")
         band.ravel(order="K")[self._place] = blocks.ravel()[self._below]
         self._factor, info = dpbtrf(band, lower=1, overwrite_ab=1)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The direction in which a tangent is softest, or curves down: Lanczos with a preconditioner's factor.
+"""Softest direction of a tangent, by the Lanczos method with a preconditioner.
 
 With a tangent K and a positive definite M, whose inverse is applied, the least eigenvalue of M^-1 K has the sign of the
-least eigenvalue of K: M need only be near enough for few products.
+least eigenvalue of K. The closer M is to K, the fewer products are needed.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from scipy.linalg import eigh_tridiagonal
 from gdfe_ros.solver.tangent.estimate import Apply, Product
 
 MOST_PRODUCTS = 80
-"""Products after which the least eigenvalue is not known."""
+"""Products after which the least eigenvalue counts as unknown."""
 LEAST_PRODUCTS = 10
-"""Products before which no Ritz value counts as steady."""
+"""Products before which no Ritz value counts as converged."""
 LOOK_BACK, STEADY, FLAT = 4, 0.05, 1e-4
-"""Products in which the least Ritz value changes by no more than this share of itself, or no more than what counts as
-no curvature at all, when it is steady."""
+"""The least Ritz value counts as converged if it changed over `LOOK_BACK` products by at most `STEADY` of itself, or at
+most `FLAT`, which counts as no curvature at all."""
 
 NOISE = 1e-4
-"""Share of a product below which what is left of it is noise: it is a difference of gradients."""
+"""Relative remainder of a product below which it is noise, because products are differences of gradients."""
 
 
 class Lowest(NamedTuple):
-    """What Lanczos found.
+    """Result of the Lanczos method.
 
     Attributes:
         value: least Ritz value of M^-1 K.
         direction: (3 r,) its vector [m], with M-norm 1.
-        known: the value is steady: it is near the least eigenvalue.
-        products: of K that were needed.
+        known: whether the value has converged to the least eigenvalue.
+        products: number of products with K.
     """
 
     value: float
@@ -53,19 +53,19 @@ def lowest(
 ) -> Lowest:
     """Return the least Ritz value of M^-1 K and its vector.
 
-    Vectors are not made orthogonal again: what that repeats are values that are steady already.
+    Vectors are not reorthogonalised, because this only repeats converged values.
 
     Args:
-        product: multiplies the tangent K with a direction (3 r,).
+        product: multiplies the tangent K by a direction (3 r,).
         precondition: writes M^-1 times its first argument to its second.
-        load: (3 r,) M times the vector to begin with; it has a share of every motion.
-        most: products at most.
-        steady: share of itself by which the value may still change at the end; 0 for as many products as there may be.
+        load: (3 r,) M times the start vector, which must contain every mode.
+        most: limit of products.
+        steady: relative change at which the value counts as converged; 0 to make ``most`` products.
     """
     vector, before = np.empty_like(load), np.zeros_like(load)
     precondition(load, vector)
     weight = float(load @ vector)
-    vectors = np.empty((most, len(load)), np.float32)  # what is not written takes no memory
+    vectors = np.empty((most, len(load)), np.float32)  # pages never written use no memory
     diagonal: list[float] = []
     beside: list[float] = []
     values: list[float] = []
@@ -86,7 +86,7 @@ def lowest(
         load, before = image - diagonal[-1] * load - (beside[-1] if beside else 0.0) * before, load
         precondition(load, vector)
         weight = float(load @ vector)
-        known = not weight > (NOISE * float(np.abs(diagonal).max())) ** 2  # the vectors span all that has a share
+        known = not weight > (NOISE * float(np.abs(diagonal).max())) ** 2  # the vectors span the whole Krylov space
         if known:
             break
         beside.append(np.sqrt(weight))

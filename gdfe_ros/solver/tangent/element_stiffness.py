@@ -12,15 +12,16 @@ from gdfe_ros.solver.elements.folding import add_walls
 from gdfe_ros.solver.elements.tangent_rows import element_tangents
 
 SPACING = 1e-5
-"""Of the cube root of an element's volume: truncation and rounding of a central difference are alike there, 1e-10."""
+"""Displacement of a difference over the cube root of an element's volume, at which truncation and rounding are alike,
+1e-10."""
 
 
 @kernel
 def add_wall_tangents(x, watched, shape, material, table, force, energy, out):
-    """Add the tangents of the walls of the ``watched`` elements (k,) to ``out`` (m, 24, 24) [N/m].
+    """Add the tangents of the fold barriers of the ``watched`` elements (k,) to ``out`` (m, 24, 24) [N/m].
 
-    They are central differences of `add_walls`. ``x`` (n, 3) is moved and put back; ``force`` (m, 8, 3) and ``energy``
-    (m,) are scratch.
+    They are central differences of `add_walls`. ``x`` (n, 3) is changed and restored; ``force`` (m, 8, 3) and
+    ``energy`` (m,) are scratch.
     """
     for k in range(len(watched)):
         e = watched[k]
@@ -40,13 +41,13 @@ def add_wall_tangents(x, watched, shape, material, table, force, energy, out):
 
 
 class ElementStiffness:
-    """Evaluates the tangents of a body's elements, into an array of its own.
+    """Evaluates the tangents of a body's elements into its own array.
 
     Args:
         count: number of elements m.
 
     Attributes:
-        values: (m, 24, 24) [N/m] what `at` found last.
+        values: (m, 24, 24) [N/m] the last result of `at`.
     """
 
     def __init__(self, count: int) -> None:
@@ -62,9 +63,10 @@ class ElementStiffness:
 
 
 def without_negative(stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return tangents (m, 24, 24) without their negative eigenvalues: the nearest that are nowhere indefinite.
+    """Return the closest positive semi-definite tangents (m, 24, 24): negative eigenvalues are set to zero.
 
-    A sum of such tangents is none either, and where an element is stable it stays as it is (Teran et al. 2005).
+    A sum of such tangents is positive semi-definite too, and a stable element's tangent is unchanged (Teran et al.
+    2005).
     """
     symmetric = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
     values, vectors = np.linalg.eigh(symmetric)

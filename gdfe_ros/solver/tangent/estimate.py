@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a state is from the equilibrium: preconditioned conjugate gradients on the present tangent.
+"""Distance of a state to the equilibrium, by preconditioned conjugate gradients with the present tangent.
 
-With the gradient g and the tangent K the Newton step d solves K d = -g. What conjugate gradients leave of it, with the
-preconditioner H and the residual r, is (H K)^-1 H r: at most |H r| over the least eigenvalue of H K, for which the
-least Ritz value stands.
+With the gradient g and the tangent K the Newton step d solves K d = -g. The part that conjugate gradients leave, with
+the preconditioner H and the residual r, is (H K)^-1 H r: at most |H r| over the least eigenvalue of H K, which the
+least Ritz value estimates.
 """
 
 from __future__ import annotations
@@ -18,32 +18,31 @@ from scipy.linalg import eigvalsh_tridiagonal
 from gdfe_ros.solver.distance import largest
 
 MOST_PRODUCTS = 60
-"""Products of the tangent after which it is said that the distance is not known."""
+"""Products of the tangent after which the distance counts as unknown."""
 LEAST_PRODUCTS, STEADY = 3, 0.7
-"""Products after which an end is thought of, and the least Ritz value over the one before: while it still falls, softer
-motions come to light."""
+"""Least number of products, and least ratio of the last two least Ritz values at the end: while the value falls faster,
+softer modes are still being found."""
 ROUNDING = 1e-20
 """Share of the first residual's square that is rounding."""
 LEFT = 0.3
-"""Share of the step, or of the target, that may be left when it counts as known."""
+"""Largest remainder, over the step or the target, of a step that counts as known."""
 HIDDEN = 0.01
-"""Of what a random right-hand side has of one motion, on average: with less of it left none is hidden any more."""
+"""Remainder of a random right-hand side, over its average component along one mode, below which no mode is hidden."""
 
 Apply = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
 Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 class Estimate(NamedTuple):
-    """What conjugate gradients found.
+    """Result of conjugate gradients.
 
     Attributes:
-        step: (3 r,) towards the equilibrium [m]; where the tangent is indefinite, a direction of negative curvature
-            that descends.
-        distance: largest vertex displacement of it and of what is left [m]; infinite where it is not known.
-        known: the step is known well enough for the distance to hold.
-        definite: no direction of negative curvature was met.
-        products: of the tangent that were needed.
-        least: Ritz value that was met.
+        step: (3 r,) towards the equilibrium [m]; for an indefinite tangent, a descent direction of negative curvature.
+        distance: largest vertex displacement of the step plus its remainder [m]; infinite if it is unknown.
+        known: whether the step is accurate enough for the distance.
+        definite: whether no direction of negative curvature was found.
+        products: number of products with the tangent.
+        least: least Ritz value found.
     """
 
     step: NDArray[np.float64]
@@ -65,17 +64,17 @@ def estimate(
     left_over: float = np.inf,
     most: int = MOST_PRODUCTS,
 ) -> Estimate:
-    """Solve K d = -gradient (3 r,) until what is left of d is a small share of it, or of ``target`` [m].
+    """Solve K d = -gradient (3 r,) until the remainder of d is a small share of it, or of ``target`` [m].
 
     Args:
-        product: multiplies the tangent with a direction.
+        product: multiplies the tangent by a direction.
         gradient: g = dE/du [N].
         preconditioned: H g [m].
         precondition: writes H times its first argument to its second.
-        target: distance that matters.
-        least: eigenvalue of H K that is known to be there, at most 1.
-        left_over: most of g'Hg that may be left, as a share.
-        most: products after which it is given up.
+        target: distance that matters [m].
+        least: known upper bound of the least eigenvalue of H K, at most 1.
+        left_over: largest remaining share of g'Hg.
+        most: limit of products.
     """
     residual, step, z = -gradient, np.zeros_like(gradient), -preconditioned
     direction, weight = z.copy(), float(residual @ z)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Cholesky factor that suits a body: by supernodes, or in a band where that is much and hardly less work."""
+"""Choice of a body's Cholesky factor: by supernodes, or banded if that is large and little more work."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from gdfe_ros.solver.tangent.band import Band
 from gdfe_ros.solver.tangent.fronts import Fronts
 
 PACE = 1.7
-"""Multiplications of LAPACK's band in the time of one in a front, on a processor with AVX-512."""
+"""Multiplications of LAPACK's banded factorisation in the time of one in a front, on a processor with AVX-512."""
 FEW = 50_000_000
-"""Multiplications of a band's factor up to which fronts are taken anyway: a descent on them is compiled as a whole,
-which saves more than LAPACK's pace."""
+"""Multiplications of a banded factorisation up to which fronts are used anyway: a minimisation with fronts is compiled
+as a whole, which saves more than LAPACK's speed."""
 
 
 class Factor(Protocol):
-    """Factors matrices of one pattern, one after the other, and solves with the last factor.
+    """Factors matrices of one pattern in succession, and solves with the last factor.
 
     Attributes:
-        price: of a factor, in solutions.
+        price: cost of a factorisation, in solutions.
     """
 
     price: int
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
-        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite, otherwise there is no factor."""
+        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. If not, there is no factor."""
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the solution for right-hand sides (3 f,) or (3 f, k)."""
 
 
 def factor_for(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> Factor:
-    """Return what factors the matrices of a body.
+    """Return the fastest factor for the matrices of a body.
 
     Args:
         graph: (f, f) an entry for each block (3, 3) of the matrices, symmetric, in their order.
@@ -51,5 +51,5 @@ def factor_for(graph: sparse.csr_matrix, points: NDArray[np.float64]) -> Factor:
 
 
 def least_filled(graph: sparse.csr_matrix, narrow: NDArray[np.int64]) -> Elimination:
-    """Return what is eliminated with less work, in the ``narrow`` order (f,) or in that of minimum degree."""
+    """Return the elimination with less work: in the ``narrow`` order (f,), or in that of minimum degree."""
     return min((eliminated(graph, order) for order in (narrow, least_degree(graph))), key=lambda each: each.work)

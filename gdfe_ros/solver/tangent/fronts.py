@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sparse Cholesky factors A = U^T U of symmetric matrices whose pattern stays, compiled: multifrontal (Liu 1992).
+"""Compiled sparse Cholesky factors A = U^T U of symmetric matrices of one pattern: multifrontal (Liu 1992).
 
-Each supernode gathers its part of the matrix and what its children leave in a dense front, eliminates its own vertices
-there, and leaves the rest to its parent. Columns are eliminated six at a time, two vertices, and always in the same
-order, so that the same matrix has the same factor to the last bit on every number of threads.
-
-Inner loops count in unsigned numbers: an index that might be negative is looked at each time, and nothing is SIMD.
+Each supernode assembles its entries of the matrix and its children's update matrices in a dense front, eliminates its
+own vertices there, and passes the remaining update matrix to its parent. Six columns (two vertices) are eliminated at a
+time, always in the same order, so that a matrix has the same factor bit by bit on any number of threads. Inner loops
+count in unsigned numbers: a possibly negative index would cost a test in each iteration and prevent SIMD.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from gdfe_ros.solver.matrix.elimination import Elimination
 from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_kept
 
 PANEL = 6
-"""Columns that are eliminated together: two vertices. What is left is passed through once for them."""
+"""Columns that are eliminated together: two vertices. The rest of the front is updated once for all of them."""
 TILE = 256
-"""Columns of the rows that are subtracted at a time: six of them stay in the fastest cache."""
+"""Columns of a row that are updated at a time: six such pieces fit into the fastest cache."""
 
 
 @internal
 def gather(blocks, parts, begin, end, front, width):
-    """Write blocks (k, 3, 3) ``begin`` to ``end`` of what the supernodes take into a front (width, width)."""
+    """Write the supernode's blocks (k, 3, 3) ``begin`` to ``end`` into a front (width, width)."""
     for k in range(begin, end):
         block, at = blocks[parts[k, 0]], parts[k, 1] * width + parts[k, 2]
         for i in range(3):
@@ -37,7 +36,7 @@ def gather(blocks, parts, begin, end, front, width):
 
 @internal
 def extend(child, places, front, width):
-    """Add what a child leaves, (3 p, 3 p), upper triangle, at the ``places`` (p,) of its vertices in the front."""
+    """Add a child's update matrix (3 p, 3 p), upper triangle, to the vertices ``places`` (p,) of the front."""
     count = 3 * len(places)
     for a in range(len(places)):
         for i in range(3):
@@ -51,9 +50,9 @@ def extend(child, places, front, width):
 
 @vector_kernel
 def eliminate(front, width, own, panel):
-    """Eliminate the first ``own`` columns of a front, upper triangle; tell whether they are positive definite.
+    """Eliminate the first ``own`` columns of a front, upper triangle; return whether they are positive definite.
 
-    Where its diagonal would be, rows of the factor hold one over it.
+    Rows of the factor contain one over their diagonal in its place.
     """
     for first in range(0, own, PANEL):
         last = min(first + PANEL, own)
@@ -76,7 +75,7 @@ def eliminate(front, width, own, panel):
 
 @vector_kernel
 def subtract(front, width, first, last, panel):
-    """Subtract what the rows ``first`` to ``last`` of the factor take from those below, some columns at a time."""
+    """Subtract the products of the factor's rows ``first`` to ``last`` from the rows below, some columns at a time."""
     next_row = uint64(TILE)
     for begin in range(last, width, TILE):
         end = min(begin + TILE, width)
@@ -109,9 +108,9 @@ def subtract(front, width, first, last, panel):
 
 @kernel
 def factor_fronts(blocks, parts, plan, front, panel, stack, values):
-    """Write the factor's rows to ``values``; tell whether the matrix is positive definite.
+    """Write the factor's rows to ``values``; return whether the matrix is positive definite.
 
-    What a supernode leaves lies on the ``stack`` until its parent takes it: children come right before it.
+    A supernode's update matrix stays on the ``stack`` until its parent uses it; children directly precede their parent.
     """
     top = 0
     for node in range(len(plan.first) - 1):
@@ -139,14 +138,14 @@ def factor_fronts(blocks, parts, plan, front, panel, stack, values):
 
 
 class Fronts:
-    """Factors matrices of one pattern, one after the other, and solves with the last factor.
+    """Factors matrices of one pattern in succession, and solves with the last factor.
 
     Args:
         graph: (f, f) an entry for each block (3, 3) of the matrices, symmetric, in their order.
-        found: what is filled.
+        found: the symbolic elimination.
 
     Attributes:
-        price: of a factor, in solutions.
+        price: cost of a factorisation, in solutions.
         kept: the last factor.
     """
 
@@ -176,7 +175,7 @@ class Fronts:
         self.kept = Kept(self._plan, values, found.order, x, np.empty(room))
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
-        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite, otherwise there is no factor."""
+        """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. If not, there is no factor."""
         return factor_fronts(blocks, self._parts, self._plan, self._front, self._panel, self._stack, self.kept.values)
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:

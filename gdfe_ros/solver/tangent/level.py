@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kept tangent: the stiffness K at a recent shape, whose factor stands in for the constant matrix in descents.
+"""Tangent preconditioner: the factored stiffness K at a recent shape, used instead of the constant matrix.
 
-Handles with a free axis are eliminated as they are beside the constant matrix, by their Schur complement.
+Handles with a free axis are eliminated by their Schur complement, as with the constant matrix.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from gdfe_ros.solver.tangent.substitution import Kept
 from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
-"""Share of the constant matrix that is added to a tangent without a factor, and by how much more each time."""
+"""First multiple of the constant matrix added to a tangent that has no factorization, and its growth per attempt."""
 MOST_SHIFT = 1e12
-"""Largest such share; where it is not enough, the constant matrix stands in for the tangent."""
+"""Largest such multiple; if it is not enough, the constant matrix replaces the tangent."""
 TURN = 1e-6
-"""Change [m over the body's size] of a rigid row by which the motion of a handle's vertices is told."""
+"""Change of a rigid row, over the body's size, in differences of the handles' motion."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tangent:
-    """A tangent stiffness that is kept; a value, whose arrays are never written again.
+    """A kept tangent stiffness; an immutable value.
 
     Attributes:
         blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
-        motion: (3 b, 3 q) how the vertices of handles with a free axis follow the rigid rows.
-        shift: share of the constant matrix that was added to make it so.
-        softest: least stiffness of a motion over that which it gives it: 1 where nothing was added to it and none has
-            been found to be softer yet, 0 where it is not known.
-        ends, ways: of the springs between parts that touch, as `Springs` has them.
-        spent: iterations and products since it was taken, beyond what each solve has free.
+        motion: (3 b, 3 q) derivative of the vertices of handles with a free axis by the rigid rows.
+        shift: share of the constant matrix that was added for definiteness.
+        softest: upper bound of the least stiffness of a mode over that by this tangent: 1 if nothing was added and no
+            softer mode has been found yet, 0 if it is unknown.
+        ends, ways: of the springs between touching parts, as in `Springs`.
+        spent: iterations and products since it was evaluated, beyond the free ones of each solve.
     """
 
     blocks: NDArray[np.float64]
@@ -58,16 +58,16 @@ class Tangent:
 
 
 class TangentLevel:
-    """Takes, factors and applies kept tangents of a body.
+    """Evaluates, factors and applies kept tangents of a body.
 
     Args:
         body: the discretised body.
         matrix: (n, n) the assembled constant matrix.
-        terms: what acts on the body.
+        terms: the external terms.
         elements: evaluates the tangents of the elements; None for those of their laws.
 
     Attributes:
-        price: of a tangent, in solutions with it.
+        price: cost of a tangent, in solutions with it.
     """
 
     def __init__(
@@ -95,17 +95,17 @@ class TangentLevel:
     def take(
         self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, damping: float = 0.0
     ) -> Tangent:
-        """Return the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m], and be ready to apply it.
+        """Evaluate and factor the tangent at unknowns ``u`` (3 r,) and positions ``x`` (n, 3) [m].
 
-        Where it is indefinite, as beyond a buckling load, the elements' tangents are taken without their negative
-        eigenvalues, and a share of the constant matrix is added until the factor exists. Where no share helps, as where
-        the tangent is not finite, the constant matrix is taken.
+        If it is indefinite, as beyond a buckling load, the elements' tangents are projected to positive semi-definite
+        ones, and a growing share of the constant matrix is added until a factor exists. If no share is enough, for
+        example because the tangent is not finite, the constant matrix is used.
 
         Args:
-            problem: what the elements and the handles' frame are at present.
+            problem: present data of elements and handles.
             u: the unknowns.
-            x: where they put the vertices.
-            damping: share of the constant matrix that is added anyway.
+            x: the corresponding positions.
+            damping: share of the constant matrix that is added in any case.
 
         Raises:
             FloatingPointError: not even the constant matrix has a factor.
@@ -131,22 +131,22 @@ class TangentLevel:
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
-        """Tangents (m, 24, 24) [N/m] of the elements that `take` evaluated last, in its own array."""
+        """Tangents (m, 24, 24) [N/m] of the elements by the last call of `take`, not copied."""
         return self._elements.values
 
     def load(self, tangent: Tangent) -> None:
-        """Be ready to apply a tangent that `take` returned, here or in another run."""
+        """Factor a tangent that `take` returned, here or in another run, unless it is loaded already."""
         if self._loaded is None or self._loaded.blocks is not tangent.blocks:
             self._load(tangent)
 
     @property
     def kept(self) -> Kept | None:
-        """The factor as kernels take it; None where handles turn freely, parts touch, or LAPACK has it."""
+        """The factor for the kernels; None with freely rotating handles, touching parts, or a factor by LAPACK."""
         alone = self._bridge is None and not len(self._inverse_schur)
         return self._factor.kept if alone and isinstance(self._factor, Fronts) else None
 
     def touched(self, x: NDArray[np.float64]) -> bool:
-        """Tell whether other parts touch at positions ``x`` (n, 3) [m] than in the tangent that is loaded."""
+        """Return whether the parts that touch at ``x`` (n, 3) [m] differ from those of the loaded tangent."""
         return self._loaded is None or not np.array_equal(self._springs(x).ends, self._loaded.ends)
 
     def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
@@ -159,7 +159,7 @@ class TangentLevel:
         return Springs.joined([Springs(*term.springs(x)) for term in self._terms])
 
     def _solve_apart(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Do so as if nothing touched, for one or for several columns."""
+        """Solve without the springs of touching parts, for one or several columns."""
         count = self._free
         found = self._factor.solve(gradient[:count])
         if len(self._inverse_schur):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A field in which the softest motions of a body have a share."""
+"""A smooth field that contains the softest modes of a body."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 DEGREE = 3
-"""Of the polynomials of the start, whose shapes are those of the softest motions."""
+"""Degree of the polynomials of the field; the softest modes have such shapes."""
 
 
 def smooth_field(points: NDArray[np.float64], pieces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return a field (n, 3) over ``points`` (n, 3) [m] in which every polynomial up to `DEGREE` has its share.
+    """Return a field (n, 3) over ``points`` (n, 3) [m] with a share of every polynomial up to `DEGREE`.
 
-    Of each of the ``pieces`` (n,), numbered from 0: over all of two that are far apart, polynomials hardly bend either.
+    Each of the ``pieces`` (n,), numbered from 0, has its own polynomials: over two distant pieces, common ones hardly
+    bend either.
     """
     field = np.empty_like(points)
     for piece in range(int(pieces.max(initial=-1)) + 1):

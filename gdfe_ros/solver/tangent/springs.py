@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Springs between parts of a body that touch, in a kept tangent: few, and between any vertices.
+"""Springs between touching parts of a body in a kept tangent: few, and between any vertices.
 
-A spring of stiffness k whose length is linear in the positions, d = a . x, adds k a a^T to the tangent. Its entries lie
-wherever its ends do: they would make the band of the factor wide. With the rows sqrt(k) a of all springs in G the
-inverse follows from that without them, S, by m more solutions (Sherman, Morrison and Woodbury):
+A spring of stiffness k whose length is linear in the positions, d = a . x, adds k a a^T to the tangent. Its entries can
+couple any vertices, and would widen the factor's band. With the rows sqrt(k) a of all m springs in G, the inverse
+follows from the one without springs, S, by m more solutions (Sherman, Morrison and Woodbury):
 (S^-1 + G^T G)^-1 = S - W (1 + G W)^-1 W^T, W = S G^T.
 """
 
@@ -32,23 +32,23 @@ class Springs(NamedTuple):
 
     @classmethod
     def none(cls) -> Springs:
-        """Return no springs."""
+        """Return an empty set of springs."""
         return cls(np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3)))
 
     @classmethod
     def joined(cls, parts: Sequence[Springs]) -> Springs:
-        """Return those of several terms, of which each has as many ends as all others."""
+        """Return the springs of several terms, which must have equal numbers of ends."""
         some = [part for part in parts if len(part.ends)]
         return cls(*(np.concatenate(arrays) for arrays in zip(*some, strict=True))) if some else cls.none()
 
 
 class Bridge:
-    """Adds springs to what solves without them.
+    """Corrects solutions for springs that the factor does not contain.
 
     Args:
-        springs: any.
+        springs: the springs.
         unknowns: the numbering.
-        motion: (3 b, 3 q) how the vertices of handles with a free axis follow the rigid rows.
+        motion: (3 b, 3 q) derivative of the vertices of handles with a free axis by the rigid rows.
         solve: returns the solutions (3 r, m) without the springs.
     """
 
@@ -73,5 +73,5 @@ class Bridge:
         self._inner = cho_factor(np.eye(count) + self.rows @ self._reach)
 
     def correct(self, found: NDArray[np.float64]) -> None:
-        """Turn a solution (3 r,) without the springs into that with them."""
+        """Correct a solution (3 r,) without the springs in place to the one with them."""
         found -= self._reach @ cho_solve(self._inner, self.rows @ found)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Solutions with a kept sparse factor K = U^T U, compiled: forward and backward, supernode by supernode.
+"""Compiled solutions with a kept sparse factor K = U^T U: forward and backward, supernode by supernode.
 
-Three rows of the factor, a vertex, are taken at a time. Inner loops count in unsigned numbers: an index that might be
-negative is looked at each time, and nothing is SIMD.
+Three rows of the factor (one vertex) are processed at a time. Inner loops count in unsigned numbers: a possibly
+negative index would cost a test in each iteration and prevent SIMD.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from gdfe_ros.compiled import vector_kernel
 
 
 class Plan(NamedTuple):
-    """Where everything stands, as kernels take it: see `Elimination`.
+    """Index arrays of the kernels: see `Elimination`.
 
     Attributes:
         first, row_start, rows, inside: of the elimination.
         children, child_start: (c,) and (s + 1,), of each supernode.
-        part_start: (s + 1,) of each one's blocks of the matrix.
-        value_start: (s + 1,) of each one's rows of the factor.
+        part_start: (s + 1,) offset of each supernode's blocks of the matrix.
+        value_start: (s + 1,) offset of each supernode's rows of the factor.
     """
 
     first: NDArray[np.int64]
@@ -37,10 +37,10 @@ class Plan(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """A factor as kernels take it.
+    """A factor for the kernels.
 
     Attributes:
-        plan: where everything stands.
+        plan: the index arrays.
         values: of the factor, overwritten by the next one.
         order: (f,) of the vertices.
         x, local: scratch.
@@ -69,7 +69,7 @@ def solve_kept(kept, right, out):
 
 @vector_kernel
 def reduce_all(values, plan, x, local):
-    """Solve U^T x = x in the order of elimination; ``local`` has room for the rows of any supernode."""
+    """Solve U^T x = x in the order of elimination; ``local`` is scratch for the rows of any supernode."""
     for node in range(len(plan.first) - 1):
         begin, end = plan.row_start[node], plan.row_start[node + 1]
         width, own = 3 * (end - begin), 3 * (plan.first[node + 1] - plan.first[node])
@@ -102,7 +102,7 @@ def expand_all(values, plan, x, local):
 
 @vector_kernel
 def reduce_rows(values, at, local, width, own):
-    """Solve with the first ``own`` rows of U^T, and take what they make of the others from these."""
+    """Solve the first ``own`` rows of U^T, and subtract their products from the other rows."""
     for first in range(0, own, 3):
         a = values[at + first * width : at + (first + 1) * width]
         b = values[at + (first + 1) * width : at + (first + 2) * width]
@@ -117,7 +117,7 @@ def reduce_rows(values, at, local, width, own):
 
 @vector_kernel
 def expand_rows(values, at, local, width, own):
-    """Solve with the first ``own`` rows of U, of which the others are known."""
+    """Solve the first ``own`` rows of U; the other rows are known."""
     for first in range(own - 3, -1, -3):
         a = values[at + first * width : at + (first + 1) * width]
         b = values[at + (first + 1) * width : at + (first + 2) * width]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All that acts on a body: its terms beside the elements, and their commands."""
+"""The external terms of a body, and their commands."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from gdfe_ros.solver.terms.growth import Growths
 from gdfe_ros.solver.terms.term import Saved, Term, TermTable
 
 LOAD_FACTOR = 1.0
-"""Command of every load that nobody commands."""
+"""Default command of a load."""
 FINEST = 1e-9
-"""Least distance over the body's size that contact forces ask for."""
+"""Least distance, over the body's size, to which contact forces may require a minimisation to converge."""
 ROUNDING = 1e-9
-"""Share of a cable's length that is none."""
+"""Share of a cable's length that counts as zero."""
 
 
 class Actuation:
@@ -37,14 +37,14 @@ class Actuation:
         body: the discretised body.
         actuators: cables, chambers and growths.
         loads: dead loads; each acts with the factor that is its command.
-        terms: whatever else acts.
+        terms: further terms.
 
     Attributes:
-        terms: all of them, loads first.
+        terms: all terms, loads first.
         table: the same for the kernels.
-        strung: cables that handles leave a least length.
-        growths: what changes the elements' rest shape.
-        neutral: command of every actuator and load at which it does nothing.
+        strung: cables between handles, which have a least length.
+        growths: the growths, which change the elements' rest shape.
+        neutral: command of every actuator and load at which it has no effect.
         loaded: names of the loads.
         contacts: one for each obstacle, and that of the body with itself.
     """
@@ -73,12 +73,12 @@ class Actuation:
 
     @property
     def drives(self) -> bool:
-        """Whether anything acts on the body beside its handles and what it may touch."""
+        """Whether anything beside handles and contact acts on the body."""
         return len(self.terms) > len(self.contacts) or bool(self.growths)
 
     @property
     def updates(self) -> bool:
-        """Whether a multiplier is updated between descents."""
+        """Whether a multiplier is updated between minimisations."""
         return any(term.updates for term in self.terms)
 
     def fit(self, matrix: ConstantMatrix) -> None:
@@ -87,7 +87,7 @@ class Actuation:
             term.fit(matrix)
 
     def at_rest(self) -> dict[str, Saved]:
-        """Return what all terms save at rest."""
+        """Return the stored states of all terms at rest."""
         return {term.name: term.neutral() for term in self.terms}
 
     def begin(
@@ -100,9 +100,9 @@ class Actuation:
         *,
         ratio: float = 0.0,
     ) -> None:
-        """Prepare all terms for a solve; arguments as in `Term.begin`, with what each term saved by its name.
+        """Prepare all terms for a solve; arguments as in `Term.begin`, with the stored states by term name.
 
-        Where ``poses`` are given, handles and obstacles are there, and the state before was ``last``.
+        If ``poses`` are given, they are those of handles and obstacles, and ``last`` is the previous state.
         """
         for term in self.terms:
             if poses is not None:
@@ -110,52 +110,55 @@ class Actuation:
             term.begin(commands, saved[term.name], positions, ratio)
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers; return the largest miss of what they keep over the body's size."""
+        """Update the multipliers; return the largest error of a constraint over the body's size."""
         misses = [term.update(positions) for term in self.terms if term.updates]
         return max(misses, default=0.0) / self._body.size
 
     def stiffen(self, vertices: NDArray[np.int32]) -> None:
-        """Have contacts press harder, in the next solve, on points that these vertices (k,) carry."""
+        """Raise the contact penalties of points carried by ``vertices`` (k,) for the next solve."""
         for term in self.contacts:
             term.stiffen(vertices)
 
     def hasten(self, near: float) -> None:
-        """Take multipliers farther than their last update did, which was not enough."""
+        """Extrapolate the contact multipliers if more than ``near`` of the body's size remains."""
         for term in self.contacts:
             term.hasten(near * self._body.size)
 
     @property
     def resolution(self) -> float:
-        """To what share of the body's size descents must go for contact forces to be known; infinite without any."""
+        """Displacement over the body's size to which minimisations must converge so that contact forces are known.
+
+        Infinite without contacts.
+        """
         if not self.contacts:
             return np.inf
         return max(FINEST, min(contact.resolution for contact in self.contacts) / self._body.size)
 
     def flaw(self, positions: NDArray[np.float64]) -> str:
-        """Say why ``positions`` (n, 3) [m] that a solve found cannot stand; empty where they can."""
+        """Return a message if ``positions`` (n, 3) [m] of a solve are not acceptable; empty if they are."""
         return "; ".join(text for term in self.contacts if (text := term.flaw(positions)))
 
     @property
     def missed(self) -> float:
-        """By how much pairs of the surface missed at the last update, over the body's size."""
+        """Largest error of a self-contact pair at the last update, over the body's size."""
         return max((contact.missed for contact in self.contacts), default=0.0) / self._body.size
 
     @property
     def buried(self) -> bool:
-        """Whether what `flaw` saw lies deep in something, not only beyond the bound."""
+        """Whether the penetration that `flaw` found is deep, not only above the tolerance."""
         return any(term.buried for term in self.contacts)
 
     @property
     def hopeless(self) -> bool:
-        """Whether a solve has come to where it cannot keep apart what was apart before it."""
+        """Whether a solve cannot separate parts any more that were apart before it."""
         return any(term.hopeless for term in self.contacts)
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Tell whether a descent came upon what a term had left out."""
+        """Return whether a minimisation has made contacts that were left out."""
         return any([term.reached(positions) for term in self.contacts])
 
     def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
-        """Return what all terms save of a solve that ended at ``positions`` (n, 3) [m]."""
+        """Return the states that all terms store after a solve that ended at ``positions`` (n, 3) [m]."""
         return {term.name: term.finish(saved[term.name], positions) for term in self.terms}
 
     def unstable(
@@ -165,12 +168,10 @@ class Actuation:
         commands: Mapping[str, float],
         before: Mapping[str, float] | None = None,
     ) -> str:
-        """Name the chamber that inflated without bound since an equilibrium; empty if none did.
+        """Return the name of the chamber that inflated without bound since an equilibrium; empty if none did.
 
-        Both positions (n, 3) are in m; the solves in between failed.
-
-        Where the body ran away at the first step, no volume tells: then it is the one whose pressure has risen since
-        the commands ``before``.
+        Both positions (n, 3) are in m; the solves in between failed. If the body ran away at the first step, no volume
+        tells: then it is the chamber whose pressure has risen since the commands ``before``.
         """
         for term in self._chambers:
             pressed = term.actuator.mode is Mode.PRESSURE
@@ -181,7 +182,10 @@ class Actuation:
         return ""
 
     def unreachable(self, base: NDArray[np.float64], commands: Mapping[str, float]) -> str:
-        """Name a cable that is to be shorter than handles at ``base`` (n, 3) [m] leave it, and say what to do."""
+        """Return a message about a cable commanded shorter than the distance of its handles at ``base`` (n, 3) [m].
+
+        It is empty if there is none.
+        """
         for term in self.strung:
             least, wanted = term.shortest(base), term.wanted(commands[term.name])
             if wanted < least * (1.0 - ROUNDING):
@@ -194,7 +198,7 @@ class Actuation:
     def states(
         self, positions: NDArray[np.float64], commands: Mapping[str, float], operators: Operators
     ) -> dict[str, ActuatorState]:
-        """Return the state of every actuator at ``positions`` (n, 3) [m], those of the last solve."""
+        """Return the state of every actuator; ``positions`` (n, 3) [m] are those of the last solve."""
         return {
             item.name: self.growths.state(item, commands, operators)
             if isinstance(item, Growth)
@@ -203,13 +207,13 @@ class Actuation:
         }
 
     def reports(self, positions: NDArray[np.float64]) -> dict[str, dict[str, float]]:
-        """Return what terms from outside of this package report, by their names."""
+        """Return the reports of user-defined terms, by their names."""
         return {term.name: report for term in self._more if (report := term.report(positions))}
 
     def balance(self, positions: NDArray[np.float64], commands: Mapping[str, float]) -> Balance:
-        """Return the potential [J] of what acts at ``positions`` (n, 3) [m], and its slope along every command.
+        """Return the potential [J] of the terms at ``positions`` (n, 3) [m], and its slope along every command.
 
-        Zero at rest. Where a length or a volume is commanded it has none, and its slope is the multiplier.
+        It is zero at rest. A commanded length or volume has no potential, and its slope is the multiplier.
         """
         found = {
             term.name: term.potential(positions, commands[term.name])
@@ -223,7 +227,7 @@ class Actuation:
 
 
 def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Say that a chamber lost its stability between two pressures."""
+    """Return the message that a chamber lost its stability between two pressures."""
     return (
         f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: it would inflate "
         "without bound; remedy: command its volume instead of its pressure, or stiffen its walls"

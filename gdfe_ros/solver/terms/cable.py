@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cables as terms.
 
-A cable of length L pulls with t = max(0, T + k (L - l)) and has the energy (t^2 - T^2) / (2 k), which is the augmented
+A cable of length L pulls with t = max(0, T + k (L - l)) and has the energy (t^2 - T^2) / (2 k). This is the augmented
 Lagrangian of L <= l with multiplier T, and for T = 0 an elastic cable of stiffness k. With k = 0 it is T (L - l).
 """
 
@@ -22,17 +22,17 @@ from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembere
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
 
 EFFORT, TARGET, STIFFNESS, WEIGHTS = range(4)
-"""Where T [N], l [m] and k [N/m] lie in the term's numbers, and where the weights of its points begin."""
+"""Offsets in the term's reals of T [N], l [m], k [N/m] and the weights of its points."""
 
 BALANCED = 1e-9
-"""Force on what moves, over the tension, that counts as none."""
+"""Force on movable vertices, over the tension, that counts as zero."""
 NO_WEIGHT = 1e-9
-"""Of a corner, below which a cable's point does not follow it."""
+"""Weight of a corner below which a cable's point does not follow it."""
 FAINT, NEARLY = 1e-12, 3e-6
-"""Tension over modulus and the square of the body's size, and lengthening over the size of a cable that keeps a length:
-nothing, but enough for differences to see a cable that just does not pull as one that does."""
+"""Small tension over modulus and squared body size, and small lengthening over the size of a cable with a commanded
+length. Both are negligible, but make a cable that is just not taut count as taut in differences."""
 ROUNDING = 1e-9
-"""Share of a cable's length that is none."""
+"""Share of a cable's length that counts as zero."""
 
 
 @inlined
@@ -59,7 +59,7 @@ def cable_length(x, reals, integers):
 
 @kernel
 def cable_tension(length, reals):
-    """Return the tension [N] of a cable of this length [m]."""
+    """Return the tension [N] of a cable of the given length [m]."""
     return max(0.0, reals[EFFORT] + reals[STIFFNESS] * (length - reals[TARGET]))
 
 
@@ -84,7 +84,7 @@ def pull(x, reals, integers, tension, force):
 
 @kernel
 def cable_energy(x, reals, integers, force, size):
-    """Return the energy [J] of a cable; `term_kernel` wants this signature."""
+    """Return the energy [J] of a cable and add its gradient; `term_kernel` needs this signature."""
     length = cable_length(x, reals, integers)
     effort, stiffness = reals[EFFORT], reals[STIFFNESS]
     tension = cable_tension(length, reals)
@@ -104,11 +104,11 @@ def _entry(x, n, reals, k, integers, i, force, size):
 
 
 class CableTerm(Term):
-    """A cable by tension, length or shortening.
+    """A cable with a commanded tension, length or shortening.
 
     Args:
-        cable: as the scene states it.
-        body: what it runs through.
+        cable: of the scene.
+        body: the body through which it runs.
 
     Attributes:
         actuator: the cable.
@@ -134,7 +134,7 @@ class CableTerm(Term):
         return self.actuator.constrains
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Take the cable's own stiffness, or for a commanded length a penalty that fits the body's."""
+        """Set the cable's own stiffness, or for a commanded length a penalty that suits the body's stiffness."""
         if self.actuator.mode is Mode.TENSION:
             return
         if self._elastic:
@@ -143,25 +143,25 @@ class CableTerm(Term):
         force, unknowns = self._pull(slice(None)), self._body.unknowns
         moving = np.concatenate([unknowns.free, unknowns.members])
         if np.abs(force[moving]).max(initial=0.0) <= BALANCED:
-            # Straight between handles: the stretches hold each other in balance, and one alone tells how stiff it is.
+            # The segments of a cable that is straight between handles balance each other: use the most compliant one.
             stretches = [self._pull(slice(first, first + 2)) for first in range(len(self._anchored) - 1)]
             force = max(stretches, key=matrix.compliance)
         self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
 
     def _pull(self, points: slice) -> NDArray[np.float64]:
-        """Return dl/dx (n, 3) at rest of the stretches between some of its points."""
+        """Return dl/dx (n, 3) at rest of the segments between ``points``."""
         weights, corners = self.reals[WEIGHTS:].reshape(-1, 8)[points], self.integers.reshape(-1, 8)[points]
         force, reals = np.zeros_like(self._body.rest), np.concatenate([self.reals[:WEIGHTS], weights.ravel()])
         pull(self._body.rest, reals, corners.ravel(), 1.0, force)
         return force
 
     def couplings(self) -> NDArray[np.int32]:
-        """Return the corners about the two ends of each stretch (k, 16)."""
+        """Return the corners around the two ends of each segment (k, 16)."""
         corners = self.integers.reshape(-1, 8)
         return np.concatenate([corners[:-1], corners[1:]], axis=1)
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return t / l (I - d d^T) of each stretch of length l and direction d: a taut cable resists being bent."""
+        """Return t / l (I - d d^T) of each segment of length l and direction d: a taut cable resists bending."""
         weights, corners = self.reals[WEIGHTS:].reshape(-1, 8), self.integers.reshape(-1, 8)
         points = np.einsum("ia,iak->ik", weights, positions[corners])
         stretch = np.diff(points, axis=0)
@@ -174,11 +174,11 @@ class CableTerm(Term):
         return np.einsum("ka,kij,kb->kaibj", signed, bent, signed).reshape(len(bent), 48, 48)
 
     def neutral(self) -> Saved:
-        """Return no tension."""
+        """Return the stored state without tension."""
         return remembered(0.0, {})
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Take the command, and the tension of the last step where a multiplier keeps the length."""
+        """Set the command, and for a commanded length the tension of the last step."""
         self._command, numbers = commands[self.name], self.reals
         if self.actuator.mode is Mode.TENSION:
             numbers[EFFORT], numbers[TARGET] = self._command, cable_length(positions, numbers, self.integers)
@@ -187,7 +187,7 @@ class CableTerm(Term):
         numbers[TARGET] = self.wanted(self._command)
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Take the tension that was found. A cable that just does not pull counts as one that does."""
+        """Set the tension that was found. A cable that is just not taut counts as taut."""
         self.begin(commands, saved, positions, 0.0)
         numbers, size = self.reals, self._body.size
         least = FAINT * float(self._body.table.parameters[:, YOUNG].min()) * size**2
@@ -200,22 +200,22 @@ class CableTerm(Term):
         numbers[EFFORT] += self._lifted
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Take another command or beginning."""
+        """Set another command or initial state."""
         self.begin(commands, saved, positions, 0.0)
         self.reals[EFFORT] += self._lifted
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
-        """The tension [N] that keeps the length."""
+        """The tension [N] that keeps the length (1,); empty without such a constraint."""
         return self.reals[EFFORT : EFFORT + 1].copy() if self.updates else np.zeros(0)
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
-        """The stiffness [N/m] that finds it."""
+        """The penalty [N/m] of the length (1,); empty without such a constraint."""
         return self.reals[STIFFNESS : STIFFNESS + 1].copy() if self.updates else np.zeros(0)
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Take the tension [N] that keeps the length."""
+        """Set the tension [N] that keeps the length."""
         if self.updates:
             self.reals[EFFORT] = multipliers[0]
 
@@ -226,28 +226,28 @@ class CableTerm(Term):
         return np.array([cable_tension(cable_length(positions, self.reals, self.integers), self.reals)])
 
     def wanted(self, command: float) -> float:
-        """Return the length [m] that a command asks for; not of a tension."""
+        """Return the length [m] that a command of length or shortening demands."""
         return command if self.actuator.mode is Mode.LENGTH else self._rest_length - command
 
     @property
     def strung(self) -> bool:
-        """Whether handles leave it a least length, which its commanded one must not go below."""
+        """Whether handles impose a least length, below which no command may go."""
         return self.updates and int(self._anchored.sum()) > 1
 
     def shortest(self, base: NDArray[np.float64]) -> float:
-        """Return the least length [m] that handles at ``base`` (n, 3) [m] leave it, straight from one to the next."""
+        """Return the least length [m] with handles at ``base`` (n, 3) [m]: straight from one to the next."""
         held = self.actuator.points.at(base)[self._anchored]
         return float(np.linalg.norm(np.diff(held, axis=0), axis=1).sum())
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the tension that keeps the length."""
+        """Update the tension that keeps the length; return the error of the length [m]."""
         tension = cable_tension(cable_length(positions, self.reals, self.integers), self.reals)
         miss = abs(tension - self.reals[EFFORT]) / self.reals[STIFFNESS]
         self.reals[EFFORT] = tension
         return miss
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Keep the tension."""
+        """Return the state to store: the tension."""
         return remembered(float(self.reals[EFFORT]), saved)
 
     def state(self, positions: NDArray[np.float64]) -> ActuatorState:
@@ -257,7 +257,7 @@ class CableTerm(Term):
         return ActuatorState(self.actuator.mode, self._command, extent, float(effort))
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] and its slope along the command; a commanded length has the multiplier's only."""
+        """Return the potential [J] and its slope by the command; for a commanded length the slope is the multiplier."""
         state = self.state(positions)
         stored = 0.5 * state.effort**2 / self.actuator.stiffness if self._elastic else 0.0
         if self.actuator.mode is Mode.TENSION:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Chambers as terms.
 
-A chamber of volume V has the energy -p (V - v) + k/2 (V - v)^2: with k = 0 a given pressure, else the augmented
-Lagrangian of V = v with the multiplier p. Sums run in a fixed order.
+A chamber of volume V has the energy -p (V - v) + k/2 (V - v)^2: with k = 0 it has a given pressure, otherwise it is the
+augmented Lagrangian of V = v with the multiplier p. Sums run in a fixed order.
 """
 
 from __future__ import annotations
@@ -22,16 +22,18 @@ from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembere
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
 
 EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
-"""Where p [Pa], v [m^3], k [Pa/m^3] and the volume beyond which the chamber counts as unstable [m^3] lie."""
+"""Offsets in the term's reals of p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] beyond which it counts as
+unstable."""
 LARGEST_INFLATION = 8.0
-"""Ratio by which one equilibrium may inflate a chamber of given pressure; beyond it the chamber counts as unstable."""
+"""Largest ratio by which one solve may inflate a chamber of given pressure; beyond it the chamber counts as
+unstable."""
 RUNNING_AWAY = 0.25
-"""Share of that limit at which a solve that found no equilibrium counts as running away."""
+"""Share of that limit at which a failed solve counts as running away."""
 
 
 @inlined
 def corners_of(x, integers, q):
-    """Return the corners of a quad relative to one vertex of the chamber, lest digits be lost far from the origin."""
+    """Return the corners of a quad relative to one vertex of the chamber, to keep digits far from the origin."""
     o, i = integers[0], 4 * q
     a, b, c, d = integers[i], integers[i + 1], integers[i + 2], integers[i + 3]
     return (
@@ -44,7 +46,7 @@ def corners_of(x, integers, q):
 
 @kernel
 def chamber_volume(x, integers):
-    """Return the volume [m^3] of a chamber of bilinear quads, exact: the mean over both diagonals of each."""
+    """Return the volume [m^3] enclosed by bilinear quads; exact: the mean over both diagonals of each quad."""
     total = 0.0
     for q in range(len(integers) // 4):
         a, b, c, d = corners_of(x, integers, q)
@@ -56,7 +58,7 @@ def chamber_volume(x, integers):
 
 @kernel
 def chamber_pressure(volume, reals):
-    """Return the pressure [Pa] of a chamber of this volume [m^3]."""
+    """Return the pressure [Pa] of a chamber of the given volume [m^3]."""
     return reals[EFFORT] - reals[STIFFNESS] * (volume - reals[TARGET])
 
 
@@ -77,7 +79,10 @@ def push(x, integers, pressure, force):
 
 @kernel
 def chamber_energy(x, reals, integers, force, size):
-    """Return the energy [J] of a chamber, infinite beyond its limit; `term_kernel` wants this signature."""
+    """Return the energy [J] of a chamber, infinite beyond its limit, and add its gradient.
+
+    `term_kernel` needs this signature.
+    """
     volume = chamber_volume(x, integers)
     change, stiffness = volume - reals[TARGET], reals[STIFFNESS]
     if not abs(volume) <= reals[LIMIT]:
@@ -91,10 +96,10 @@ def chamber_energy(x, reals, integers, force, size):
 
 @kernel
 def carried_energy(x, reals, integers, force, size):
-    """Return the energy [J] of a chamber between points that eight vertices carry each.
+    """Return the energy [J] of a chamber whose points are each carried by eight vertices, and add its gradient.
 
-    Behind the chamber's own numbers ``reals`` has the weights; ``integers`` has the number of the points, the vertices
-    that carry each, and the quads between them.
+    ``reals`` has the weights after the chamber's own numbers. ``integers`` has the number of points, the vertices that
+    carry each, and the quads between the points.
     """
     count = integers[0]
     points, pulls = np.zeros((count, 3)), np.zeros((count, 3))
@@ -123,11 +128,11 @@ def _entry(x, n, reals, k, integers, i, force, size):
 
 
 class ChamberTerm(Term):
-    """A chamber by pressure or volume.
+    """A chamber with a commanded pressure or volume.
 
     Args:
-        chamber: as the scene states it.
-        body: what surrounds it.
+        chamber: of the scene.
+        body: the body around it.
 
     Attributes:
         actuator: the chamber.
@@ -152,7 +157,7 @@ class ChamberTerm(Term):
         self._command = self.neutral_command
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Take for a commanded volume a penalty that fits the body's stiffness at rest."""
+        """Set a penalty that suits the body's stiffness at rest, for a commanded volume."""
         if self.updates:
             places, points = self.actuator.at(self._body.rest), self.actuator.points
             force = np.zeros_like(places)
@@ -166,11 +171,11 @@ class ChamberTerm(Term):
         return float(chamber_volume(self.actuator.at(positions), self._quads))
 
     def neutral(self) -> Saved:
-        """Return no pressure."""
+        """Return the stored state without pressure."""
         return remembered(0.0, {})
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Take the command, and the pressure of the last step where a multiplier keeps the volume."""
+        """Set the command, and for a commanded volume the pressure of the last step."""
         self._command, numbers = commands[self.name], self.reals
         if self.updates:
             numbers[EFFORT], numbers[TARGET], numbers[LIMIT] = followed(saved, ratio), self._command, math.inf
@@ -180,35 +185,35 @@ class ChamberTerm(Term):
         numbers[LIMIT] = self._limit(volume)
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the pressure that keeps the volume."""
+        """Update the pressure that keeps the volume; return the error of the volume as a length [m]."""
         volume = self._volume(positions)
         self.reals[EFFORT] = chamber_pressure(volume, self.reals)
         return abs(volume - self.reals[TARGET]) / max(abs(self.reals[TARGET]), 1e-30) ** (2.0 / 3.0)
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Keep the pressure."""
+        """Return the state to store: the pressure."""
         return remembered(float(self.reals[EFFORT]), saved)
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Take the pressure that was found."""
+        """Set the pressure that was found."""
         self.begin(commands, saved, positions, 0.0)
         if self.updates:
             self.reals[EFFORT] = found["effort"][0]
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
-        """The pressure [Pa] that keeps the volume."""
+        """The pressure [Pa] that keeps the volume (1,); empty without such a constraint."""
         return self.reals[EFFORT : EFFORT + 1].copy() if self.updates else np.zeros(0)
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
-        """The penalty [Pa/m^3] that finds it, over a surface of the body's size."""
+        """The penalty [Pa/m^3] times a surface of the chamber's size [m^2] (1,); empty without a constraint."""
         if not self.updates:
             return np.zeros(0)
         return self.reals[STIFFNESS : STIFFNESS + 1] * abs(self._rest_volume) ** (2.0 / 3.0)
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Take the pressure [Pa] that keeps the volume."""
+        """Set the pressure [Pa] that keeps the volume."""
         if self.updates:
             self.reals[EFFORT] = multipliers[0]
 
@@ -217,11 +222,11 @@ class ChamberTerm(Term):
         return np.array([chamber_pressure(self._volume(positions), self.reals)]) if self.updates else np.zeros(0)
 
     def _limit(self, volume: float) -> float:
-        """Return the volume [m^3] to which no equilibrium inflates it from a ``volume``."""
+        """Return the volume [m^3] beyond which the chamber counts as unstable in a solve from ``volume`` [m^3]."""
         return LARGEST_INFLATION * max(abs(volume), self._rest_volume)
 
     def ran_away(self, positions: NDArray[np.float64], since: NDArray[np.float64]) -> bool:
-        """Tell whether a chamber of given pressure has inflated far, since an equilibrium, in solves that failed."""
+        """Return whether a chamber of given pressure has inflated far in failed solves since an equilibrium."""
         pressed = math.isfinite(self.reals[LIMIT])
         return pressed and not self._volume(positions) <= RUNNING_AWAY * self._limit(self._volume(since))
 
@@ -231,7 +236,7 @@ class ChamberTerm(Term):
         return ActuatorState(self.actuator.mode, self._command, extent, float(self.reals[EFFORT]))
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] and its slope along the command; a commanded volume has the multiplier's only."""
+        """Return the potential [J] and its slope by the command; for a commanded volume the slope is the multiplier."""
         if self.updates:
             return 0.0, float(self.reals[EFFORT])
         slope = self._rest_volume - self._volume(positions)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dead loads as terms: E = -s sum_v f_v . (x_v - X_v), forces that keep their size and direction."""
+"""Dead loads as terms: E = -s sum_v f_v . (x_v - X_v), forces of constant size and direction."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
 
 FACTOR, FORCES = 0, 1
-"""Where the factor s lies in the term's numbers, and where the forces f_v [N] begin, each followed by X_v [m]."""
+"""Offsets in the term's reals of the factor s and of the forces f_v [N], each followed by X_v [m]."""
 
 
 @kernel
 def dead_load_energy(x, reals, integers, force, size):
-    """Return the energy [J] of a dead load; `term_kernel` wants this signature."""
+    """Return the energy [J] of a dead load and add its gradient; `term_kernel` needs this signature."""
     energy, factor = 0.0, reals[FACTOR]
     if factor == 0.0:
         return 0.0
@@ -40,11 +40,11 @@ def _entry(x, n, reals, k, integers, i, force, size):
 
 
 class DeadLoadTerm(Term):
-    """A load at the factor that it is commanded.
+    """A load with its commanded factor.
 
     Args:
-        load: as the scene states it.
-        body: what it acts on.
+        load: of the scene.
+        body: the body on which it acts.
     """
 
     kernel = _entry
@@ -56,10 +56,10 @@ class DeadLoadTerm(Term):
         super().__init__(load.name, np.concatenate([[0.0], numbers]), acted)
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
-        """Take the factor on the load."""
+        """Set the factor of the load."""
         self.reals[FACTOR] = commands[self.name]
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] at ``positions`` (n, 3) [m] and its slope along the factor."""
+        """Return the potential [J] at ``positions`` (n, 3) [m] and its slope by the factor."""
         slope = -float(np.vdot(self._forces, positions - self._rest))
         return command * slope, slope

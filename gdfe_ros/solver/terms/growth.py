@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Growth of cells: it has no energy of its own, it replaces the operators of the cells' rest shape.
+"""Growth of cells: it has no energy of its own, but replaces the operators of the cells' rest shape.
 
 With F_e = F G^-1 the gradients of a cell become G^-T g_a, its volume det G V and its edges G d, while its hourglass
-vectors stay as they are (they are blind to linear maps). The element kernels then see the elastic part of F alone.
+vectors stay unchanged (linear maps do not affect them). The element kernels then receive the elastic part of F alone.
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ class Growths:
     """All growths of a body.
 
     Args:
-        body: the body, whose operators stay as they are.
-        actuators: out of these, the growths.
+        body: the body, whose operators are not modified.
+        actuators: of the scene; only growths among them are used.
 
     Attributes:
-        cells: (k,) those that can grow.
+        growths: the growths.
+        cells: (k,) cells that can grow.
+        ungrown: operators without growth.
     """
 
     def __init__(self, body: Body, actuators: Sequence[Actuator]) -> None:
@@ -38,11 +40,11 @@ class Growths:
         self.ungrown = Operators(body.shape, body.blocks, self._stretch({growth.name: 0.0 for growth in self.growths}))
 
     def __bool__(self) -> bool:
-        """Tell whether anything can grow."""
+        """Return whether anything can grow."""
         return bool(self.growths)
 
     def at(self, commands: Mapping[str, float], last: Operators) -> Operators:
-        """Return the operators at these commands; ``last`` itself where it is at them already."""
+        """Return the operators at these commands; ``last`` itself if they are unchanged."""
         if not self.growths:
             return last
         stretch = self._stretch(commands)
@@ -80,7 +82,7 @@ class Growths:
 
 
 def _replaced(array: NDArray[np.float64], rows: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a copy of ``array`` with other ``rows``."""
+    """Return a copy of ``array`` with the given ``rows`` replaced."""
     changed = array.copy()
     changed[rows] = values
     return changed

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Multipliers of commanded lengths and volumes: their penalty, and how they follow a motion."""
+"""Multipliers of commanded lengths and volumes: their penalties, and their extrapolation along a motion."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.terms.term import Saved
 
 PENALTY = 10.0
-"""Penalty stiffness of a commanded length or volume over the body's own, as the constant matrix sees it: large enough
-for few updates, small enough to leave a descent one outlying eigenvalue that its history takes care of."""
+"""Penalty stiffness of a commanded length or volume over the body's own, by the constant matrix: large enough for few
+updates, small enough to give a minimisation one outlying eigenvalue only, which its history resolves."""
 
 
 def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str) -> float:
-    """Return the penalty of what pulls at the vertices with ``force`` (n, 3) at unit effort.
+    """Return the penalty of an actuator that pulls at the vertices with ``force`` (n, 3) at unit effort.
 
     Raises:
-        ValueError: it moves nothing; scenes with such an actuator are refused when they are loaded.
+        ValueError: it moves nothing; scenes with such an actuator are rejected on loading.
     """
     compliance = matrix.compliance(force)
     if not compliance > 0.0:
@@ -27,11 +27,11 @@ def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str
 
 
 def remembered(effort: float, saved: Saved) -> Saved:
-    """Return what is saved: the effort and the one before it."""
+    """Return the state to store: the effort and the previous one."""
     return {"effort": np.array([effort, saved["effort"][0] if saved else 0.0])}
 
 
 def followed(saved: Saved, ratio: float) -> float:
-    """Return the effort to start with where ``ratio`` of the last step is repeated."""
+    """Return the initial effort if a multiple ``ratio`` of the last step is extrapolated."""
     last, before = saved["effort"]
     return float(last + ratio * (last - before))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The contract of a term: one physics more in the potential that a solve minimises.
+"""The interface of a term: an additional contribution to the potential that a solve minimises.
 
-The descent sees the sum of all terms and their gradient and does not know which there are. The elements are its first
-term and have kernels of their own; every other term is a compiled function of the positions and of two arrays that the
+The minimisation uses the sum of all terms and its gradient, whichever terms there are. The elements are the first
+term and have kernels of their own. Every other term is a compiled function of the positions and of two arrays that the
 term fills, and is called by its address: a scene compiles nothing for the terms that it combines, and has no code path
 for those that it lacks. `docs/terms.md` shows how to add one.
 """
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     from gdfe_ros.solver.state import State
 
 Saved = Mapping[str, NDArray[np.float64]]
-"""What a term keeps from one accepted step to the next, by name; a value: its arrays are never written again."""
+"""State that a term stores from one accepted step to the next, arrays by name; an immutable value."""
 
 _REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int32)
 _ENTRY = types.float64(_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.intp, _REALS, _REALS)
 
 
 class TermKernel:
-    """The compiled entry of a term; compiled, or loaded from its cache, when a body first has the term.
+    """The compiled entry of a term; it is compiled, or loaded from its cache, when a body first has the term.
 
     Args:
-        entry: takes the arguments of `as_arrays` and returns the energy.
+        entry: receives the arguments of `as_arrays` and returns the energy.
     """
 
     def __init__(self, entry: Callable[..., float]) -> None:
@@ -46,10 +46,10 @@ class TermKernel:
 
     @cached_property
     def address(self) -> int:
-        """Where the machine code is."""
+        """Address of the machine code."""
         try:
             self._compiled = cfunc(_ENTRY, cache=True)(self._entry)
-        except RuntimeError:  # typed at a prompt: there is no file beside which a cache could lie
+        except RuntimeError:  # defined at a prompt: there is no file next to which a cache could be stored
             self._compiled = cfunc(_ENTRY)(self._entry)
         return self._compiled.address
 
@@ -57,38 +57,39 @@ class TermKernel:
 def term_kernel(entry: Callable[..., float]) -> TermKernel:
     """Decorate a term's entry, which solves call by its address.
 
-    Where the entry is
+    For the entry
 
         @term_kernel
         def spring_entry(x, n, reals, k, integers, i, force, size):
             return spring_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
-    ``spring_energy(x, reals, integers, force, size)``, a `gdfe_ros.compiled.kernel`, gets the positions ``x`` (n, 3)
-    [m] and the term's two arrays, adds dE/dx to ``force`` (n, 3) [N], adds to ``size[0]`` [J] what bounds the rounding
-    of its energy (the absolute values that it sums) and returns the energy [J], infinite where positions are out of
-    bounds.
+    ``spring_energy(x, reals, integers, force, size)``, a `gdfe_ros.compiled.kernel`, receives the positions ``x`` (n,
+    3) [m] and the term's two arrays. It adds dE/dx to ``force`` (n, 3) [N], adds a bound for the rounding of its energy
+    (the sum of the absolute values of its parts) to ``size[0]`` [J], and returns the energy [J], infinite for positions
+    out of bounds.
     """
     return TermKernel(entry)
 
 
 @inlined
 def as_arrays(x, n, reals, k, integers, i, force, size):
-    """Return the arguments of an entry as the arrays that a term's energy takes."""
+    """Return the arguments of an entry as the arrays that are arguments of a term's energy."""
     return carray(x, (n, 3)), carray(reals, (k,)), carray(integers, (i,)), carray(force, (n, 3)), carray(size, (1,))
 
 
 class Term:
-    """What every term has; a term overrides what it needs.
+    """Base class of all terms; a term overrides the methods that it needs.
 
     Attributes:
         name: unique among the terms of a body; of an actuator or load, its name in the scene.
         kernel: made by `term_kernel`; None for a term without an energy of its own.
-        reals: (k,) float64, what the kernel reads; written by `begin` and `update`.
-        integers: (i,) int32, the same.
+        reals: (k,) float64, read by the kernel; written by `begin` and `update`.
+        integers: (i,) int32, likewise.
         updates: whether `update` has anything to do.
-        inside: whether the solve began inside of what the term keeps the body out of.
-        delicate: its forces change within the shortest ways, as where something begins to slip.
-        even: its stiffness acts on x, y and z alike, is all that it has, and never changes: tangents take it as it is.
+        inside: whether the body was inside of the term's obstacle at the beginning of the solve.
+        delicate: whether its forces change within tiny displacements, as at the onset of slip.
+        even: whether its stiffness acts on x, y and z alike, is its whole tangent, and never changes; kept tangents
+            then use it directly.
     """
 
     kernel: TermKernel | None = None
@@ -102,101 +103,101 @@ class Term:
         return None
 
     def couplings(self) -> NDArray[np.int32]:
-        """Return which vertices (k, c) `tangents` couples; none where the term has nothing to add there."""
+        """Return the vertices (k, c) that `tangents` couples; empty if the term adds no tangents."""
         return np.zeros((0, 1), np.int32)
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the term's part (k, 3 c, 3 c) [N/m] of the tangent that slender bodies descend on.
+        """Return the term's part (k, 3 c, 3 c) [N/m] of the kept tangent of slender bodies.
 
-        It is not the gradient's derivative but what of it is nowhere negative and couples neighbours only: it makes
-        descents fast, and no equilibrium depends on it.
+        It is the positive semi-definite part of the second derivative that couples neighbours. It speeds up the
+        minimisation, and no equilibrium depends on it.
         """
         return np.zeros((0, 3, 3))
 
     def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Return springs that act at ``positions`` (n, 3) [m] between vertices that nothing else couples.
+        """Return springs at ``positions`` (n, 3) [m] between vertices that nothing else couples.
 
-        They are as `tangents`, but few, and other ones from solve to solve: vertices (m, c), and of each spring the
-        root of its stiffness times d(length)/d(position of each end) (m, c, 3) [(N/m)^(1/2)].
+        They have the purpose of `tangents`, but are few, and change from solve to solve: vertices (m, c), and for each
+        spring the root of its stiffness times d(length)/d(position of each end) (m, c, 3) [(N/m)^(1/2)].
         """
         return np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3))
 
     def fit(self, matrix: ConstantMatrix) -> None:
-        """Choose penalties once the constant ``matrix`` is known."""
+        """Set penalties by the constant ``matrix``."""
 
     def neutral(self) -> Saved:
-        """Return what is saved at rest."""
+        """Return the stored state at rest."""
         return {}
 
     def aim(self, poses: Mapping[str, Pose], last: State) -> None:
-        """Take where handles and obstacles are commanded to be, and the state before, before a solve begins."""
+        """Set the commanded poses of handles and obstacles, and the previous state, before a solve begins."""
 
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a solve.
 
         Args:
             commands: of every actuator and load.
-            saved: what the term kept from the last accepted step.
-            positions: (n, 3) [m] where the solve starts; energies may count from there.
-            ratio: how much of the last accepted step the start repeats; multipliers may follow.
+            saved: the term's stored state after the last accepted step.
+            positions: (n, 3) [m] at the start of the solve; energies may be relative to them.
+            ratio: multiple of the last accepted step that the start extrapolates; multipliers may do so too.
         """
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers between descents; return the largest miss [m] of what they keep."""
+        """Update the multipliers between minimisations; return the largest error [m] of the constraints."""
         return 0.0
 
     def hasten(self, near: float) -> None:
-        """Take the multipliers farther than the last update did, where that left more than ``near`` [m]."""
+        """Extrapolate the multipliers, if the last update left more than ``near`` [m]."""
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Tell after a descent whether it came upon what the term had left out, and take that in."""
+        """Include contacts that a minimisation has made and that were left out; return whether there were any."""
         return False
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
-        """Return what is to be saved of a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
+        """Return the state to store after a solve that ended at ``positions`` (n, 3) [m] and began with ``saved``."""
         return {}
 
     def resume(self, commands: Mapping[str, float], saved: Saved, found: Saved, positions: NDArray[np.float64]) -> None:
-        """Prepare as at the end of a solve that began with ``saved`` and ended with ``found`` at ``positions``."""
+        """Restore the end of a solve that began with ``saved`` and ended with ``found`` at ``positions``."""
         self.begin(commands, saved, positions, 0.0)
 
     def vary(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Prepare beside what was resumed: other commands and beginnings, the same vertices in contact."""
+        """Set other commands and initial states after `resume`, with the same vertices in contact."""
         self.begin(commands, saved, positions, 0.0)
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
-        """What `update` changes (k,), a copy; a solve has converged where it would change nothing more."""
+        """The multipliers (k,) that `update` changes, a copy; in a converged solve an update changes them no more."""
         return np.zeros(0)
 
     @property
     def per_metre(self) -> NDArray[np.float64]:
-        """By how much each multiplier (k,) changes, in order of magnitude, where positions change by 1 m."""
+        """Order of magnitude of each multiplier's (k,) change per 1 m of displacement."""
         return np.zeros(0)
 
     def hold(self, multipliers: NDArray[np.float64]) -> None:
-        """Take multipliers (k,)."""
+        """Set the multipliers (k,)."""
 
     def updated(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the multipliers (k,) after a plain update at ``positions`` (n, 3) [m]; those in force stay."""
+        """Return the multipliers (k,) after a plain update at ``positions`` (n, 3) [m]; the present ones stay."""
         return np.zeros(0)
 
     def energy(self, positions: NDArray[np.float64]) -> float:
-        """Return the term's energy [J] at ``positions`` (n, 3) [m], as the balance of increments counts it.
+        """Return the term's energy [J] at ``positions`` (n, 3) [m] for the energy balance of increments.
 
-        That is its kernel's. A term whose kernel counts from where a solve begins, or whose energy is that of a
-        multiplier, says otherwise: what it gives must not change while nothing moves.
+        By default it is that of the kernel. A term whose kernel is relative to the start of a solve, or whose energy is
+        that of a multiplier, overrides it: the value must not change while nothing moves.
         """
         if self.kernel is None:
             return 0.0
         return float(terms_energy(positions, TermTable.of(self), np.zeros_like(positions), np.zeros(1)))
 
     def flaw(self, positions: NDArray[np.float64]) -> str:
-        """Say why positions (n, 3) [m] that a solve found cannot stand, though nothing moves; empty where they can."""
+        """Return a message if positions (n, 3) [m] of a converged solve are not acceptable; empty if they are."""
         return ""
 
     def report(self, positions: NDArray[np.float64]) -> dict[str, float]:
-        """Return what users may want to know of the term, by name, in SI units; it appears in `StepResult.terms`."""
+        """Return values of the term for users, by name, in SI units; they appear in `StepResult.terms`."""
         return {}
 
 
@@ -205,8 +206,8 @@ class TermTable(NamedTuple):
 
     Attributes:
         address: (t,) int64 of the compiled energies.
-        real_start, integer_start: (t + 1,) int64, where each term's numbers start.
-        reals, integers: the numbers of all terms; each term holds a view of its own.
+        real_start, integer_start: (t + 1,) int64, offset of each term's numbers.
+        reals, integers: the numbers of all terms; each term has a view of its own.
     """
 
     address: NDArray[np.int64]
@@ -223,7 +224,7 @@ class TermTable(NamedTuple):
 
     @classmethod
     def pack(cls, terms: Sequence[Term]) -> TermTable:
-        """Lay the numbers of all terms that have an energy side by side; the terms go on in views of them."""
+        """Copy the numbers of all terms with an energy into common arrays, of which the terms then hold views."""
         acting = [term for term in terms if term.kernel is not None]
         real_start = np.cumsum([0, *(len(term.reals) for term in acting)])
         integer_start = np.cumsum([0, *(len(term.integers) for term in acting)])
@@ -254,7 +255,7 @@ def call_term(typingctx, address, x, n, reals, k, integers, i, force, size):
 def terms_energy(x, table, force, size):
     """Write dE/dx (n, 3) [N] of all terms at positions ``x`` (n, 3) [m]; return their energy [J].
 
-    ``size`` (1,) gets what bounds the rounding of that energy [J].
+    A bound for the rounding of that energy [J] is written to ``size`` (1,).
     """
     force[...] = 0.0
     size[0] = 0.0

@@ -153,7 +153,13 @@ def test_what_falls_does_not_spring_back(pair: Callable[..., Simulation], scheme
         assert max(heights[landed:]) < 0.1 * height
 
 
-@pytest.mark.parametrize(("size", "x", "near"), [([0.04, 0.04, 0.04], 0.1, 0.05), ([0.03, 0.03, 0.04], 0.105, 1e-3)])
+EDGES = pytest.mark.exact("corners lie on edges: by which face they leave is rounding's, and a step may not settle")
+
+
+@pytest.mark.parametrize(
+    ("size", "x", "near"),
+    [pytest.param([0.04, 0.04, 0.04], 0.1, 0.05, marks=EDGES), ([0.03, 0.03, 0.04], 0.105, 1e-3)],
+)
 def test_a_stack_stands(pair: Callable[..., Simulation], size: list[float], x: float, near: float) -> None:
     """A box on a box of the same size, or on one that it does not cover, weighs on it and stays for 10 s.
 

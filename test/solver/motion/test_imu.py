@@ -19,6 +19,7 @@ WEIGHT = {"weight": {"gravity": [0.0, 0.0, -9.81]}}
 PROBES = {"tip": [0.1, 0.0, 0.0], "side": [0.07, 0.01, 0.01]}
 
 
+@pytest.mark.exact("an exact zero without a shift")
 def test_a_falling_body_reads_nothing(moving: Callable) -> None:
     """Throw a body that nothing holds: no acceleration, no turn, whatever its velocity."""
     falling = moving(handles={}, loads=WEIGHT, probes=PROBES, dynamics__velocity=[1.0, -2.0, 3.0])

@@ -35,6 +35,7 @@ def test_a_mass_on_a_probe_has_the_kinetic_energy_of_a_point(moving: Callable, s
     assert found == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.exact("an exact zero without a shift")
 def test_a_mass_on_a_probe_falls_as_the_body_does(moving: Callable) -> None:
     """Drop the loaded bar: weight and inertia of the load meet at one point, so that nothing turns or strains."""
     falling = loaded(moving, loads={"weight": {"gravity": [0, 0, -9.81]}}, handles={})

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What commands of actuators may be: ranges, rates, and tensions that only pull."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators import Actuator, Cable, Mode
+from gdfe_ros.errors import CommandError
+from gdfe_ros.scene.scene import Scene
+
+Array = NDArray[np.float64]
+ROUNDING = 1e-9
+"""Share of a change that is none."""
+
+
+class Limits:
+    """Ranges and rates of the commands of some actuators.
+
+    Args:
+        actuators: (n,) whose commands they are.
+
+    Attributes:
+        low: (n,) least commands; of a tension at least zero.
+        high: (n,) largest commands.
+        rates: (n,) largest changes in a second.
+    """
+
+    def __init__(self, actuators: Sequence[Actuator]) -> None:
+        self._names = [each.name for each in actuators]
+        pulls = [isinstance(each, Cable) and each.mode is Mode.TENSION for each in actuators]
+        self.low = np.maximum([each.low for each in actuators], np.where(pulls, 0.0, -np.inf))
+        self.high = np.array([each.high for each in actuators])
+        self.rates = np.array([each.rate for each in actuators])
+
+    @classmethod
+    def of_scene(cls, scene: Scene, names: Sequence[str]) -> Limits:
+        """Return the limits of a scene's actuators.
+
+        Raises:
+            CommandError: there is no such actuator, or none is named.
+        """
+        known = {actuator.name: actuator for actuator in scene.actuators}
+        for name in names:
+            if name not in known:
+                raise CommandError(f"no actuator {name!r} in scene {scene.name!r}; actuators: {', '.join(known)}")
+        if not names:
+            raise CommandError(f"inverse control needs an actuator; actuators of {scene.name!r}: {', '.join(known)}")
+        return cls([known[name] for name in names])
+
+    def room(self, now: Array, dt: float | None) -> tuple[Array, Array]:
+        """Return the least and the largest change (n,) from commands ``now`` (n,) in ``dt`` [s]; None: in any time."""
+        reach = np.full(len(now), np.inf) if dt is None else self.rates * dt
+        return np.maximum(self.low - now, -reach), np.minimum(self.high - now, reach)
+
+    def changed(self, now: Array, change: Array) -> Array:
+        """Return commands (n,) after a change: in range, and at an end of it where only rounding keeps them off it."""
+        commands, rounding = now + change, ROUNDING * np.abs(change)
+        commands = np.where(np.abs(commands - self.low) <= rounding, self.low, commands)
+        commands = np.where(np.abs(commands - self.high) <= rounding, self.high, commands)
+        return np.clip(commands, self.low, self.high)
+
+    def time(self, change: Array) -> float:
+        """Return the least time [s] in which rates let a change (n,) through."""
+        limited = np.isfinite(self.rates)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            times = np.abs(change[limited]) / self.rates[limited]
+        return (1.0 + ROUNDING) * float(times.max(initial=0.0))
+
+    def ended(self, commands: Array) -> list[str]:
+        """Name the actuators whose commands (n,) are at an end of their range."""
+        inside = (self.low < commands) & (commands < self.high)
+        return [name for name, free in zip(self._names, inside, strict=True) if not free]

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Targets one above the other: their errors and derivatives, each over its tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gdfe_ros.control.targets import Aim, Target
+from gdfe_ros.errors import CommandError
+from gdfe_ros.simulation import Simulation
+
+Array = NDArray[np.float64]
+USUAL = 1e-3
+"""Tolerance of orientations [rad] and forces [N]."""
+
+
+class Stack:
+    """The targets of a simulation.
+
+    Errors and derivatives are in rows (m,), one for each axis of each target: over the target's tolerance, times the
+    root of its weight.
+
+    Args:
+        simulation: whose they are.
+        targets: what is led; names alone are probes.
+        tolerance: of positions [m].
+
+    Attributes:
+        targets: as given, (t,).
+        tolerances: (t,) in the unit of each.
+
+    Raises:
+        CommandError: the scene lacks what a target is of, or there is no target.
+    """
+
+    def __init__(self, simulation: Simulation, targets: Sequence[Aim | str], tolerance: float) -> None:
+        self.targets = tuple(each if isinstance(each, Aim) else Target(probe=each) for each in targets)
+        if not self.targets:
+            raise CommandError("inverse control needs a target")
+        for target in self.targets:
+            target.require_in(simulation.scene)
+        usual = [tolerance if isinstance(target, Target) else USUAL for target in self.targets]
+        self.tolerances = np.array([t.tolerance or other for t, other in zip(self.targets, usual, strict=True)])
+        self._simulation = simulation
+        self._scales = [np.sqrt(t.weight) / size for t, size in zip(self.targets, self.tolerances, strict=True)]
+        self._ends = np.cumsum([len(target.axes) for target in self.targets])[:-1]
+
+    def checked(self, goals: ArrayLike) -> Array:
+        """Return goals (t, 3), one row for each target.
+
+        Raises:
+            CommandError: their shape is another, or a value is not finite.
+        """
+        wanted = np.asarray(goals, dtype=np.float64)
+        if wanted.shape != (len(self.targets), 3) or not np.isfinite(wanted).all():
+            raise CommandError(f"goals must be finite and of shape {(len(self.targets), 3)}, got {wanted.tolist()}")
+        return wanted
+
+    def values(self) -> Array:
+        """Return the present values (t, 3) of the model."""
+        return np.array([target.value(self._simulation) for target in self.targets])
+
+    def errors(self, goals: Array, shifts: Mapping[str, Array]) -> Array:
+        """Return the errors (m,) from goals (t, 3).
+
+        Args:
+            goals: of the targets.
+            shifts: (3,) [m] by how much probes are elsewhere than in the model, by name.
+        """
+        parts = []
+        for target, scale, goal, value in zip(self.targets, self._scales, goals, self.values(), strict=True):
+            shift = shifts.get(target.probe, 0.0) if isinstance(target, Target) else 0.0
+            parts.append(scale * target.missing(goal, value + shift)[list(target.axes)])
+        return np.concatenate(parts)
+
+    def jacobian(self, actuators: Sequence[str]) -> Array:
+        """Return the exact derivatives (m, n) with respect to the commands of actuators.
+
+        Raises:
+            GdfeError: there are none, as at a saddle.
+        """
+        outputs = list(dict.fromkeys(target.output for target in self.targets))
+        found = self._simulation.sensitivities(outputs, [f"actuators.{name}" for name in actuators]).values
+        parts = [
+            scale * target.derivative(self._simulation, found[target.output])[list(target.axes)]
+            for target, scale in zip(self.targets, self._scales, strict=True)
+        ]
+        return np.concatenate(parts)
+
+    def distances(self, error: Array) -> Array:
+        """Return the distances (t,) from the goals, in the unit of each target, from errors (m,)."""
+        parts = zip(self._scales, np.split(error, self._ends), strict=True)
+        return np.array([np.linalg.norm(part) / scale for scale, part in parts])
+
+    def reached(self, error: Array) -> bool:
+        """Tell whether all targets are within their tolerances."""
+        return bool((self.distances(error) <= self.tolerances).all())
+
+    def length(self, goals: Array, error: Array) -> float:
+        """Return the way to goals (t, 3), over the longest that one change of the commands asks for."""
+        longest = [target.longest(self._simulation, goal) for target, goal in zip(self.targets, goals, strict=True)]
+        return float((self.distances(error) / longest).max())
+
+    def message(self, error: Array, ended: Sequence[str]) -> str:
+        """Say how far from their goals targets are, and what is in the way; ``ended`` are commands at their ends."""
+        distances = self.distances(error)
+        far = [number for number, distance in enumerate(distances) if distance > self.tolerances[number]]
+        if not far:
+            return ""
+        named = [f"{self.targets[i].name} {distances[i]:.3g} {self.targets[i].unit}" for i in far]
+        parts = [f"nearest point so far, from the goal: {', '.join(named)}"]
+        parts += [text for i in far if (text := self.targets[i].obstacle(self._simulation))]
+        parts += [f"at the end of their range: {', '.join(ended)}"] if ended else []
+        return "; ".join(parts)
