@@ -74,7 +74,13 @@ def batch_table(report: Sequence[dict[str, Any]]) -> str:
         for item in report
     ]  # fmt: skip
     several = (f"{report[0]['workers']} {way.value}, steps/s" for way in (Way.THREADS, Way.PROCESSES))
-    heads = ("cells", f"{Way.ALONE.value}, steps/s", *several, "set-up of the first [ms]", "of each further [ms]")
+    heads = (
+        "cells",
+        f"{Way.ALONE.value}, steps/s",
+        *several,
+        "set-up of the first [ms]",
+        "set-up of each further one [ms]",
+    )
     return markdown_table(heads, rows)
 
 

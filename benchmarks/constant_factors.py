@@ -28,7 +28,7 @@ from gdfe_ros.solver.matrix.inverse import apply_free
 REPEATS = 9
 LARGEST = {"SuperLU": 40_000, "CHOLMOD": 200_000}
 """Vertices up to which each library is waited for."""
-HEADINGS = ("vertices", "numbers in the factor [10^6]", "kept in", "factor [s]", "a solve [ms]")
+HEADINGS = ("vertices", "numbers in the factor [10^6]", "precision", "factorisation [s]", "solve [ms]")
 Solve = Callable[[], object]
 
 
@@ -83,7 +83,7 @@ def held_bar(cells: Sequence[int]) -> tuple[sparse.csc_matrix, NDArray[np.float6
 def table(report: Sequence[Mapping[str, Any]]) -> str:
     """Return the comparison as a Markdown table."""
     names = [name for name in ("SuperLU", "CHOLMOD") if any(name in row["solve"] for row in report)]
-    heads = [*HEADINGS, *(f"{name}: {what}" for name in names for what in ("factor [s]", "a solve [ms]"))]
+    heads = [*HEADINGS, *(f"{name}: {what}" for name in names for what in ("factorisation [s]", "solve [ms]"))]
     found = []
     for row in report:
         cells = [str(row["vertices"]), f"{row['entries'] / 1e6:.2f}", "single" if row["single"] else "double"]

@@ -81,7 +81,9 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         **pressing.all_tables(report),
         **self_contact.all_tables(report),
         "slope": markdown_table(
-            ("friction", "theory [m/s^2]", "here [m/s^2]", "iterations a step", "drift over 60 s [nm/s]"), slopes),
+            ("friction", "acceleration by theory [m/s^2]", "by gdfe_ros [m/s^2]", "iterations per step",
+             "drift over 60 s [nm/s]"),
+            slopes),
     }  # fmt: skip
 
 

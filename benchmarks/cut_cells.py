@@ -97,7 +97,10 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
             errors = (f"{a['stiffness'] - 1.0:+.2%}", f"{b['stiffness'] - 1.0:+.3%}")
             rows.append([f"{direction:g}", f"{fineness}", *errors, f"{a['count']} / {b['count']}",
                          f"{a['iterations']} / {b['iterations']}"])  # fmt: skip
-    heads = ("axis [degrees]", "cells over the diameter", "whole cubes", "cut cells", "cells", "iterations")
+    heads = (
+        "angle of the axis [degrees]", "cells across the diameter", "error, whole cubes", "error, cut cells",
+        "number of cells", "iterations",
+    )  # fmt: skip
     return {"cut_cells": markdown_table(heads, rows)}
 
 

@@ -30,11 +30,11 @@ HEADINGS = (
     "robot",
     "unknowns",
     "numbers in the band [10^6]",
-    "in fronts",
-    "factor, band [ms]",
-    "fronts",
+    "numbers in the fronts [10^6]",
+    "factorisation, band [ms]",
+    "factorisation, fronts [ms]",
     "solve, band [ms]",
-    "fronts",
+    "solve, fronts [ms]",
 )
 
 

@@ -67,7 +67,10 @@ def measure() -> dict[str, Any]:
 
 def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     """Return the table of a report."""
-    heads = ("phase", "lasts [s]", "iterations a step (most)", "processor time over simulated", *PARTS, "all else")
+    heads = (
+        "phase", "duration [s]", "iterations per step: mean (largest)", "processor time / simulated time", *PARTS,
+        "everything else",
+    )  # fmt: skip
     rows = []
     for row in report["grasp"]:
         shares = [row["shares"][part] for part in PARTS]

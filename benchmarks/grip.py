@@ -81,7 +81,13 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         [row["solver"], f"{row['demand']:g}", _length(row["sunk"]), f"{row['held']:g}", _length(row["drift"])]
         for row in report["grip"]
     ]
-    heads = ("solver", "friction over the least", "sunk when loaded [um]", "held for [s]", "drift [um]")
+    heads = (
+        "solver",
+        "friction / smallest possible",
+        "sinking while loaded [um]",
+        "duration of the hold [s]",
+        "drift [um]",
+    )
     return {"grip": "\n\n".join([markdown_table(heads, rows), *report["grip_missing"]])}
 
 

@@ -151,8 +151,8 @@ def table(found: Sequence[tuple[str, Landing, Outcome]]) -> str:
     for name, landing, outcome in found:
         rows.setdefault((name, landing.young, landing.speed), []).append(outcome)
     heads = (
-        "landing", "Pa", "m/s", "runs", "steps that stopped", "unconverged", "energy, most", "energy, least",
-        "least det F", "iterations a step",
+        "landing", "Young's modulus [Pa]", "speed [m/s]", "runs", "steps that stopped", "steps not converged",
+        "largest energy", "smallest energy", "smallest det F", "iterations per step",
     )  # fmt: skip
     lines = []
     for (name, young, speed), outcomes in rows.items():

@@ -115,8 +115,8 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         rows = [row for row in report["robots"] if row["robot"] == name]
         robots.append([f"`{name}`", *(f"{row['ratio']:.2g} ({row['iterations']:.0f})" for row in rows)])
     fast = [row["robot"] for row in report["robots"] if row["step"] == STEPS[-1] and row["ratio"] > 1.0]
-    said = f"In steps of {1e3 * STEPS[-1]:g} ms {len(fast)} of {len(robots)} run faster than real time."
-    heads = ("solver", "scheme or element", "cells", "h [ms]", "error [%]", "time [s]", "iterations a step")
+    said = f"With steps of {1e3 * STEPS[-1]:g} ms, {len(fast)} of {len(robots)} robots run faster than real time."
+    heads = ("solver", "scheme or element", "cells", "h [ms]", "error [%]", "time [s]", "iterations per step")
     missing = "".join(f"\n\nNot measured: {text}." for text in report["missing"])
     return {
         "drop": markdown_table(heads, drops) + missing,
@@ -138,7 +138,7 @@ def _long_table(report: Mapping[str, Any]) -> str:
         (turns, turn, "angular momentum", f"{100 * spin['angular']:.2g} %", "0.1 %"),
         (turns, turn, "linear momentum, over that of its rim", f"{spin['linear']:.1g}", "rounding"),
     ]  # fmt: skip
-    return markdown_table(("run", "h", "what strays", "at most", "aimed at"), rows)
+    return markdown_table(("run", "h", "conserved quantity", "largest deviation", "goal"), rows)
 
 
 def _beam_table(rows: list[dict[str, Any]]) -> str:
@@ -147,7 +147,7 @@ def _beam_table(rows: list[dict[str, Any]]) -> str:
          zip(row["simulated"], row["measured"], strict=True))]
         for row in rows
     ]  # fmt: skip
-    aimed = ["aimed at", "", *(f"±{100 * target:.0f} %" for target in TARGETS)]
+    aimed = ["goal", "", *(f"±{100 * target:.0f} %" for target in TARGETS)]
     return markdown_table(("damping", "load", "sag [mm]", "frequency [Hz]", "damping ratio"), [*cells, aimed])
 
 
@@ -164,7 +164,10 @@ def _theory_table(rows: list[dict[str, float]]) -> str:
         sag = [f"{row['sag']:.3g}", beside(row, "sag_theory", "sag")]
         frequency = [f"{row['frequency']:.3g}", beside(row, "frequency_theory", "frequency")]
         cells.append([f"{row['load']:.0f} g", *sag, *frequency, lever, softer])
-    heads = ("load", "sag [mm]", "theory", "frequency [Hz]", "theory", "with a lever", "with a softer beam")
+    heads = (
+        "load", "sag [mm]", "sag by theory [mm]", "frequency [Hz]", "frequency by theory [Hz]", "with a lever",
+        "with a softer beam",
+    )  # fmt: skip
     return markdown_table(heads, cells)
 
 

@@ -185,12 +185,12 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         for row, small, large in zip_longest(report["ball"], peer.get("small", ()), peer.get("large", ()))
     ]  # fmt: skip
     cube_heads = (
-        "move [mm]", "same cells, other code", "gaps: vertices", "quadratic", f"CalculiX on {QUADRATIC_CELLS}^3",
-        "gaps: faces", "on 8^3 cells", "iterations",
+        "move of the ball [mm]", "same cells, other code", "gaps: vertices", "quadratic cells",
+        f"CalculiX, {QUADRATIC_CELLS}^3 cells", "gaps: faces", "gaps: faces, 8^3 cells", "iterations",
     )  # fmt: skip
     ball_heads = (
-        "approach over radius", "Hertz", "Tatara", "CalculiX, small displacements", "CalculiX, neo-Hookean",
-        "here, neo-Hookean", "here, linear",
+        "approach / radius", "Hertz", "Tatara", "CalculiX, small displacements", "CalculiX, neo-Hookean",
+        "gdfe_ros, neo-Hookean", "gdfe_ros, linear",
     )  # fmt: skip
     tables = {"pressing": markdown_table(cube_heads, pressed), "plates": markdown_table(ball_heads, balls)}
     return {name: "\n\n".join([table, *below]) for name, table in tables.items()}

@@ -34,14 +34,14 @@ LIMIT = 5000
 """Iterations that a step may take; a stream that meets it is not asked for a tighter tolerance."""
 HEADINGS = (
     "stream",
-    "error with the kept tangent",
-    "iterations a step",
-    "ms a step",
-    "tolerance without it",
+    "with the kept tangent: error",
+    "iterations per step",
+    "time per step [ms]",
+    "without it: tolerance",
     "error",
-    "iterations a step",
-    "ms a step",
-    "times slower",
+    "iterations per step",
+    "time per step [ms]",
+    "time without / with",
 )
 
 
@@ -106,7 +106,7 @@ def table(rows: Sequence[Sequence[str]]) -> str:
     """Return the rows as Markdown, and how many of them are faster with the kept tangent."""
     ratios = [float(row[-1]) for row in rows if row[-1] != "-"]
     fast = sum(ratio > 1.0 for ratio in ratios)
-    said = f"Of {len(ratios)} streams that get there without it, {fast} are faster with the kept tangent."
+    said = f"{len(ratios)} streams reach this error without the kept tangent; {fast} of them are faster with it."
     return f"{markdown_table(HEADINGS, rows)}\n\n{said}"
 
 

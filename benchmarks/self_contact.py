@@ -130,6 +130,9 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
         ]
         for row in report["notches"]
     ]
-    columns = ("cells below / above", "force [N]", "pressure off its mean [%]", "sum of forces [N]", "iterations")
-    across = ("tension [N]", "tip x [mm]", "press [N]", "penetration [um]", "iterations")
+    columns = (
+        "cells of the lower / upper block", "force [N]", "pressure: deviation from its mean [%]",
+        "sum of all contact forces [N]", "iterations",
+    )  # fmt: skip
+    across = ("tension [N]", "tip x [mm]", "contact force [N]", "deepest penetration [um]", "iterations")
     return {"blocks": markdown_table(columns, blocks), "notches": markdown_table(across, notches)}

@@ -52,14 +52,23 @@ def stream_table(results: Sequence[PeerResult]) -> str:
              f"{steps_a_second(result):.0f}", f"{1e3 * p50:.2f}", f"{1e3 * p99:.2f}",
              f"{100 * result.mean_error:.3f}", "" if error is None else f"{100 * error:.3f}")
         )  # fmt: skip
-    heads = ("scene", "solver", "steps", "steps/s", "p50 [ms]", "p99 [ms]", "error at the end [%]", "of the path [%]")
+    heads = (
+        "scene",
+        "solver",
+        "steps",
+        "steps/s",
+        "p50 [ms]",
+        "p99 [ms]",
+        "error at the end [%]",
+        "error of the path [%]",
+    )
     return markdown_table(heads, rows)
 
 
 def front_table(results: Sequence[PeerResult]) -> str:
     """Return each solver's fastest stream, of as many steps each, on any mesh within a limit of error at its end."""
     rows = front_rows(results, SOLVERS, LIMITS, lambda item: f"{steps_a_second(item):.0f}")
-    heads = ("scene", "error at the end at most [%]", *(f"{NAMES[solver]}, steps/s" for solver in SOLVERS))
+    heads = ("scene", "allowed error at the end [%]", *(f"{NAMES[solver]}, steps/s" for solver in SOLVERS))
     return markdown_table(heads, rows)
 
 

@@ -117,7 +117,7 @@ def joint_table(joints: Iterable[dict[str, Any]]) -> str:
 def front_table(results: Sequence[PeerResult]) -> str:
     """Return each solver's fastest run on any mesh within a limit of error."""
     rows = front_rows(results, tuple(Solver), LIMITS, lambda item: f"{1e3 * item.time_solve:.2f}")
-    return markdown_table(("scene", "error at most [%]", *(f"{NAMES[solver]} [ms]" for solver in Solver)), rows)
+    return markdown_table(("scene", "allowed error [%]", *(f"{NAMES[solver]} [ms]" for solver in Solver)), rows)
 
 
 def front_rows(

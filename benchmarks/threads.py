@@ -34,7 +34,13 @@ def measure(cells: tuple[int, int, int], threads: int) -> dict[str, Any]:
 
 def thread_table(report: Sequence[dict[str, Any]]) -> str:
     """Return the comparison as a Markdown table."""
-    heads = ("elements", "one iteration, 1 thread [ms]", f"{report[0]['threads']} threads [ms]", "ratio", "same bits")
+    heads = (
+        "elements",
+        "one iteration, 1 thread [ms]",
+        f"with {report[0]['threads']} threads [ms]",
+        "ratio",
+        "same bits",
+    )
     rows = [
         (str(item["elements"]), f"{1e3 * item['time_one']:.2f}", f"{1e3 * item['time_several']:.2f}",
          f"{item['time_several'] / item['time_one']:.2f}", "yes" if item["equal"] else "no")

@@ -12,23 +12,23 @@ from gdfe_ros.entry import INTERRUPTED, imported, quiet_imports
 from gdfe_ros.errors import GdfeError
 
 COMMANDS = {
-    "solve": "play a scene's program and print and write the result",
+    "solve": "solve a scene's program, print the result and write it to files",
     "live": "show a running scene in the browser and command it with the mouse",
-    "demo": "start the node, command it over topics, record, draw",
-    "pub": "publish one message on a topic",
-    "echo": "print the latest message of a topic, and the next ones",
-    "call": "call a service and print its answer",
-    "calibrate": "repeat the calibration of Sec. 4.2.1 beside Eq. 7",
-    "replay": "make a recorded run again, without ROS or through a node, and compare every published array",
-    "compare": "say whether two recorded runs differ, where and by how much",
-    "recover": "get out of a bag that was cut off what it holds",
+    "demo": "start a node, play a scene's program to it over topics, record a bag and draw a picture",
+    "pub": "publish one message on a topic, without the command ros2",
+    "echo": "print the latest message of a topic, and the next ones if wanted, without the command ros2",
+    "call": "call a service and print its answer, without the command ros2",
+    "calibrate": "repeat the calibration in Sec. 4.2.1 of the paper and compare it with Eq. 7",
+    "replay": "repeat a recorded run, without ROS or through a node, and compare every published array",
+    "compare": "compare two recorded runs: whether they differ, where, and by how much",
+    "recover": "write a whole bag from a bag that was cut off or damaged",
     "export": "write a recorded run for ParaView, numpy or a table program",
     "report": "write a recorded run as one HTML page that opens offline",
-    "inspect": "say what is in a mesh or surface file and what to fix, and draw it",
-    "sweep": "run a scene with many overrides in parallel",
+    "inspect": "print the contents and the defects of a mesh or surface file, and draw it",
+    "sweep": "run a scene with many values of its keys, in parallel",
     "fit": "fit parameters of a scene to recordings of a robot, or a material to a tensile test",
     "workspace": "find the points that a probe reaches over the ranges of the actuators",
-    "compile": "compile what the shipped scenes need, once, so that nobody waits for it later",
+    "compile": "compile the kernels of all shipped scenes once, so that later starts are fast",
 }
 BAD_INPUT = 2
 _REMEDY = "install the package's extras: pip install 'gdfe_ros[mcap,fast,mesh,plot,sweep]' (and ros, where no ROS is)"

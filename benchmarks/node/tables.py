@@ -24,15 +24,15 @@ def all_rows(report: Mapping[str, Any]) -> dict[str, Rows]:
 
 def latency_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
     """Return the times from a command to its mesh."""
-    heads = ("elements", "command to mesh p50 [ms]", "p99 [ms]", "solve p50 [ms]", "solve p99 [ms]")
+    heads = ("elements", "command to mesh, p50 [ms]", "command to mesh, p99 [ms]", "solve, p50 [ms]", "solve, p99 [ms]")
     names = ("p50", "p99", "solve_p50", "solve_p99")
     return heads, [(str(item["elements"]), *(f"{item[name]:.2f}" for name in names)) for item in items]
 
 
 def cost_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
     """Return what a step costs beside its solve."""
-    heads = ("elements", "subscribed", "bag", "step [ms]", "solve [ms]", "solve without node [ms]", "node's own [ms]",
-             "of the step [%]", "other threads, CPU [ms]")  # fmt: skip
+    heads = ("elements", "subscribed", "bag", "step [ms]", "solve [ms]", "solve without node [ms]",
+             "time of the node itself [ms]", "its share of the step [%]", "other threads, CPU [ms]")  # fmt: skip
     rows = []
     for item in items:
         times = (f"{item[name]:.2f}" for name in ("period", "solve", "alone", "delay"))
@@ -45,7 +45,7 @@ def cost_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
 
 def idle_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
     """Return what a node takes of a core while nothing is to be done."""
-    heads = ("node", "of one core [%]", "meshes in", "meshes")
+    heads = ("node", "use of one core [%]", "measured for", "meshes published")
     return heads, [
         (item["case"], f"{100 * item['share']:.2f}", f"{item['seconds']:g} s", str(item["meshes"])) for item in items
     ]
@@ -53,7 +53,9 @@ def idle_rows(items: Iterable[Mapping[str, Any]]) -> Rows:
 
 def command_rows(lockstep: Mapping[str, Any], floods: Iterable[Mapping[str, Any]]) -> Rows:
     """Return what became of many commands, good and bad."""
-    heads = ("commands", "sent", "taken", "refused", "a second", "all meshes finite", "memory grew by [MB]")
+    heads = (
+        "commands", "sent", "accepted", "refused", "commands per second", "all meshes finite", "growth of memory [MB]",
+    )  # fmt: skip
     rate = f"{lockstep['sent'] / lockstep['seconds']:.0f}"
     rows = [("good, lockstep", str(lockstep["sent"]), str(lockstep["consumed"]), "0", rate, "", "")]
     for flood in floods:

@@ -87,12 +87,12 @@ HEADINGS = (
 WALK_HEADINGS = (
     "random walk",
     "steps",
-    "from rest at the end",
-    "memory [MB]",
-    "step, first thousand [ms]",
-    "last thousand [ms]",
-    "iterations, first",
-    "last",
+    "distance from rest at the end",
+    "change of memory [MB]",
+    "time per step, first thousand [ms]",
+    "time per step, last thousand [ms]",
+    "iterations per step, first thousand",
+    "iterations per step, last thousand",
 )
 
 
@@ -137,12 +137,12 @@ def _walk_row(name: str, figures: Mapping[str, float]) -> tuple[str, ...]:
 
 HONESTY_HEADINGS = (
     "stream",
-    "error / tolerance at 1e-3",
-    "1e-4",
-    "1e-5",
-    "iterations a step at 1e-3",
-    "1e-4",
-    "1e-5",
+    "error / tolerance at tolerance 1e-3",
+    "at 1e-4",
+    "at 1e-5",
+    "iterations per step at tolerance 1e-3",
+    "at 1e-4",
+    "at 1e-5",
 )
 
 

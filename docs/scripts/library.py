@@ -9,8 +9,8 @@ from gdfe_ros.materials import LIBRARY
 _HEAD = (
     "preset",
     "Ogden: mu [kPa]; alpha",
-    "misses the points by up to",
-    "measured to strain",
+    "largest deviation from the measured points",
+    "largest measured strain",
     "Poisson's ratio",
     "density [kg/m^3]",
     "source",
@@ -24,6 +24,6 @@ def library_table() -> str:
         constants = [", ".join(f"{value:.4g}" for value in numbers) for numbers in
                      ([1e-3 * mu for mu in recipe.mu], recipe.alpha)]  # fmt: skip
         misfit = "" if recipe.misfit is None else f"{100.0 * recipe.misfit:.2g} %"
-        told = [f"{value:g}" if value is not None else "not told" for value in (recipe.poisson, recipe.density)]
+        told = [f"{value:g}" if value is not None else "unknown" for value in (recipe.poisson, recipe.density)]
         rows.append([f"`{name}`", "; ".join(constants), misfit, f"{recipe.curve.strain_max:g}", *told, recipe.source])
     return markdown_table(_HEAD, rows)

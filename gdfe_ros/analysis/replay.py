@@ -169,8 +169,8 @@ def replayable(run: BagRun) -> tuple[int, str]:
     stored = first.begin is Begin.LOADED and STATE_FILE in run.reader.run.files
     if first.begin is not Begin.REST and not stored:
         raise RecordingError(
-            f"bag {bag} begins with step {first.step}, which went on from a state that the bag does not hold; "
-            "record from the activation on, or after a reset"
+            f"bag {bag} begins with step {first.step}, which continued from a state that the bag does not hold; "
+            "remedy: record from the activation on, or after a reset"
         )
     for count, (before, after) in enumerate(pairwise(records), start=1):
         reason = _gap(before, after)
@@ -183,7 +183,7 @@ def replayable(run: BagRun) -> tuple[int, str]:
 def _gap(before: StepRecord, after: StepRecord) -> str:
     """Return why a step does not follow from the one before it in the bag; empty if it does."""
     if after.begin is Begin.LOADED:
-        return f"step {after.step} went on from a state that was loaded from a file, which the bag does not hold"
+        return f"step {after.step} continued from a state that was loaded from a file, which the bag does not hold"
     if after.step != before.step + 1 and after.begin is not Begin.REST:
         return (
             f"the records of the steps {before.step + 1} to {after.step - 1} were dropped or lost, and later states "

@@ -85,7 +85,7 @@ def ranges(scene: Scene, names: Sequence[str], given: dict[str, tuple[float, flo
     found = [given.get(name, (known[name].low, known[name].high)) for name in names]
     for name, (low, high) in zip(names, found, strict=True):
         if not (math.isfinite(low) and math.isfinite(high)):
-            text = f"actuator {name!r} takes {low:g} to {high:g}, which has no end"
+            text = f"actuator {name!r} has the range {low:g} to {high:g}, which must be finite"
             raise GdfeError(f"{text}; remedy: `range` in the scene, or --range {name}=LOW..HIGH")
         if not known[name].low <= low < high <= known[name].high:
             text = f"--range {name}={low:g}..{high:g}; allowed: from {known[name].low:g} to {known[name].high:g}"

@@ -16,7 +16,7 @@ NOT_CONVERGED = 3
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--steps", type=int, default=20, help="load steps of each bar (default: 20)")
+    parser.add_argument("--steps", type=int, default=20, help="number of load steps of each bar (default: 20)")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the curve beside Eq. 7")
 
 

@@ -14,9 +14,11 @@ REFUSED = 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("service", help="e.g. /gdfe_sim/record")
-    parser.add_argument("request", nargs="?", default="{}", help='in YAML, e.g. "{data: true}"')
-    parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="longest wait (default: 60 s)")
+    parser.add_argument("service", help="name of the service, e.g. /gdfe_sim/record")
+    parser.add_argument("request", nargs="?", default="{}", help='request in YAML, e.g. "{data: true}"')
+    parser.add_argument(
+        "--wait", type=float, default=60.0, metavar="S", help="longest wait for the answer (default: 60 s)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -28,9 +30,9 @@ def run(arguments: argparse.Namespace) -> int:
         request = fill(kind.Request(), values)
         client = peer.node.create_client(kind, service)
         if not peer.wait(client.service_is_ready):
-            raise GdfeError(f"{service} is not ready within {PATIENCE:g} s")
+            raise GdfeError(f"service {service} was not ready within {PATIENCE:g} s")
         future = client.call_async(request)
         if not peer.wait(future.done, arguments.wait):
-            raise GdfeError(f"no answer of {service} within {arguments.wait:g} s")
+            raise GdfeError(f"no answer from {service} within {arguments.wait:g} s; remedy: a longer --wait")
         print(show(future.result()))
         return 0 if getattr(future.result(), "success", True) else REFUSED

@@ -16,14 +16,17 @@ _MOST = 20
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("first", type=Path, metavar="A", help="directory of a bag that sim_node recorded")
-    parser.add_argument("second", type=Path, metavar="B", help="another one")
+    parser.add_argument(
+        "first", type=Path, metavar="A", help="directory of a bag that sim_node recorded, or of its run"
+    )
+    parser.add_argument("second", type=Path, metavar="B", help="directory of another bag, or of its run")
     parser.add_argument(
         "--within",
         type=float,
         default=0.0,
         metavar="FACTOR",
-        help="also pass where the difference is up to FACTOR times the solver tolerance of A (default: bit-identical)",
+        help="also pass if no difference exceeds FACTOR times the solver tolerance of A (default: all arrays must be "
+        "bit-identical)",
     )
 
 
@@ -54,7 +57,8 @@ def _remarks(comparison: Comparison) -> list[str]:
             remarks.append(f"{count} steps of {name} have no step with the same stamp in the other bag")
     for name, topics in zip("AB", comparison.foreign, strict=True):
         if topics:
-            remarks.append(f"not compared, because nothing tells what they are: {', '.join(topics)} of {name}")
+            text = f"{', '.join(topics)} of {name}"
+            remarks.append(f"not compared, because the bag does not say which topics of the node they are: {text}")
     if comparison.differences.unmatched:
-        remarks.append(f"arrays that only one bag has: {dict(comparison.differences.unmatched)}")
+        remarks.append(f"arrays in only one of the bags: {dict(comparison.differences.unmatched)}")
     return remarks

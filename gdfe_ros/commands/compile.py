@@ -25,7 +25,9 @@ VARIANTS: tuple[tuple[str, dict[str, object]], ...] = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes (default: one a core)")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, help="number of processes (default: one per core)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -25,8 +25,10 @@ FAILED = 1
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("scene", nargs="?", default="bend5", help="a name in config/scenes or the path of a YAML file")
-    parser.add_argument("--out", type=Path, help="directory of the bag and the picture (default: runs/<scene>_<time>)")
-    parser.add_argument("--dt", type=float, default=0.01, help="simulation time of a command [s] (default: 0.01)")
+    parser.add_argument("--out", type=Path, help="directory for the bag and the picture (default: runs/<scene>_<time>)")
+    parser.add_argument(
+        "--dt", type=float, default=0.01, help="simulation time between two commands [s] (default: 0.01)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -16,9 +16,13 @@ SETTLING = 0.2
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("topic", help="e.g. /gdfe_sim/probe/tip; its type is that of who publishes it")
-    parser.add_argument("--count", type=int, default=1, help="the latest message, and those after it (default: 1)")
-    parser.add_argument("--wait", type=float, default=60.0, metavar="S", help="longest wait for each (default: 60 s)")
+    parser.add_argument("topic", help="name of the topic, e.g. /gdfe_sim/probe/tip; its type comes from the publisher")
+    parser.add_argument(
+        "--count", type=int, default=1, help="number of messages: the latest one and the next ones (default: 1)"
+    )
+    parser.add_argument(
+        "--wait", type=float, default=60.0, metavar="S", help="longest wait for each message (default: 60 s)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -25,15 +25,15 @@ class Format(Enum):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("bag", type=Path, help="directory of a bag that sim_node recorded")
+    parser.add_argument("bag", type=Path, help="directory of a bag that sim_node recorded, or of its run")
     parser.add_argument(
         "--format",
         "--to",
         choices=[kind.value for kind in Format],
-        help="vtk: a series for ParaView; npz: every array; csv, parquet: a row of numbers for each step "
-        "(default: from the ending of --out, else vtk)",
+        help="vtk: a series of files for ParaView; npz: all arrays; csv, parquet: a table with one row for each step "
+        "(default: by the ending of --out, otherwise vtk)",
     )
-    parser.add_argument("--out", type=Path, help="file, or directory of the VTK series (default: beside the bag)")
+    parser.add_argument("--out", type=Path, help="file to write; for vtk, a directory (default: beside the bag)")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only every Nth step (default: 1)")
 
 
@@ -56,7 +56,9 @@ def _format(arguments: argparse.Namespace) -> Format:
     ending = arguments.out.suffix.removeprefix(".") if arguments.out else ""
     endings = [kind.value for kind in Format]
     if ending and ending not in endings:
-        raise GdfeError(f"--out ends with .{ending}; allowed: {', '.join(endings)}, or say --format")
+        raise GdfeError(
+            f"--out ends with .{ending}; allowed: {', '.join(endings)}; remedy: another ending, or --format"
+        )
     return Format(ending) if ending else Format.VTK
 
 

@@ -20,33 +20,55 @@ LAWS = ("linear", "neo_hookean", "ogden", "curve")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("scene", nargs="?", help="a name in config/scenes or the path of a YAML file")
-    parser.add_argument("data", nargs="*", type=Path, metavar="DATA", help="CSV files and directories of bags")
-    parser.add_argument("--match", type=Path, metavar="FILE.yaml", help="which column or topic is what of the scene")
+    parser.add_argument(
+        "data", nargs="*", type=Path, metavar="DATA", help="recordings: CSV files and directories of bags"
+    )
+    parser.add_argument(
+        "--match",
+        type=Path,
+        metavar="FILE.yaml",
+        help="assigns columns and topics of the recordings to probes, handles and actuators of the scene",
+    )
     parser.add_argument(
         "--vary",
         action="append",
         default=[],
         metavar="KEY=LOW..HIGH",
-        help="a key of the scene that is fitted, with its bounds; LOW..START..HIGH also names where to begin",
+        help="fit this key of the scene within these bounds; LOW..START..HIGH also gives the start value",
     )
-    parser.add_argument("--holdout", nargs="+", default=[], metavar="NAME", help="recordings that are only predicted")
-    parser.add_argument("--loss", choices=LOSSES, default="linear", help="of the residuals (default: their squares)")
-    parser.add_argument("--workers", type=int, default=2, help="processes on this machine (default: 2)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="directory of the results (default: <name>_fit)")
+    parser.add_argument(
+        "--holdout", nargs="+", default=[], metavar="NAME", help="recordings that are predicted but not fitted"
+    )
+    parser.add_argument(
+        "--loss",
+        choices=LOSSES,
+        default="linear",
+        help="loss function of the residuals (default: linear, the sum of their squares)",
+    )
+    parser.add_argument("--workers", type=int, default=2, help="number of processes on this machine (default: 2)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="directory for the results (default: <name>_fit)")
     tensile = parser.add_argument_group("a material from a tensile test")
-    tensile.add_argument("--tensile", type=Path, metavar="CURVE.csv", help="columns strain and stress [Pa]")
-    tensile.add_argument("--law", choices=LAWS, default="ogden", help="(default: ogden)")
-    tensile.add_argument("--terms", type=int, help="of Ogden's law (default: the fewest that are good and stable)")
-    tensile.add_argument("--degree", type=int, default=6, help="of the polynomial of the law curve (default: 6)")
-    tensile.add_argument("--poisson", type=float, default=0.499, help="of the material (default: 0.499)")
-    tensile.add_argument("--density", type=float, help="of the material [kg/m^3]")
+    tensile.add_argument(
+        "--tensile", type=Path, metavar="CURVE.csv", help="CSV file with the columns strain and stress [Pa]"
+    )
+    tensile.add_argument(
+        "--law", choices=LAWS, default="ogden", help="law that is fitted to the curve (default: ogden)"
+    )
+    tensile.add_argument(
+        "--terms", type=int, help="number of terms of Ogden's law (default: the fewest that fit well and are stable)"
+    )
+    tensile.add_argument("--degree", type=int, default=6, help="degree of the polynomial of the law curve (default: 6)")
+    tensile.add_argument(
+        "--poisson", type=float, default=0.499, help="Poisson's ratio of the material (default: 0.499)"
+    )
+    tensile.add_argument("--density", type=float, help="density of the material [kg/m^3]")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Fit; return 0."""
     if arguments.tensile is not None:
         if arguments.scene or arguments.vary:
-            raise GdfeError("--tensile takes a curve alone; a scene is fitted to recordings without it")
+            raise GdfeError("--tensile cannot stand beside a scene and recordings; remedy: leave out either")
         return _fit_tensile(arguments)
     if not arguments.scene or not arguments.data:
         raise GdfeError(

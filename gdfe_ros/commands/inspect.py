@@ -18,8 +18,10 @@ DEFECTIVE = 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("file", type=Path, help="hexahedra (.msh, .vtk, .vtu, .inp) or a surface (.stl, .obj, .ply)")
-    parser.add_argument("--scale", type=float, help="metres for each unit of the file, e.g. 0.001 for millimetres")
+    parser.add_argument(
+        "file", type=Path, help="file of hexahedra (.msh, .vtk, .vtu, .inp) or of a surface (.stl, .obj, .ply)"
+    )
+    parser.add_argument("--scale", type=float, help="metres per unit of the file, e.g. 0.001 for millimetres")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the cells, coloured by their quality")
 
 

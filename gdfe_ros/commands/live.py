@@ -38,22 +38,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const=NODE_NAME,
         metavar="NODE",
-        help=f"instead of a scene: show the node of this name, over its topics (default: {NODE_NAME})",
+        help=f"show the running node of this name instead of a scene (default: {NODE_NAME})",
     )
     parser.add_argument(
         "--host",
         default=LOCAL,
-        help=f"address to listen at; 0.0.0.0: every machine of the network may look and command (default: {LOCAL})",
+        help="address to listen at; with 0.0.0.0 every machine of the network can see and command it (default: "
+        f"{LOCAL})",
     )
     parser.add_argument(
         "--port",
         type=int,
         default=PORT,
-        help=f"the first one to try, 1 to 65535; the next where taken (default: {PORT})",
+        help=f"port, 1 to 65535; if it is taken, the next free one is used (default: {PORT})",
     )
-    parser.add_argument("--fps", type=float, default=30.0, help="most frames a second, 1 to 60 (default: 30)")
+    parser.add_argument(
+        "--fps", type=float, default=30.0, help="largest number of frames per second, 1 to 60 (default: 30)"
+    )
     parser.add_argument("--dt", type=float, help=f"simulation time of a step [s] (default: {DT})")
-    parser.add_argument("--fast", action="store_true", help="step as fast as it goes (default: at most in real time)")
+    parser.add_argument(
+        "--fast", action="store_true", help="step as fast as possible (default: not faster than real time)"
+    )
     parser.add_argument("--play", action="store_true", help="play the scene's program at once")
     parser.add_argument("--open", action="store_true", help="open the page in this machine's browser")
     parser.add_argument(
@@ -171,7 +176,10 @@ def _require_source(arguments: argparse.Namespace) -> None:
         return
     own = {"--dt": arguments.dt, "--fast": arguments.fast, "--play": arguments.play, "--set": arguments.set}
     if refused := [name for name, value in own.items() if value]:
-        raise GdfeError(f"{', '.join(refused)} with --ros: the node has its own; drop it, or set the node's parameters")
+        raise GdfeError(
+            f"{', '.join(refused)} cannot stand beside --ros; remedy: leave it out, and set the node's "
+            "parameters instead"
+        )
     if find_spec("rclpy") is None:
         raise GdfeError("--ros needs rclpy; source a ROS 2, or: pip install 'gdfe_ros[ros]'")
 
@@ -183,11 +191,11 @@ def _say(text: str) -> None:
 
 def _say_where(arguments: argparse.Namespace, port: int) -> None:
     if port != arguments.port:
-        print(f"port {arguments.port} is taken, {port} is used")
+        print(f"port {arguments.port} is taken; port {port} is used instead")
     here = "localhost" if arguments.host in (LOCAL, "0.0.0.0") else arguments.host
     address = f"http://{here}:{port}"
     print(f"look at {address} (Ctrl-C ends it)", flush=True)
     if arguments.host == "0.0.0.0":
-        print("every machine of the network may look and command", flush=True)
+        print("every machine of the network can see and command this simulation", flush=True)
     if arguments.open:
         webbrowser.open(address)

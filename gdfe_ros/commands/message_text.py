@@ -30,7 +30,7 @@ def parse(text: str) -> object:
         return yaml.safe_load(text)
     except yaml.YAMLError as error:
         problem = getattr(error, "problem", None) or error
-        raise GdfeError(f"{text!r} is no YAML: {problem}; e.g. '{{name: [flexor], effort: [4.0]}}'") from None
+        raise GdfeError(f"{text!r} is no YAML: {problem}; write e.g. '{{name: [flexor], effort: [4.0]}}'") from None
 
 
 def fill(message: Any, values: object, where: str = "") -> Any:
@@ -47,7 +47,7 @@ def fill(message: Any, values: object, where: str = "") -> Any:
     fields = message.get_fields_and_field_types()
     if not isinstance(values, Mapping):
         name = where or type(message).__name__
-        raise GdfeError(f"{name} takes fields, as {{{next(iter(fields), '')}: ...}}, got {values!r}")
+        raise GdfeError(f"{name} needs a mapping of fields, e.g. {{{next(iter(fields), '')}: ...}}; got {values!r}")
     for name, value in values.items():
         path = f"{where}.{name}".lstrip(".")
         if name not in fields:

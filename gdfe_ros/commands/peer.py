@@ -60,7 +60,7 @@ class Peer:
         found = self.wait(lambda: look(topic))
         if not found:
             names = sorted(name for name, _ in self.node.get_topic_names_and_types() if look(name))
-            raise GdfeError(self._nobody(f"nobody {whose} {topic}", topic, names, "topics"))
+            raise GdfeError(self._nobody(f"no node {whose} {topic}", topic, names, "topics"))
         return found, interface_class(found[0].topic_type)
 
     def service_class(self, service: str) -> type[Any]:
@@ -74,7 +74,7 @@ class Peer:
             return dict(self.node.get_service_names_and_types())
 
         if not self.wait(lambda: service in kinds()):
-            raise GdfeError(self._nobody(f"nobody has the service {service}", service, sorted(kinds()), "services"))
+            raise GdfeError(self._nobody(f"no node offers the service {service}", service, sorted(kinds()), "services"))
         return interface_class(kinds()[service][0])
 
     def close(self) -> None:

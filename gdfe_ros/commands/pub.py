@@ -14,8 +14,10 @@ from gdfe_ros.errors import GdfeError
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("topic", help="e.g. /gdfe_sim/actuation; its type is that of who hears it")
-    parser.add_argument("message", nargs="?", default="{}", help='in YAML, e.g. "{name: [flexor], effort: [4.0]}"')
+    parser.add_argument("topic", help="name of the topic, e.g. /gdfe_sim/actuation; its type comes from the subscriber")
+    parser.add_argument(
+        "message", nargs="?", default="{}", help='message in YAML, e.g. "{name: [flexor], effort: [4.0]}"'
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -23,13 +25,15 @@ def run(arguments: argparse.Namespace) -> int:
     values = parse(arguments.message)
     topic = full_name(arguments.topic)
     with open_peer() as peer:
-        others, kind = peer.endpoints(topic, peer.node.get_subscriptions_info_by_topic, "hears")
+        others, kind = peer.endpoints(topic, peer.node.get_subscriptions_info_by_topic, "subscribes to")
         message = fill(kind(), values)
         publisher = peer.node.create_publisher(kind, topic, matching_qos(others, offered=True))
         if not peer.wait(lambda: publisher.get_subscription_count() >= len(others)):
-            raise GdfeError(f"{topic}: only {publisher.get_subscription_count()} of {len(others)} listeners were met")
+            raise GdfeError(
+                f"{topic}: only {publisher.get_subscription_count()} of {len(others)} subscribers were connected"
+            )
         publisher.publish(message)
         if not publisher.wait_for_all_acked(Duration(seconds=PATIENCE)):
-            raise GdfeError(f"{topic}: not everybody took the message within {PATIENCE:g} s")
+            raise GdfeError(f"{topic}: not every subscriber acknowledged the message within {PATIENCE:g} s")
     print(f"published on {topic} to {len(others)} listener{'s' if len(others) > 1 else ''}")
     return 0

@@ -14,8 +14,10 @@ from gdfe_ros.recording.recovery import RecoveryReport, recover
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("bag", type=Path, help="directory of the bag, or one MCAP file; it is not touched")
-    parser.add_argument("--out", type=Path, help="directory of the new bag (default: beside it, <name>_recovered)")
+    parser.add_argument("bag", type=Path, help="directory of the bag, or one MCAP file; it is not changed")
+    parser.add_argument(
+        "--out", type=Path, help="directory of the new bag (default: <name>_recovered, beside the old one)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -22,10 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("bags", nargs="+", type=Path, metavar="BAG", help="directories of bags that sim_node recorded")
     parser.add_argument(
-        "--ros", action="store_true", help="through a real sim_node, commanded over topics (default: without ROS)"
+        "--ros",
+        action="store_true",
+        help="replay through a real sim_node, commanded over topics (default: without ROS)",
     )
-    parser.add_argument("--policy", choices=[policy.value for policy in Policy], help="instead of the run's")
-    parser.add_argument("--tolerance", type=float, help="of the solver, instead of the run's")
+    parser.add_argument("--policy", choices=[policy.value for policy in Policy], help="policy instead of the run's")
+    parser.add_argument("--tolerance", type=float, help="tolerance of the solver, instead of the run's")
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key of the scene in the bag"
     )
@@ -34,8 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="FACTOR",
-        help="also pass where the difference is up to FACTOR times the solver tolerance of the run: on another machine "
-        "than the recording one the last bits differ (default: only bit-identical passes)",
+        help="also pass if no difference exceeds FACTOR times the solver tolerance of the run; needed if another "
+        "kind of machine recorded it, because the last bits then differ (default: all arrays must be bit-identical)",
     )
 
 
@@ -96,15 +98,17 @@ def _remarks(run: BagRun, report: ReplayReport, overrides: dict[str, object]) ->
     if report.unknown:
         remarks.append(f"not compared, because the replay has none of it: {', '.join(report.unknown)}")
     if report.inexact:
-        remarks.append(f"{report.inexact} targets could not be sent to the last bit: their messages are not in the bag")
+        remarks.append(
+            f"{report.inexact} targets could not be sent to the last bit, because their messages are not in the bag"
+        )
     if report.strays:
         remarks.append(f"not compared, because their step is not in the bag: {dict(report.strays)}")
     if report.tail:
-        remarks.append(f"messages of a step that the end of the recording cut off: {dict(report.tail)}")
+        remarks.append(f"messages of an incomplete step at the end of the recording: {dict(report.tail)}")
     if report.end:
         remarks.append(report.end)
     if report.differences.unmatched:
-        remarks.append(f"arrays that only one run has: {dict(report.differences.unmatched)}")
+        remarks.append(f"arrays in only one of the runs: {dict(report.differences.unmatched)}")
     dropped = run.reader.notes.get("messages_dropped", "0")
     if dropped != "0":
         remarks.append(f"{dropped} messages were dropped while the bag was recorded")

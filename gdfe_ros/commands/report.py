@@ -18,7 +18,9 @@ BESIDE = Path()
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("bag", type=Path, help="directory of a bag that sim_node recorded, or of its run")
-    parser.add_argument("--out", type=Path, metavar="FILE.html", help="default: <bag>_report.html beside the bag")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.html", help="page to write (default: <bag>_report.html beside the bag)"
+    )
     for kind, text in (("gif", "also draw the motion"), ("mp4", "also draw the motion, as a video (extra 'video')")):
         parser.add_argument(
             f"--{kind}",
@@ -28,8 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             metavar=f"FILE.{kind}",
             help=f"{text}; default: beside the page",
         )
-    parser.add_argument("--frames", type=int, default=40, help="of the moving picture (default: 40)")
-    parser.add_argument("--field", default="eps_eq", help="that pictures are coloured by (default: eps_eq)")
+    parser.add_argument("--frames", type=int, default=40, help="number of frames of the GIF or video (default: 40)")
+    parser.add_argument(
+        "--field",
+        default="eps_eq",
+        help="field that colours the pictures: eps_eq, J, omega, tangent or energy_density (default: eps_eq)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

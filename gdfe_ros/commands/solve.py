@@ -26,18 +26,18 @@ NOT_CONVERGED = 3
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("scene", help="a name in config/scenes or the path of a YAML file")
-    parser.add_argument("--policy", choices=[policy.value for policy in Policy], help="instead of the scene's")
+    parser.add_argument("--policy", choices=[policy.value for policy in Policy], help="policy instead of the scene's")
     parser.add_argument("--steps", type=int, help="number of equal load steps (default: chosen by the solver)")
-    parser.add_argument("--tolerance", type=float, help="instead of the scene's")
+    parser.add_argument("--tolerance", type=float, help="tolerance of the solver, instead of the scene's")
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="override a key, e.g. mesh.bar.cells=[25,2,2]",
+        help="override a key of the scene, e.g. mesh.bar.cells=[25,2,2]; may be given several times",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE.npz", help="write the result")
-    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the deformed body")
+    parser.add_argument("--out", type=Path, metavar="FILE.npz", help="write the last step to this file")
+    parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the deformed body of the last step")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -26,13 +26,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY=VALUES",
-        help="values of a key of the scene: a YAML list, or low:high:count; several keys are combined",
+        help="values of a key of the scene: a YAML list, or low:high:count; several --grid are combined with each "
+        "other",
     )
-    parser.add_argument("--list", type=Path, metavar="FILE", help="overrides, a case a line: CSV, or a YAML list")
-    parser.add_argument("--out", type=Path, required=True, help="directory of the results; a second run goes on in it")
-    parser.add_argument("--workers", type=int, default=2, help="processes on this machine (default: 2)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="of your own dask cluster, instead of --workers")
-    parser.add_argument("--retry", action="store_true", help="run cases that failed in an earlier run again")
+    parser.add_argument(
+        "--list",
+        type=Path,
+        metavar="FILE",
+        help="file of cases: CSV with keys in the first line and one case per line, or a YAML list of mappings",
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, help="directory for the results; a second run continues in it"
+    )
+    parser.add_argument("--workers", type=int, default=2, help="number of processes on this machine (default: 2)")
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="address of the scheduler of your own dask cluster, instead of --workers"
+    )
+    parser.add_argument("--retry", action="store_true", help="repeat the cases that failed in an earlier run")
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -21,21 +21,25 @@ UNREACHED = 3
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("scene", help="a name in config/scenes or the path of a YAML file")
-    parser.add_argument("--probe", help="name (default: the scene's first)")
-    parser.add_argument("--actuators", nargs="+", metavar="NAME", help="that are moved (default: all)")
+    parser.add_argument("--probe", help="name of the probe (default: the scene's first)")
+    parser.add_argument(
+        "--actuators", nargs="+", metavar="NAME", help="names of the actuators that are moved (default: all)"
+    )
     parser.add_argument(
         "--range",
         action="append",
         default=[],
         metavar="NAME=LOW..HIGH",
-        help="of an actuator's command, instead of the scene's",
+        help="range of an actuator's command, instead of the scene's",
     )
-    parser.add_argument("--count", type=int, default=200, help="of commands, about (default: 200)")
-    parser.add_argument("--workers", type=int, default=2, help="processes on this machine (default: 2)")
+    parser.add_argument("--count", type=int, default=200, help="approximate number of commands (default: 200)")
+    parser.add_argument("--workers", type=int, default=2, help="number of processes on this machine (default: 2)")
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key, e.g. mesh.bar.cells=[25,2,2]"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="directory of the results (default: <scene>_workspace)")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="directory for the results (default: <scene>_workspace)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -47,7 +51,9 @@ def run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
     names = arguments.actuators or [actuator.name for actuator in scene.actuators]
     if not names or not scene.probes:
-        raise GdfeError(f"scene {scene.name!r} needs `actuators` that move it and `probes` that are reached for")
+        raise GdfeError(
+            f"scene {scene.name!r} needs the keys `actuators`, which move it, and `probes`, whose reach is found"
+        )
     if arguments.count < 2:
         raise GdfeError(f"--count {arguments.count}; allowed: 2 or more")
     probe = arguments.probe or next(iter(scene.probes))

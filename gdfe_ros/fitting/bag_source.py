@@ -84,7 +84,7 @@ def _cloud_values(
     if observable.kind is Kind.VERTICES:
         counts = {len(cloud) for cloud in clouds}
         if counts != {scene.mesh.n_vertices}:
-            text = f"clouds of {sorted(counts)} points, the scene has {scene.mesh.n_vertices} vertices"
+            text = f"its clouds have {sorted(counts)} points, and the scene has {scene.mesh.n_vertices} vertices"
             raise GdfeError(f"{where}: {text}; remedy: cloud: surface")
         return np.array([cloud.ravel() for cloud in clouds])
     most = min(MOST_POINTS, max(len(cloud) for cloud in clouds))
@@ -137,7 +137,7 @@ def _from_rest(run: BagRun, topics: list[str]) -> tuple[list[BagStep], tuple[str
             raise GdfeError(f"bag {run.reader.path} does not begin at rest; remedy: record from the activation on")
         if steps and (step.record.begin is not Begin.LAST or step.record.step != steps[-1].record.step + 1):
             return steps, (
-                f"read up to t = {steps[-1].record.time:g} s, where the run was begun anew or steps are lost",
+                f"read only up to t = {steps[-1].record.time:g} s: there the run was restarted, or steps were lost",
             )
         steps.append(step)
     if not steps:

@@ -32,9 +32,9 @@ def require_bounds(problem: FitProblem, solved: Solved, known: Confidence) -> No
         if cost < BETTER * solved.cost:
             asked = estimate.value * 10.0 ** (sign * decade)
             raise GdfeError(
-                f"{parameter.key} ends at its bound {estimate.value:g}, and the data ask for about {asked:.1g}: "
-                f"there the misfit is {np.sqrt(solved.cost / cost):.2g} times smaller; remedy: check the unit (1 MPa "
-                "is 1.0e6), or wider bounds"
+                f"{parameter.key} ends at its bound {estimate.value:g}, but the data are fitted best by about "
+                f"{asked:.1g}: there the misfit is {np.sqrt(solved.cost / cost):.2g} times smaller; remedy: check the "
+                "unit (1 MPa is 1.0e6), or give wider bounds"
             )
 
 

@@ -80,10 +80,10 @@ class CsvSource:
                     yield probe, CompareModel(probe=probe, columns=columns)
                     break
         if not found:
-            probes = ", ".join(f"{name}.x" for name in self._scene.probes) or "a probe, of which the scene has none"
+            probes = ", ".join(f"{name}.x" for name in self._scene.probes) or "e.g. of a probe; the scene has none"
             raise GdfeError(
-                f"{self._source.path} has no column that is named after the scene ({probes}); remedy: --match with a "
-                f"file that says what its columns are: {', '.join(self._table.names)}"
+                f"{self._source.path} has no column with a name of the scene ({probes}); remedy: --match with a file "
+                f"that assigns its columns: {', '.join(self._table.names)}"
             )
 
     def _series(self, name: str, model: CompareModel) -> Series:

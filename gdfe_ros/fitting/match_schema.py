@@ -14,10 +14,10 @@ from gdfe_ros.scene.where_schema import WhereModel
 
 AXES = ("x", "y", "z")
 _SIGMA = Quantity("standard deviation of a value, in the unit given", above=0.0)
-_SHIFT = Quantity("time that the recording's clock is ahead of the simulation's", "s", least=-1e6, most=1e6)
-_BETWEEN = Quantity("bounds of that time", "s", least=-1e6, most=1e6, count=2, ascending=True)
+_SHIFT = Quantity("time by which the recording's clock is ahead of the simulation's", "s", least=-1e6, most=1e6)
+_BETWEEN = Quantity("bounds of the time shift", "s", least=-1e6, most=1e6, count=2, ascending=True)
 _ALONG = Quantity("direction [x, y, z] that a single column is measured along", count=3)
-_EVERY = Quantity("of so many samples one is taken", least=1, most=1_000_000, whole=True)
+_EVERY = Quantity("use only every n-th sample", least=1, most=1_000_000, whole=True)
 _RANGE = Quantity("least and largest value of a column", count=2, ascending=True, infinite=True)
 _NUMBER = Quantity("command in SI units", least=-1e15, most=1e15)
 
@@ -34,7 +34,7 @@ class _Found(Entry):
     marker: str | None = Field(None, description="bag: `namespace/id` in a Marker or MarkerArray")
     joint: str | None = Field(None, description="bag: name in a JointState, or place in a Float64MultiArray")
     field: Literal["position", "velocity", "effort"] = Field("effort", description="bag: field of a JointState")
-    unit: Unit | None = Field(None, description="of the numbers; left out: SI")
+    unit: Unit | None = Field(None, description="unit of the numbers (default: SI)")
 
 
 class CompareModel(_Found, Choice):
@@ -54,7 +54,7 @@ class CompareModel(_Found, Choice):
         None, description="bag: a PointCloud2 of all vertices in order, or of points anywhere on the surface"
     )
     along: Annotated[tuple[float, float, float], _ALONG] | None = None
-    displacement: bool = Field(False, description="the numbers count from rest, not from the world's origin")
+    displacement: bool = Field(False, description="true: positions are relative to rest, not to the world's origin")
     sigma: Annotated[float, _SIGMA] | None = None
 
     @model_validator(mode="after")
@@ -72,13 +72,15 @@ class CommandModel(_Found):
 class FrameModel(Entry):
     """How a recording's frame lies in the scene's: x_recorded = R x + t."""
 
-    fit: Literal["translation", "pose"] = Field("pose", description="what is fitted: t alone, or R and t")
+    fit: Literal["translation", "pose"] = Field(
+        "pose", description="fit the translation t alone, or the rotation R and t"
+    )
 
 
 class RecordingModel(Entry):
     """How a recording is read; what is given for a recording replaces what is given for all."""
 
-    file: str | None = Field(None, description="name of the file; left out: that of the recording")
+    file: str | None = Field(None, description="name of the file (default: the name of the recording)")
     time: str | None = Field(None, description="CSV: column of the time; without it rows are equilibria")
     time_unit: Unit = "s"
     where: dict[str, Annotated[tuple[float, float], _RANGE]] = Field(

@@ -104,8 +104,8 @@ def _require_influence(problem: FitProblem, unknowns: NDArray[np.float64]) -> No
         silent = _silent(problem, unknowns)
     if silent:
         raise GdfeError(
-            f"{', '.join(silent)}: no influence on anything that was measured; remedy: leave it out of --vary, or "
-            "record what it changes (damping shows in motion, density under gravity, a modulus where forces act)"
+            f"{', '.join(silent)}: no influence on the measured values; remedy: leave it out of --vary, or record a "
+            "quantity that it changes (damping shows in motion, density under gravity, a modulus where forces act)"
         )
 
 

@@ -133,7 +133,7 @@ def _loose(keys: Sequence[str], covariance: NDArray[np.float64]) -> list[str]:
                 pair = f"{keys[j]} and {keys[i]}"
                 notes.append(
                     f"the data hardly tell {pair} apart (correlation {alike[i, j]:.4f}): about their {what} is known; "
-                    "remedy: hold one of them, or record something that only one changes"
+                    "remedy: fix one of them, or record a quantity that only one of them changes"
                 )
     return notes
 

@@ -36,7 +36,7 @@ def tensile_remarks(fit: TensileFit) -> list[str]:
     """Return what is to be known of the fit; empty where nothing is."""
     notes = list(fit.refused)
     if fit.largest > ACCEPTABLE:
-        text = f"no stable law of this kind misses less than {100.0 * fit.largest:.2g} %"
+        text = f"no stable law of this kind has a largest misfit below {100.0 * fit.largest:.2g} %"
         notes.append(f"{text}; remedy: law: curve with the measured table (csv), which goes through every point")
     return notes
 

@@ -80,8 +80,8 @@ def warnings(
     for estimate, parameter in zip(known.estimates, parameters, strict=True):
         if estimate.bound:
             end = getattr(parameter, estimate.bound)
-            text = f"{estimate.key} ends at its bound {end:g}: the data ask for a value beyond"
-            notes.append(f"{text}; remedy: wider bounds, or ask what else the model lacks")
+            text = f"{estimate.key} ends at its bound {end:g}: the data are fitted better by a value beyond it"
+            notes.append(f"{text}; remedy: wider bounds, or a model with the effect that is missing")
     for match in fitted:
         if match.autocorrelation > STRUCTURED and match.relative > SLIGHT:
             notes.append(
@@ -94,6 +94,7 @@ def warnings(
         if match.relative > max(WORSE * own, SLIGHT):
             notes.append(
                 f"{match.recording}, {match.series}: held out and predicted to {100.0 * match.relative:.2g} % of the "
-                f"motion, the fitted ones are met to {100.0 * own:.2g} %: the model lacks something that they differ in"
+                f"motion; the fitted recordings are met to {100.0 * own:.2g} %: the model lacks an effect in which the "
+                "recordings differ"
             )
     return notes

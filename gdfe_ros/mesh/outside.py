@@ -156,7 +156,7 @@ def _too_far(
     edge = np.linalg.norm(corners[worst, 1] - corners[worst, 0])
     share = 0.5 * (REACH - 1.0)
     return (
-        f"{far.sum()} of {len(points)} vertices lie far outside of the cells, the farthest {away[worst]:.3g} m, at "
-        f"({where}) m; allowed: {share:g} of a cell's edge, which is {edge:.3g} m there; remedy: check scale and place "
-        "of the file, or smaller cells"
+        f"{far.sum()} of {len(points)} vertices lie far outside of the cells; the farthest, at ({where}) m, is "
+        f"{away[worst]:.3g} m away; allowed: {share:g} of a cell's edge, which is {edge:.3g} m there; remedy: check "
+        "scale and place of the file, or use smaller cells"
     )

@@ -286,7 +286,7 @@ def _cells_within(mesh: HexMesh, vertices: NDArray[np.int32]) -> NDArray[np.int3
 def _of_cells() -> MeshError:
     return MeshError(
         "the selection does not fit the skin",
-        ["ids, sets and meshes by name are of cells, not of a skin; allowed: face, box, sphere"],
+        ["ids, sets and meshes by name are those of cells, not of a skin; allowed: face, box, sphere"],
     )
 
 

@@ -105,9 +105,9 @@ def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -
     if len(leaks):
         x, y, z = points[leaks[0]].mean(axis=0)
         text = (
-            f"contact needs a closed skin, and {len(leaks)} edges of this one have no triangle on their other side or "
-            f"one that faces the other way, the first at ({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: close the holes "
-            "(MeshLab: Close Holes, Blender: 3D-Print toolbox), or contact: false, which only shows it"
+            f"contact needs a closed skin. At {len(leaks)} edges of this skin the second triangle is missing or faces "
+            f"the other way, first at ({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: close the holes "
+            "(MeshLab: Close Holes, Blender: 3D-Print toolbox), or set contact: false, then the skin is only drawn"
         )
         raise MeshError("skin", [text])
 
@@ -138,9 +138,10 @@ def _require_covered(
         worst = missed[np.argmax(away[missed])]
         x, y, z = centres[worst]
         text = (
-            f"{len(missed)} cells at the boundary are left outside of the skin, or have no part of it near them, the "
-            f"farthest at ({x:.4g}, {y:.4g}, {z:.4g}) m, {away[worst] * edges[worst]:.3g} m away, with edges of "
-            f"{edges[worst]:.3g} m: contact would not see them; allowed: one edge; remedy: a skin of the whole body "
-            "(check scale and place of the file), or contact: false, which only shows it"
+            f"{len(missed)} cells at the boundary are left outside of the skin, or are far from it, so that contact "
+            f"would not see them. The farthest cell, at ({x:.4g}, {y:.4g}, {z:.4g}) m, is "
+            f"{away[worst] * edges[worst]:.3g} m away; allowed: the length of its edges, {edges[worst]:.3g} m; "
+            "remedy: a skin of the whole body (check scale and place of the file), or contact: false, then the "
+            "skin is only drawn"
         )
         raise MeshError("skin", [text])

@@ -105,10 +105,12 @@ class ActuatorOrders:
         stamp = message.header.stamp
         start = convert(stamp.sec * 10**9 + stamp.nanosec) if stamp.sec or stamp.nanosec else None
         if start is not None and start > now + LATEST_START:
-            text = f"it starts at {start:.9g} s, it is {now:.9g} s now; allowed: {LATEST_START:g} s ahead, or stamp 0"
+            text = (
+                f"it starts at {start:.9g} s, and it is {now:.9g} s now; allowed: {LATEST_START:g} s ahead, or stamp 0"
+            )
             raise Refusal(Reason.AHEAD, text)
         if start is not None and start + times[-1] < now:
-            raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s, it is {now:.9g} s now")
+            raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s, and it is {now:.9g} s now")
         return TrajectoryOrder(names, start, times, np.array(rows))
 
     def _require_known(self, names: Sequence[str]) -> None:

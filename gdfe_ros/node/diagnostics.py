@@ -154,8 +154,8 @@ def _on_their_way(session: Session) -> str:
     slew, present = session.stepper.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
     if slew.stopped:
-        return f"{goals}; no step beyond converges within the deadline: command less, or allow more time"
-    return f"{goals}; at {100.0 * slew.share:.3g} % of the range in slew_time, so that steps converge"
+        return f"{goals}; no step farther converges within the deadline: command less, or allow more time"
+    return f"{goals}; slowed down to {100.0 * slew.share:.3g} % of the range in slew_time, so that steps converge"
 
 
 def _work(session: Session) -> dict[str, object]:

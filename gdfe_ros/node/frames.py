@@ -118,15 +118,15 @@ class Frames:
             return None
         if self.transforms is None:
             text = (
-                f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r} or {rest!r}, as a target is relative "
-                "to the rest pose in these axes: transform it before it is sent, or have tf2_msgs installed"
+                f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r} or {rest!r}, because a target is "
+                "relative to the rest pose in these axes; remedy: transform it before you send it, or install tf2_msgs"
             )
             raise Refusal(Reason.FRAME, text)
         found = self.transforms.find(frame, rest, self._own())
         if found is None:
             text = (
-                f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r}, {rest!r} or a frame tied to "
-                f"them on /tf, which tells of {', '.join(self.transforms.known()) or 'none'}"
+                f"header.frame_id is {frame!r}; allowed: empty, {self.frame_id!r}, {rest!r}, or a frame connected "
+                f"to them on /tf; frames on /tf: {', '.join(self.transforms.known()) or 'none'}"
             )
             raise Refusal(Reason.FRAME, text)
         return found

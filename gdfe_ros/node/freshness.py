@@ -56,7 +56,7 @@ class Freshness:
             raise Refusal(
                 Reason.OUT_OF_ORDER,
                 f"its stamp {moment * 1e-9:.9f} s is before the last one's, {last * 1e-9:.9f} s; "
-                "a stamp of 0 is always taken, and ~/reset forgets the last one",
+                "a stamp of 0 is always accepted, and after ~/reset any stamp is",
             )
         self._last |= dict.fromkeys(sources, moment)
 

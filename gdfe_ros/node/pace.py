@@ -238,7 +238,7 @@ class ExternalPace:
         back = now < self.moment - round(1e9 * self._timing().dt)
         if self.moment and (back or self._leapt):
             text = f"the clock jumped {'back' if back else 'ahead'} from {1e-9 * self.moment:.9g} to {1e-9 * now:.9g} s"
-            self._tell(f"{text}: the simulation goes on from there, at the time that it has, and makes up for nothing")
+            self._tell(f"{text}: the simulation goes on from there, at its own time, and makes no steps for the jump")
         if self.moment == 0 or back or self._leapt:
             self.restart()
         return max(0, (now - self.moment) // round(1e9 * self._timing().dt))

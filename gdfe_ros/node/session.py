@@ -179,7 +179,9 @@ class Session:
             GdfeError: steps are being made on request, with which the clock's own would interfere.
         """
         if self.walk is not None and self.walk.going:
-            raise GdfeError(f"a call is at {self.walk}; cancel it, or end it with ~/pause true or ~/reset, then go on")
+            raise GdfeError(
+                f"a call is at {self.walk}; cancel it, or end it with ~/pause true or ~/reset, and try again"
+            )
         self.stepper.pause(False)
 
     def reset(self) -> None:
@@ -273,8 +275,8 @@ class Session:
         """Warn if the simulation lags far behind an external clock."""
         behind = self.run.pace.behind if self.run.pace is not None else 0.0
         if behind > _LATE and (more := self._lateness.due("behind")) is not None:
-            text = f"the simulation is {behind:.3f} s behind the clock that it follows, at {self.simulation.time:.9g} s"
-            self._warn(f"{text}: its steps take longer than the clock gives them{more}")
+            text = f"the simulation, at {self.simulation.time:.9g} s, is {behind:.3f} s behind the clock it follows"
+            self._warn(f"{text}: its steps take longer than dt{more}")
 
     def _lead(self) -> None:
         """Move followers to their frames on /tf."""

@@ -72,11 +72,13 @@ class Doubles:
         found = []
         if (count := node.get_node_names_and_namespaces().count(own)) > 1:
             name = node.get_fully_qualified_name()
-            found.append(f"{count} nodes are called {name}: commands reach them all; remap __node or __ns")
+            text = f"{count} nodes are called {name}, and commands reach all of them"
+            found.append(f"{text}; remedy: remap __node or __ns of all but one")
         clock = node.resolve_topic_name(topics.CLOCK.name)
         giving = any(info.node_name == own[0] for info in node.get_publishers_info_by_topic(clock))
         if giving and (count := node.count_publishers(clock)) > 1:
-            found.append(f"{count} publishers of {clock}: time jumps to and fro; set publish_clock false but for one")
+            text = f"{count} publishers of {clock} make time jump back and forth"
+            found.append(f"{text}; remedy: set publish_clock to false in all but one")
         text = "; ".join(found)
         if text and text != self.found:
             node.get_logger().warning(text)

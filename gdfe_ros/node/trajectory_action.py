@@ -93,7 +93,10 @@ def _tolerances(request: Any) -> Tolerances:
         Refusal: a tolerance is invalid, or of a quantity that no actuator has.
     """
     if request.multi_dof_trajectory.joint_names or request.multi_dof_trajectory.points:
-        raise Refusal(Reason.MALFORMED, "multi_dof_trajectory is not empty; allowed: actuators and loads in trajectory")
+        raise Refusal(
+            Reason.MALFORMED,
+            "multi_dof_trajectory is not empty; it must be: commands of actuators and loads belong into trajectory",
+        )
     if not request.trajectory.points:
         raise Refusal(Reason.WRONG_SIZE, "the trajectory has no points; cancel a goal to end it")
     for each in (*request.path_tolerance, *request.goal_tolerance):

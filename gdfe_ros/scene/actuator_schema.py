@@ -15,16 +15,16 @@ from gdfe_ros.scene.where_schema import WhereModel
 
 _POINT = Quantity("point [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _RANGE = Quantity("range [low, high] of the command", count=2, ascending=True, infinite=True)
-_RATE = Quantity("largest change of the command in a second", above=0.0, most=1e15)
+_RATE = Quantity("largest change of the command per second, in the command's unit", above=0.0, most=1e15)
 _STIFFNESS = Quantity("stiffness of the whole cable", "N/m", above=0.0, most=1e12)
-_CAVITY = Quantity("number of the cavity, 0 is the largest", least=0, most=100_000, whole=True)
+_CAVITY = Quantity("number of the cavity; 0 is the largest", least=0, most=100_000, whole=True)
 _STRETCH = Quantity("stretch along x, y, z at command 1", least=0.05, most=20.0, count=3)
 _ACCELERATION = Quantity("acceleration [x, y, z]", "m/s^2", least=-1e6, most=1e6, count=3)
 _FORCE = Quantity("force [x, y, z]", "N", least=-1e9, most=1e9, count=3)
-_TRACTION = Quantity("traction [x, y, z] over the area at rest", "Pa", least=-1e12, most=1e12, count=3)
+_TRACTION = Quantity("traction [x, y, z], force per area at rest", "Pa", least=-1e12, most=1e12, count=3)
 
 Point3 = Annotated[tuple[float, float, float], _POINT]
-_MESH = "name of one of the `meshes`, in whose own frame the place is told"
+_MESH = "name of one of the `meshes`; the coordinates are then in its own frame"
 
 
 class PlaceModel(Entry):
@@ -54,19 +54,23 @@ class CableModel(DriveModel):
     """A frictionless cable through points of the body, from end to end."""
 
     points: tuple[Point3, ...] = Field(
-        description="points of the body, e.g. [[0, 0, 0.01], [0.1, 0, 0.01]]", min_length=2
+        description="two or more points of the body, e.g. [[0, 0, 0.01], [0.1, 0, 0.01]]", min_length=2
     )
     mesh: str | None = Field(None, description=_MESH)
-    command: Literal["tension", "length", "shortening"] = Field("tension", description="what is commanded: N, or m")
+    command: Literal["tension", "length", "shortening"] = Field(
+        "tension", description="the commanded quantity: tension [N], length [m] or shortening [m]"
+    )
     stiffness: Annotated[float, _STIFFNESS] | None = None
 
     @model_validator(mode="after")
     def _points_apart(self) -> CableModel:
         gaps = np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1)
         if len(self.points) < 2 or gaps.min() == 0.0:
-            raise ValueError("points: give two or more, each at another place than the one before")
+            raise ValueError("points: give two or more; consecutive points must differ")
         if self.stiffness is not None and self.command == "tension":
-            raise ValueError("stiffness belongs to command: length or shortening; leave it out for a tension")
+            raise ValueError(
+                "stiffness belongs to command: length or shortening; remove it if the command is a tension"
+            )
         return self
 
 
@@ -74,17 +78,21 @@ class ChamberModel(DriveModel):
     """A closed surface inside the body filled with a fluid; where cells are cut, a closed shell of the skin."""
 
     cavity: Annotated[int, _CAVITY] | None = None
-    near: Point3 | None = Field(None, description="the cavity whose centre is nearest to this point [x, y, z]")
-    where: WhereModel | None = Field(None, description="its faces: those of which all four vertices lie there")
-    mesh: str | None = Field(None, description="name of one of the `meshes`, of which `cavity` or `near` speak")
-    command: Literal["pressure", "volume"] = Field("pressure", description="what is commanded: Pa, or m^3")
+    near: Point3 | None = Field(None, description="selects the cavity whose centre is nearest to this point [x, y, z]")
+    where: WhereModel | None = Field(
+        None, description="selects the chamber's faces: all faces with all four vertices in this place"
+    )
+    mesh: str | None = Field(None, description="name of one of the `meshes`, to which `cavity` and `near` refer")
+    command: Literal["pressure", "volume"] = Field(
+        "pressure", description="the commanded quantity: pressure [Pa] or volume [m^3]"
+    )
 
     @model_validator(mode="after")
     def _one_place(self) -> ChamberModel:
         if sum(place is not None for place in (self.cavity, self.near, self.where)) > 1:
-            raise ValueError("give one of cavity, near, where, or none of them if the body has one cavity")
+            raise ValueError("give only one of cavity, near, where; none of them is needed if the body has one cavity")
         if self.where is not None and self.mesh is not None:
-            raise ValueError(f"write the mesh into the place: where: {{mesh: {self.mesh}, ...}}")
+            raise ValueError(f"mesh cannot stand beside where; write it inside: where: {{mesh: {self.mesh}, ...}}")
         return self
 
 
@@ -93,7 +101,7 @@ class GrowthModel(DriveModel):
 
     stretch: Annotated[tuple[float, float, float], _STRETCH]
     where: WhereModel | None = Field(
-        None, description="the cells; all of them if left out; with a mesh x, y, z are the axes of its own frame"
+        None, description="the cells that grow (default: all); if it names a mesh, x, y, z are that mesh's own axes"
     )
 
 
@@ -122,7 +130,9 @@ class PointLoadModel(Entry):
 class SurfaceLoadModel(Entry):
     """A traction on faces, or a force spread evenly over them."""
 
-    where: WhereModel = Field(description="the faces: those of which all four vertices lie there, e.g. {face: x+}")
+    where: WhereModel = Field(
+        description="the loaded faces: all faces with all four vertices in this place, e.g. {face: x+}"
+    )
     traction: Annotated[tuple[float, float, float], _TRACTION] | None = None
     force: Annotated[tuple[float, float, float], _FORCE] | None = None
 

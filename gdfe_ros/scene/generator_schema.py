@@ -34,22 +34,26 @@ def _count(meaning: str, *, count: int | None = None) -> Quantity:
 
 _SIZE = _length("length, width, height", count=3)
 _CELLS = _count("number of cells along x, y, z", count=3)
-_RADIUS = _length("radius")
+_RADIUS = _length("mean radius of the ring")
 _INNER = _length("inner radius")
 _OUTER = _length("outer radius")
 _LENGTH = _length("length")
-_TUBE_CELLS = _count("number of cells through the wall, around, along", count=3)
-_RING_CELLS = _count("number of cells across, around, along the height", count=3)
-_SPHERE_CELLS = _count("number of cells along a cube's edge, through the wall", count=2)
-_CAP = _length("thickness of each end", least=0.0)
-_CAP_CELLS = _count("number of cells through each end")
+_TUBE_CELLS = _count("numbers of cells through the wall, around the axis, along it", count=3)
+_RING_CELLS = _count("numbers of cells across the width, around the axis, along the height", count=3)
+_SPHERE_CELLS = _count(
+    "numbers of cells along each edge of the cube that is mapped to the sphere, through the wall", count=2
+)
+_CAP = _length("thickness of the cap at each end; 0: open ends", least=0.0)
+_CAP_CELLS = _count("number of cells through each cap")
 _SECTION = _length("width along the radius, height", count=2)
 _ANGLE = Quantity("opening of the arc", "degrees", above=0.0, most=360.0)
 _JOINTS = _count("number of joints")
 _GAP = _length("width of each notch")
 _WEB = _length("height of the web above each notch")
 _CELL = _length("largest edge of a cell")
-_PLANES = Quantity("ascending planes", "m", least=-LONGEST, most=LONGEST, count=ANY, ascending=True)
+_PLANES = Quantity(
+    "coordinates of the planes between the cells", "m", least=-LONGEST, most=LONGEST, count=ANY, ascending=True
+)
 _TAPER = Quantity("size at the tip over size at the base", above=0.0, most=1.0)
 
 
@@ -64,7 +68,7 @@ class Generated(Entry):
     @model_validator(mode="after")
     def _not_too_many(self) -> Generated:
         if self.count > MOST_CELLS:
-            raise ValueError(f"{self.count} cells; allowed: up to {MOST_CELLS}; use fewer")
+            raise ValueError(f"about {self.count} cells; allowed: up to {MOST_CELLS}; use fewer")
         return self
 
 

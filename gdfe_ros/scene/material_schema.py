@@ -20,18 +20,18 @@ _POISSON = Quantity(
     "Poisson's ratio",
     least=0.0,
     most=0.5,
-    remedy="0.5 is incompressible, rubber is near 0.499",
+    remedy="0.5 is incompressible; rubber has about 0.499",
 )
 _YOUNG = Quantity("Young's modulus", "Pa", above=0.0, below=1e13, remedy="in Pa: 1 MPa is 1.0e6")
 _DENSITY = Quantity("density", "kg/m^3", above=0.0, below=1e6)
-_OMEGA = Quantity("shape factor", above=0.0, most=1.0)
+_OMEGA = Quantity("shape factor for the policy relative, instead of the law's own", above=0.0, most=1.0)
 _MU = Quantity("moduli mu_i", "Pa", count=ANY)
 _ALPHA = Quantity("exponents alpha_i", least=-20.0, most=20.0, count=ANY)
 _COEFFICIENTS = Quantity("coefficients of e, e^2, ...", "Pa", count=ANY)
-_STRAIN = Quantity("engineering strains", least=0.0, most=100.0, count=ANY, ascending=True)
-_STRESS = Quantity("nominal stresses", "Pa", count=ANY)
-_SCALE = Quantity("factor on every stress", above=0.0, most=1e3)
-_STRAIN_MAX = Quantity("end of the data, engineering strain", above=0.0, most=10.0)
+_STRAIN = Quantity("engineering strains of the points of the curve", least=0.0, most=100.0, count=ANY, ascending=True)
+_STRESS = Quantity("nominal stresses at these strains", "Pa", count=ANY)
+_SCALE = Quantity("factor on all stresses of the preset", above=0.0, most=1e3)
+_STRAIN_MAX = Quantity("largest engineering strain for which the polynomial holds", above=0.0, most=10.0)
 
 
 def _read_table(value: Any, info: ValidationInfo) -> StressTable:
@@ -56,7 +56,7 @@ class _Common(Entry):
 class LinearModel(_Common):
     """Linear between stress and strain, exact under large rotations."""
 
-    law: Literal["linear"] = Field(description="which law")
+    law: Literal["linear"] = Field(description="name of the material law")
     young: Annotated[float, _YOUNG]
 
     def build(self) -> Material:
@@ -67,7 +67,7 @@ class LinearModel(_Common):
 class NeoHookeanModel(_Common):
     """W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2."""
 
-    law: Literal["neo_hookean"] = Field(description="which law")
+    law: Literal["neo_hookean"] = Field(description="name of the material law")
     young: Annotated[float, _YOUNG]
 
     def build(self) -> Material:
@@ -78,7 +78,7 @@ class NeoHookeanModel(_Common):
 class OgdenModel(_Common):
     """Ogden's law in Abaqus' convention."""
 
-    law: Literal["ogden"] = Field(description="which law")
+    law: Literal["ogden"] = Field(description="name of the material law")
     mu: Annotated[tuple[float, ...], _MU]
     alpha: Annotated[tuple[float, ...], _ALPHA]
 
@@ -94,11 +94,11 @@ class OgdenModel(_Common):
 class CurveModel(_Common):
     """Uniaxial nominal stress over engineering strain: a polynomial, a csv file, or the two columns."""
 
-    law: Literal["curve"] = Field(description="which law")
+    law: Literal["curve"] = Field(description="name of the material law")
     coefficients: Annotated[tuple[float, ...], _COEFFICIENTS] | None = None
     strain_max: Annotated[float, _STRAIN_MAX] | None = None
     csv: Annotated[StressTable, BeforeValidator(_read_table)] | None = Field(
-        None, description="a csv file with the columns strain and stress [Pa]"
+        None, description="path of a csv file with the columns strain and stress [Pa]"
     )
     strain: Annotated[tuple[float, ...], _STRAIN] | None = None
     stress: Annotated[tuple[float, ...], _STRESS] | None = None
@@ -111,7 +111,7 @@ class CurveModel(_Common):
         if (self.strain is None) != (self.stress is None):
             raise ValueError("strain and stress belong together; give both")
         if self.strain_max is not None and self.coefficients is None:
-            raise ValueError("strain_max belongs to coefficients; a table ends with its last row")
+            raise ValueError("strain_max belongs to coefficients; remove it: a table ends with its last row")
         return self
 
     def build(self) -> Material:
@@ -132,13 +132,15 @@ class CurveModel(_Common):
 class PresetModel(_Common):
     """A material of the [library](fitting.md#the-material-library)."""
 
-    preset: Literal[PRESETS] = Field(description="which material")
-    law: Literal["ogden", "curve"] = Field("ogden", description="ogden, or curve: through the measured points")
+    preset: Literal[PRESETS] = Field(description="name of the material")
+    law: Literal["ogden", "curve"] = Field(
+        "ogden", description="ogden: Ogden's law, fitted to the measured points; curve: the curve through these points"
+    )
     poisson: Annotated[float, _POISSON] | None = Field(
-        None, description="Poisson's ratio; left out: 0.499 of silicones; filaments need it"
+        None, description="Poisson's ratio; default: 0.499 for silicones; required for filaments"
     )
     density: Annotated[float, _DENSITY] | None = Field(
-        None, description="density; left out: 1070 of dragon_skin_10; of the others nobody told it"
+        None, description="density; default: 1070 for dragon_skin_10; unknown for the other presets"
     )
     scale: Annotated[float, _SCALE] = 1.0
 

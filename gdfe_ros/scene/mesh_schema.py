@@ -21,7 +21,7 @@ from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.skin_schema import SCALE, SkinModel
 
 _CELL = Quantity("edge of the cubes", "m", above=0.0, most=1.0)
-_AT = Quantity("where the origin of its own frame is [x, y, z]", "m", least=-1e3, most=1e3, count=3)
+_AT = Quantity("position of the origin of its own frame [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _ROTATION = Quantity("rotation vector of its own frame [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 _OF_A_FILE = ("scale", "merge", "first_order")
 
@@ -29,13 +29,13 @@ _OF_A_FILE = ("scale", "merge", "first_order")
 class VoxelsModel(Entry):
     """A closed surface filled with cubes."""
 
-    surface: FilePath = Field(description="STL, OBJ, PLY or OFF file")
+    surface: FilePath = Field(description="path of an STL, OBJ, PLY or OFF file with a closed surface")
     cell: Annotated[float, _CELL]
     scale: Annotated[float, SCALE] | None = None
     cells: Cells = Field(
         Cells.WHOLE,
-        description="whole: the cubes whose centres lie inside; cut: every cube that the surface leaves material in, "
-        "its stiffness and mass those of what is filled",
+        description="whole: only cubes whose centres lie inside the surface; cut: every cube that is partly inside, "
+        "with the stiffness and mass of the part that is inside",
     )
 
     def build(self) -> HexMesh:
@@ -54,12 +54,12 @@ class MeshModel(Choice):
     ring: RingModel | None = None
     sphere: SphereShellModel | None = None
     finger: FingerModel | None = None
-    file: FilePath | None = Field(None, description="hexahedra in a .msh, .vtk, .vtu or .inp file")
+    file: FilePath | None = Field(None, description="path of a .msh, .vtk, .vtu or .inp file with hexahedra")
     voxels: VoxelsModel | None = None
-    embedded: str | None = Field(None, description="a mesh as a recorded scene carries it")
+    embedded: str | None = Field(None, description="a packed mesh, as recorded scenes contain it")
     scale: Annotated[float, SCALE] | None = None
-    merge: bool = Field(False, description="make vertices at the same place one")
-    first_order: bool = Field(False, description="take the corners of second-order hexahedra")
+    merge: bool = Field(False, description="merge vertices at the same position")
+    first_order: bool = Field(False, description="use only the corners of second-order hexahedra")
 
     @model_validator(mode="after")
     def _options_of_a_file(self) -> MeshModel:

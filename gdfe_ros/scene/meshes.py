@@ -24,7 +24,7 @@ Carried = dict[KeyPath, dict[str, Any]]
 def require_body(data: Mapping[str, Any], report: Report) -> None:
     """Report a scene without a body, or with both `mesh` and `meshes`."""
     if "meshes" in data and "mesh" in data:
-        text = "`mesh` is there, too; remedy: one of the two, a single body among `meshes` with a name"
+        text = "`mesh` is there, too; remedy: keep one of the two; a single body can stand in `meshes`, too"
         report.add(("meshes",), text, value=NO_VALUE)
     elif data.get("meshes") == {}:
         report.add(("meshes",), "there is no mesh; give e.g. {left: {bar: {...}, at: [0, 0.05, 0]}, right: ...}")

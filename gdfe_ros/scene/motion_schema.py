@@ -13,11 +13,17 @@ from gdfe_ros.scene.where_schema import WhereModel
 from gdfe_ros.solver.motion.dynamics import LONGEST_STEP, SHORTEST_STEP, THICKEST, Branch, Dynamics, Scheme
 
 _STEP = Quantity("longest internal step in time", "s", least=SHORTEST_STEP, most=LONGEST_STEP)
-_RHO = Quantity("what generalised_alpha leaves of infinitely fast motion in a step", least=0.0, most=1.0)
-_MASS_DAMPING = Quantity("force over mass and velocity, against the world", "1/s", least=0.0, most=1e6)
-_VISCOSITY = Quantity("stress over rate of strain, beside the material's", "Pa s", least=0.0, most=THICKEST)
-_SHARE = Quantity("share of the modulus at once that this branch carries", above=0.0, below=1.0)
-_TIME = Quantity("time in which its stress falls to 1/e", "s", above=0.0, most=1e9)
+_RHO = Quantity(
+    "spectral radius of generalised_alpha: share of an infinitely fast motion that remains after a step",
+    least=0.0,
+    most=1.0,
+)
+_MASS_DAMPING = Quantity("damping force per mass and velocity, relative to the world", "1/s", least=0.0, most=1e6)
+_VISCOSITY = Quantity(
+    "viscosity: stress per rate of strain, in addition to the material's stress", "Pa s", least=0.0, most=THICKEST
+)
+_SHARE = Quantity("share of the instantaneous modulus that this branch carries", above=0.0, below=1.0)
+_TIME = Quantity("relaxation time, in which the branch's stress falls to 1/e", "s", above=0.0, most=1e9)
 _VELOCITY = Quantity("velocity of every vertex at the start [x, y, z]", "m/s", least=-1e4, most=1e4, count=3)
 _SPIN = Quantity(
     "angular velocity about the centre of mass at the start [x, y, z]", "rad/s", least=-1e4, most=1e4, count=3
@@ -44,13 +50,15 @@ class DynamicsModel(Entry):
 
     scheme: Scheme = Field(
         Dynamics.scheme,
-        description="bdf2: damps what a step does not resolve; newmark: keeps the energy; "
-        "generalised_alpha: damps as much as rho_inf says",
+        description="bdf2: damps motion that the steps are too long to resolve; newmark: keeps the energy; "
+        "generalised_alpha: damps such motion as much as rho_inf says",
     )
     rho_inf: Annotated[float, _RHO] = Dynamics.rho_inf
     step: Annotated[float, _STEP] = Dynamics.step
     damping: DampingModel = DampingModel()
-    prony: tuple[BranchModel, ...] = Field((), description="branches of a Prony series; shares sum to less than 1")
+    prony: tuple[BranchModel, ...] = Field(
+        (), description="branches of a Prony series; the sum of their shares is less than 1"
+    )
     velocity: Annotated[tuple[float, float, float], _VELOCITY] = (0.0, 0.0, 0.0)
     spin: Annotated[tuple[float, float, float], _SPIN] = (0.0, 0.0, 0.0)
 
@@ -61,7 +69,7 @@ class DynamicsModel(Entry):
         if scheme is not Scheme.GENERALISED_ALPHA:
             raise ValueError(
                 f"belongs to the scheme generalised_alpha and would be ignored by {scheme.value}; remedy: leave it "
-                "out, or scheme: generalised_alpha"
+                "out, or set scheme: generalised_alpha"
             )
         return rho_inf
 
@@ -70,8 +78,8 @@ class DynamicsModel(Entry):
         total = sum(branch.share for branch in self.prony)
         if total >= 1.0:
             raise ValueError(
-                f"the shares of the Prony series sum to {total:.6g}; allowed: less than 1; remedy: smaller shares, "
-                "for what is left of 1 carries slow loads"
+                f"the shares of the Prony series sum to {total:.6g}; allowed: less than 1; remedy: smaller "
+                "shares, because the rest up to 1 carries slow loads"
             )
         return self
 
@@ -93,8 +101,8 @@ class MassModel(Entry):
     """A mass that is attached to vertices or to a probe: it adds weight under gravity, and inertia in motion."""
 
     mass: Annotated[float, _MASS]
-    where: WhereModel | None = Field(None, description="the vertices, in equal parts, e.g. {face: x+}")
-    probe: str | None = Field(None, description="name of one of the probes")
+    where: WhereModel | None = Field(None, description="the vertices that share the mass equally, e.g. {face: x+}")
+    probe: str | None = Field(None, description="name of the probe that the mass is attached to")
 
     @model_validator(mode="after")
     def _one_place(self) -> MassModel:

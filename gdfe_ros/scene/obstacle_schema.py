@@ -31,17 +31,22 @@ from gdfe_ros.scene.where_schema import WhereModel
 _LENGTH = Quantity("length along z", "m", above=0.0, most=1e6)
 _RADIUS = Quantity("radius", "m", above=0.0, most=1e6)
 _SIZE = Quantity("edges [x, y, z]", "m", above=0.0, most=1e6, count=3)
-_NORMAL = Quantity("out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3)
+_NORMAL = Quantity("normal of a plane, out of the obstacle [x, y, z]", least=-1e6, most=1e6, count=3)
 _AT = Quantity(
-    "where the middle of it is at rest, of a plane a point of it, of a mesh its file's origin [x, y, z]", "m", count=3
+    "position at rest [x, y, z] of its centre; for a plane, of any of its points; for a mesh, of the file's origin",
+    "m",
+    count=3,
 )
 _ROTATION = Quantity("rotation vector at rest [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 _DENSITY = Quantity("density", "kg/m^3", above=0.0, most=1e6)
-_SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
+_SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
 _CELL = Quantity(
-    "spacing of the grid that has its distances; a 64th of its longest edge if left out", "m", above=0.0, most=1e6
+    "spacing of the grid that stores the distances to the surface; default: 1/64 of its longest edge",
+    "m",
+    above=0.0,
+    most=1e6,
 )
-_FRICTION = Quantity("Coulomb's coefficient", least=0.0, most=100.0)
+_FRICTION = Quantity("Coulomb's coefficient of friction", least=0.0, most=100.0)
 
 
 class SphereObstacleModel(Entry):
@@ -75,8 +80,8 @@ class TriangleMeshModel(Choice):
 
     options: ClassVar[tuple[str, ...]] = ("scale", "cell")
 
-    file: FilePath | None = Field(None, description="STL, OBJ, PLY or OFF file")
-    embedded: str | None = Field(None, description="a surface as a recorded scene carries it")
+    file: FilePath | None = Field(None, description="path of an STL, OBJ, PLY or OFF file")
+    embedded: str | None = Field(None, description="a packed surface, as recorded scenes contain it")
     scale: Annotated[float, _SCALE] | None = None
     cell: Annotated[float, _CELL] | None = None
 
@@ -116,9 +121,11 @@ class ObstacleModel(Choice):
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     friction: Annotated[float, _FRICTION] = 0.0
-    fixed: bool = Field(False, description="the obstacle stays where it is")
+    fixed: bool = Field(False, description="true: the obstacle never moves and takes no commands")
     gaps: ContactPoints = Field(
-        ContactPoints.FACES, description="faces: the mean gap of the faces about a vertex; vertices: that vertex alone"
+        ContactPoints.FACES,
+        description="the gap at a vertex of the body: faces: the mean gap of the faces around it; vertices: the gap of "
+        "the vertex alone",
     )
 
     @field_validator("plane")
@@ -170,7 +177,7 @@ class BodyModel(Choice):
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     friction: Annotated[float, _FRICTION] = 0.0
-    gaps: ContactPoints = Field(ContactPoints.FACES, description="as of obstacles")
+    gaps: ContactPoints = Field(ContactPoints.FACES, description="as for obstacles")
 
     def build(self, name: str, first: int) -> RigidBody:
         """Return the rigid body with vertex ids from ``first`` on."""
@@ -189,4 +196,6 @@ class BodyModel(Choice):
 class SensorModel(Entry):
     """A part of the surface whose contact forces are measured."""
 
-    where: WhereModel = Field(description="its faces: those of which all four vertices lie there, e.g. {face: x+}")
+    where: WhereModel = Field(
+        description="the sensor's faces: all faces with all four vertices in this place, e.g. {face: x+}"
+    )

@@ -29,9 +29,10 @@ def coarse_contacts(scene: Scene) -> list[str]:
         return []
     cell = float(np.sqrt(np.median(corner_areas(scene.mesh.vertices, scene.mesh.boundary.quads).sum(axis=1))))
     return [
-        f"{ball.section} {ball.name!r}: its radius {ball.form.radius:.3g} m is {ball.form.radius / cell:.2g} of the "
-        f"cells that it may touch ({cell:.3g} m): pressed in by a tenth of it, a ball of 2 cells gave 48 % less "
-        "to 17 % more force, as it lies to the cells, one of 1 cell down to none, one of 3 was right within 8 %; "
+        f"{ball.section} {ball.name!r}: its radius {ball.form.radius:.3g} m is only {ball.form.radius / cell:.2g} "
+        f"times the size of the cells that it can touch ({cell:.3g} m). Measured for a ball pressed in by a tenth "
+        "of its radius: with a radius of 3 cells the force was right within 8 %; with 2 cells it was 48 % too "
+        "small to 17 % too large, depending on the position between the cells; with 1 cell it fell to zero; "
         f"remedy: cells of at most a third of the radius, {ball.form.radius / LEAST_CELLS:.2g} m"
         for ball in balls
         if ball.form.radius < (1.0 - ROUNDING) * LEAST_CELLS * cell
@@ -53,9 +54,10 @@ def coarse_cavities(scene: Scene) -> list[str]:
         thick = _depth(scene, chamber) / radius
         if thick > THICKEST_CELL:
             found.append(
-                f"actuators {chamber.name!r}: the cells about it are {thick:.2g} of its radius thick: a ball under "
-                "pressure opened 6 % too little with 0.43, 9 % with 0.5, 24 % with 1, against Lame's solution; "
-                f"remedy: {int(np.ceil(thick / 0.25))} times as many cells across the wall"
+                f"actuators {chamber.name!r}: the cells around it are {thick:.2g} of its radius thick, which makes "
+                "it too stiff. Compared with Lame's solution, a ball under pressure opened 6 % too little with "
+                f"cells of 0.43 of the radius, 9 % with 0.5 and 24 % with 1; remedy: {int(np.ceil(thick / 0.25))} "
+                "times as many cells across the wall"
             )
     return found
 

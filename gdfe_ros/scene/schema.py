@@ -32,31 +32,37 @@ _TRANSLATION = Quantity("translation [x, y, z]", "m", least=-1e3, most=1e3, coun
 _ROTATION = Quantity("rotation vector [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 _VALUE = Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)
 _DURATION = Quantity("duration", "s", above=0.0, most=1e6)
-_TOLERANCE = Quantity("tolerance, as a share of the body's size", least=1e-12, most=1e-1)
-_STEPS = Quantity(
-    "load steps of a program", least=1, most=1_000_000, whole=True, remedy="leave it out: the solver chooses"
+_TOLERANCE = Quantity(
+    "tolerance: allowed distance to the equilibrium, as a share of the body's size", least=1e-12, most=1e-1
 )
-_THREADS = Quantity("threads that share the elements", least=1, most=1024, whole=True)
-_ITERATIONS = Quantity("largest number of iterations of a step", least=1, most=1_000_000, whole=True)
+_STEPS = Quantity(
+    "number of load steps of a program; default: the solver chooses",
+    least=1,
+    most=1_000_000,
+    whole=True,
+    remedy="leave it out: the solver chooses",
+)
+_THREADS = Quantity("number of threads that share the elements", least=1, most=1024, whole=True)
+_ITERATIONS = Quantity("largest number of iterations per step", least=1, most=1_000_000, whole=True)
 
 
 class RegionModel(Entry):
     """Assigns a material to cells; later regions win."""
 
     material: str = Field(description="name of one of the materials")
-    where: WhereModel | None = Field(None, description="the cells; all of them if left out")
+    where: WhereModel | None = Field(None, description="the cells (default: all)")
 
 
 class HandleModel(Entry):
     """Vertices that are held, or moved together as one rigid piece."""
 
     where: WhereModel = Field(description="the vertices, e.g. {face: x-}")
-    fixed: bool = Field(False, description="the handle stays at rest")
+    fixed: bool = Field(False, description="true: the handle stays at rest and takes no commands")
     free: tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...] = Field(
         (),
-        description="x, y, z: axes along which it slides without a force; rx, ry, rz: axes of the world, through the "
-        "handle's centre, about which it turns freely: "
-        "without a moment where one or three are free; of two, to the least energy of all rotation vectors along them",
+        description="x, y, z: axes along which the handle slides without a force; rx, ry, rz: axes of the world, "
+        "through the handle's centre, about which it turns freely. With one or three free turns there is no moment "
+        "about them; with two, the rotation vector in their plane has the least energy",
     )
 
     @model_validator(mode="after")
@@ -110,16 +116,19 @@ class SolverModel(Entry):
     """Solver settings."""
 
     policy: Policy = Field(
-        SolverSettings.policy, description="energy: forces in newtons; relative: the paper as published"
+        SolverSettings.policy,
+        description="energy: minimises the strain energy, forces in newtons; relative: the method of the paper, as "
+        "published",
     )
     tolerance: Annotated[float, _TOLERANCE] = SolverSettings.tolerance
     steps: Annotated[int, _STEPS] | None = SolverSettings.steps
     max_iterations: Annotated[int, _ITERATIONS] = SolverSettings.max_iterations
     threads: Annotated[int, _THREADS] = SolverSettings.threads
-    skip: tuple[Skip, ...] = Field(SolverSettings.skip, description="work to leave out where it is not needed")
+    skip: tuple[Skip, ...] = Field(SolverSettings.skip, description="kinds of work that are left out if not needed")
     torsion: Torsion = Field(
         SolverSettings.torsion,
-        description="energy only; cell: each element twists as a bar of its own; section: as a part of its section",
+        description="policy energy only; cell: each element resists torsion as a bar of its own; section: as a part of "
+        "the body's cross-section",
     )
 
     @model_validator(mode="after")
@@ -140,38 +149,47 @@ class SceneModel(Entry):
     """A scene file."""
 
     name: Annotated[str, StringConstraints(min_length=1)] = Field(description="a short name")
-    description: str = Field("", description="a sentence for people")
+    description: str = Field("", description="a sentence that describes the scene")
     mesh: MeshModel | None = Field(
-        None, description="the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}; or `meshes`"
+        None, description="the body, e.g. bar: {size: [0.2, 0.05, 0.05], cells: [20, 5, 5]}; either this or `meshes`"
     )
     meshes: dict[Name, PlacedMeshModel] = Field(
-        {}, description="several bodies by name in place of `mesh`, as left: {file: finger.msh, at: [0, 0.05, 0]}"
+        {},
+        description="several bodies by name, instead of `mesh`, e.g. left: {file: finger.msh, at: [0, 0.05, 0]}",
     )
     skin: SkinModel | None = None
     materials: dict[Name, MaterialModel] = Field(
         description="materials by name, e.g. soft: {law: linear, young: 1.0e5, poisson: 0.45}", min_length=1
     )
-    regions: tuple[RegionModel, ...] = Field(description="a list of {material, where}, later ones win", min_length=1)
+    regions: tuple[RegionModel, ...] = Field(
+        description="the material of each cell: a list of {material, where}; later entries win", min_length=1
+    )
     handles: dict[Name, HandleModel] = Field(
-        description="what holds and moves the body, by name, as base: {where: {face: x-}, fixed: true}"
+        description="groups of vertices that are held or moved, by name, e.g. base: {where: {face: x-}, fixed: true}"
     )
     obstacles: dict[Name, ObstacleModel] = Field(
-        {}, description="what the body cannot enter, by name, as floor: {plane: [0, 0, 1], friction: 0.5}"
+        {},
+        description="rigid objects that the body cannot enter, by name, e.g. floor: {plane: [0, 0, 1], friction: 0.5}",
     )
     bodies: dict[Name, BodyModel] = Field(
-        {}, description="rigid bodies by name, as part: {box: {size: [0.02, 0.02, 0.02]}, density: 800}"
+        {},
+        description="rigid bodies that move freely, by name, e.g. "
+        "part: {box: {size: [0.02, 0.02, 0.02]}, density: 800}",
     )
     actuators: dict[Name, ActuatorModel] = Field(
-        {}, description="by name, as tendon: {cable: {points: [...], command: tension}}"
+        {}, description="cables, chambers and growth, by name, e.g. tendon: {cable: {points: [...], command: tension}}"
     )
-    loads: dict[Name, LoadModel] = Field({}, description="by name, as weight: {gravity: [0, 0, -9.81]}")
+    loads: dict[Name, LoadModel] = Field({}, description="dead loads by name, e.g. weight: {gravity: [0, 0, -9.81]}")
     masses: dict[Name, MassModel] = Field(
-        {}, description="attached masses by name, as payload: {mass: 0.05, where: ...}"
+        {}, description="attached masses by name, e.g. payload: {mass: 0.05, where: ...}"
     )
-    probes: dict[Name, Place] = Field({}, description="material points by name, as tip: [0.1, 0, 0]")
+    probes: dict[Name, Place] = Field(
+        {}, description="material points whose positions are reported, by name, e.g. tip: [0.1, 0, 0]"
+    )
     sensors: dict[Name, SensorModel] = Field(
         {},
-        description="contact sensors by name, as pad: {where: {face: x+}}: what touches these faces",
+        description="contact sensors, which measure the contact force on some faces, by name, e.g. "
+        "pad: {where: {face: x+}}",
     )
     self_contact: SelfContactModel | None = None
     dynamics: DynamicsModel | None = None

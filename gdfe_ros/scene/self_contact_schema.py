@@ -11,7 +11,7 @@ from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.where_schema import WhereModel
 
-_FRICTION = Quantity("Coulomb's coefficient", least=0.0, most=100.0)
+_FRICTION = Quantity("Coulomb's coefficient of friction", least=0.0, most=100.0)
 
 
 class SelfContactModel(Entry):
@@ -19,5 +19,5 @@ class SelfContactModel(Entry):
 
     friction: Annotated[float, _FRICTION] = 0.0
     where: WhereModel | None = Field(
-        None, description="the faces that take part: those of which all four vertices lie there; all if left out"
+        None, description="the faces that take part: all faces with all four vertices in this place (default: all)"
     )

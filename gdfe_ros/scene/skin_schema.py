@@ -18,7 +18,7 @@ from gdfe_ros.scene.entry import Choice
 from gdfe_ros.scene.paths import FilePath
 from gdfe_ros.scene.quantity import Quantity
 
-SCALE = Quantity("metres for each unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
+SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
 
 
 class SkinModel(Choice):
@@ -26,12 +26,13 @@ class SkinModel(Choice):
 
     options: ClassVar[tuple[str, ...]] = ("scale", "contact")
 
-    file: FilePath | None = Field(None, description="STL, OBJ, PLY or OFF file, placed as the body at rest")
-    embedded: str | None = Field(None, description="a surface as a recorded scene carries it")
+    file: FilePath | None = Field(None, description="path of an STL, OBJ, PLY or OFF file, in the body's frame at rest")
+    embedded: str | None = Field(None, description="a packed surface, as recorded scenes contain it")
     scale: Annotated[float, SCALE] | None = None
     contact: bool | None = Field(
         None,
-        description="touches obstacles and rigid bodies, not the cells' faces; default: where cells are cut",
+        description="true: the skin touches obstacles and rigid bodies in place of the cells' faces; default: true if "
+        "cells are cut and the skin is closed",
     )
 
     @property

@@ -63,10 +63,12 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
         notes.append(f"bodies: {text}; remedy: dynamics.scheme: bdf2")
     kept = [item.name for item in scene.actuators if item.constrains]
     if kept and scene.dynamics is not None and scene.dynamics.scheme is Scheme.NEWMARK:
-        text = f"newmark does not damp the force that keeps the length or volume of {', '.join(kept)}: it rings"
+        text = (
+            f"newmark does not damp the force that holds the commanded length or volume of {', '.join(kept)}: it rings"
+        )
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: generalised_alpha, or a cable with a stiffness")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
-        notes.append(f"meshes: they pass through each other; remedy: {_to_touch(scene.mesh)}")
+        notes.append(f"meshes: they can pass through each other; remedy: {_to_touch(scene.mesh)}")
     return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene)]
 
 
@@ -208,7 +210,7 @@ def _beside(
     text = f"{', '.join(names)} would act on the faces of cut cells, up to a cell outside of the surface"
     if touched and self_contact is None:
         return (
-            f"{text}; remedy: `skin: {{file: ...}}` with the mesh's closed surface, which touches then, or cells: whole"
+            f"{text}; remedy: `skin: {{file: ...}}` with the mesh's closed surface, which then touches, or cells: whole"
         )
     return f"{text}; remedy: cells: whole"
 
@@ -228,7 +230,7 @@ def _by_skin(mesh: HexMesh | None) -> str:
     names = [f"meshes.{name}.skin" for name, part in mesh.parts.items() if part.mesh.touching is not None]
     return (
         f"parts of the body touch each other by the faces of their cells, not by {', '.join(names) or 'skin'}, which "
-        "has contact: true; remedy: leave out that key, then faces touch everything, or self_contact"
+        "has contact: true; remedy: leave out that key, then the faces touch everything; or leave out self_contact"
     )
 
 
@@ -246,6 +248,6 @@ def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:
         return ""
     names = ", ".join(repr(handle.name) for handle in stiff if np.isin(vertices, handle.vertices).any())
     return (
-        f"actuator {actuator.name!r} lies wholly in what {names} hold and cannot change its {actuator.mode.value}; "
-        "remedy: lead it through cells that can deform, or command a force"
+        f"actuator {actuator.name!r} lies wholly inside of {names}, and cannot change its {actuator.mode.value}; "
+        "remedy: route it through cells that can deform, or command a force"
     )

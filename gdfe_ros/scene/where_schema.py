@@ -11,10 +11,10 @@ from gdfe_ros.mesh.selection import Box, Cells, Face, NamedSet, Side, Sphere, Ve
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.quantity import ANY, Quantity
 
-_INTERVAL = Quantity("interval [low, high]", "m", count=2, ascending=True, infinite=True)
+_INTERVAL = Quantity("interval [low, high] of the coordinate", "m", count=2, ascending=True, infinite=True)
 _CENTER = Quantity("center [x, y, z]", "m", count=3)
 _RADIUS = Quantity("radius", "m", above=0.0)
-_IDS = Quantity("ids", least=0, most=2**31 - 1, count=ANY, whole=True)
+_IDS = Quantity("ids, from 0", least=0, most=2**31 - 1, count=ANY, whole=True)
 
 _Interval = Annotated[tuple[float, float], _INTERVAL]
 
@@ -47,7 +47,7 @@ class WhereModel(Choice):
     alone: ClassVar[tuple[str, ...]] = ("mesh",)
 
     face: Literal["x-", "x+", "y-", "y+", "z-", "z+"] | None = Field(
-        None, description="vertices at the least (-) or largest (+) coordinate of the body"
+        None, description="vertices at the smallest (-) or largest (+) coordinate of the body"
     )
     box: BoxModel | None = None
     sphere: SphereModel | None = None
@@ -55,7 +55,8 @@ class WhereModel(Choice):
     cells: Annotated[tuple[int, ...], _IDS] | None = None
     set: str | None = Field(None, description="name of a set in the mesh file")
     mesh: str | None = Field(
-        None, description="name of one of the `meshes`: the place is told in its own frame and its own ids; alone: all"
+        None,
+        description="name of one of the `meshes`; coordinates and ids are then its own; without another key: all of it",
     )
 
     def build(self) -> Where:

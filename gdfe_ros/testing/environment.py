@@ -67,7 +67,7 @@ class SoftRobotEnv(Env):
         _require_numbers(dt=dt, steps=steps, slew_time=slew_time)
         if (observation is None or reward is None) and not scene.probes:
             raise GdfeError(
-                f"scene {scene.name!r} has no probes, which are observed and led to a goal where nothing else is said; "
+                f"scene {scene.name!r} has no probes, which the default observation and reward need; "
                 "add the key 'probes', or give observation and reward"
             )
         self.simulation = Simulation(scene)

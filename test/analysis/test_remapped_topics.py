@@ -104,4 +104,4 @@ def test_a_topic_that_nobody_knows_is_said_to_be_left_out(maker: Any, tmp_path: 
     assert "not compared, because the replay has none of it: /cloud" in shown
     assert "incomplete, bit-identical as far as it was compared" in shown
     assert main(["compare", str(path), str(path)]) == 1
-    assert "nothing tells what they are: /cloud of A" in capsys.readouterr().out
+    assert "which topics of the node they are: /cloud of A" in capsys.readouterr().out

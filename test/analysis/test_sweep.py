@@ -117,7 +117,7 @@ def test_a_sweep_without_workers_ends(runner: ModuleType, monkeypatch: pytest.Mo
     """Have no worker at all, as when none can be started again: an error instead of a wait without end."""
     monkeypatch.setattr(runner, "PATIENCE", 2.0)
     scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
-    with runner.connect(None, 0) as client, pytest.raises(GdfeError, match="no worker has lived for 2 s"):
+    with runner.connect(None, 0) as client, pytest.raises(GdfeError, match="there has been no worker for 2 s"):
         list(runner.run_cases(client, scene, grid_cases({"solver.steps": [1, 2]})))
 
 

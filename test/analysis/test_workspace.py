@@ -75,7 +75,8 @@ def test_the_command_writes_table_and_picture(tmp_path: Path, capsys: Any) -> No
         (["--actuators", "upper", "front"], "no actuator 'front'"),
         (
             [],
-            "actuator 'side' takes 0 to inf, which has no end; remedy: `range` in the scene, or --range side=LOW..HIGH",
+            "actuator 'side' has the range 0 to inf, which must be finite; remedy: `range` in the scene, or --range "
+            "side=LOW..HIGH",
         ),
         (["--range", "side=1"], "--range takes NAME=LOW..HIGH"),
         (["--range", "upper=-1..1", "--actuators", "upper"], "allowed: from 0 to 0.6"),

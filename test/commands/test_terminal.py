@@ -68,7 +68,7 @@ def test_messages_are_filled_and_shown() -> None:
         ("{name: [3]}", r"name\[0\] takes a string, got 3"),
         ("{header: {stamp: {sec: 1.5}}}", r"header\.stamp\.sec takes a int32, got 1\.5"),
         ("{header: {stamp: {nanosec: -1}}}", r"nanosec takes a uint32, got -1"),
-        ("[1, 2]", r"JointState takes fields, as \{header: \.\.\.\}, got \[1, 2\]"),
+        ("[1, 2]", r"JointState needs a mapping of fields, e\.g\. \{header: \.\.\.\}; got \[1, 2\]"),
         ("{name: [", r"is no YAML"),
     ],
 )

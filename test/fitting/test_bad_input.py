@@ -77,7 +77,7 @@ def test_match_files_that_do_not_fit(
         ("materials.rubber.young=8e5..5e4", "allowed: LOW < HIGH"),
         ("materials.rubber.law=1..2", "'neo_hookean' there; a number is needed"),
         ("materials.rubber.jung=1..2", "jung (override): unknown key"),
-        ("materials.rubber.density=900..1200", "no influence on anything that was measured"),
+        ("materials.rubber.density=900..1200", "no influence on the measured values"),
     ],
 )
 def test_parameters_that_cannot_be(
@@ -90,7 +90,7 @@ def test_parameters_that_cannot_be(
 def test_a_modulus_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:
     """Seek a modulus of rubber between 3 and 20 kPa: what the data ask for is told."""
     said = refused(write_scene(), write_table(), "--vary", f"{YOUNG}=3e3..2e4")
-    assert "ends at its bound 20000, and the data ask for about 2e+05" in said
+    assert "ends at its bound 20000, but the data are fitted best by about 2e+05" in said
 
 
 def test_positions_with_the_wrong_unit(write_scene: Callable, write_table: Callable, refused: Callable) -> None:

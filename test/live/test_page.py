@@ -414,7 +414,7 @@ def test_a_port_that_is_taken_is_passed_over() -> None:
         (["--ros", "a b"], "allowed: letters, digits"),
         (["--ros", ""], "allowed: letters, digits"),
         (["bend5", "--ros", "gdfe_sim"], "allowed: a scene, or --ros"),
-        (["--ros", "gdfe_sim", "--fast", "--set", "name=x"], "--fast, --set with --ros"),
+        (["--ros", "gdfe_sim", "--fast", "--set", "name=x"], "--fast, --set cannot stand beside --ros"),
         (["bend5", "--host", "203.0.113.7"], "allowed: an address of this machine"),
         (["bend5", "--host", "no.such.host.example"], "allowed: an address of this machine"),
         (["drop", "--set", "program=null", "--play"], "add the key 'program'"),

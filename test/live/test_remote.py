@@ -316,7 +316,7 @@ def test_a_node_that_is_not_configured_is_told() -> None:
         link.wait_for_services()
         with pytest.raises(GdfeError, match=there):
             NodeSession("gdfe_sim", patience=5.0, say=said.append)
-    assert "the node /gdfe_sim is unconfigured; it tells of its scene after: ros2 lifecycle set" in said[0]
+    assert "the node /gdfe_sim is unconfigured; it publishes its scene after: ros2 lifecycle set" in said[0]
 
 
 def test_a_node_that_is_not_active_is_shown_at_rest() -> None:

@@ -116,7 +116,7 @@ def test_commands_in_other_frames_are_transformed(
     rest = np.array(_vector(tree.heard["tip_rest"].transform.translation))
     client.publish("handles/tip/target", _pose("map", [0, 0, 0], QUARTER))
     client.wait(lambda: client.diagnostics().get("refused: other frame") == "1")
-    assert "header.frame_id is 'map'; allowed: empty, 'base_link', 'tip_rest' or a frame tied" in process.log
+    assert "header.frame_id is 'map'; allowed: empty, 'base_link', 'tip_rest', or a frame connected" in process.log
     # The node's frame lies at (1, 2, 3) in odom, turned by a quarter about z.
     tree.tell("odom", "base_link", origin=[1.0, 2.0, 3.0], turn=QUARTER, fixed=True)
     wanted = np.add(rest, [0.0, 0.01, 0.05])

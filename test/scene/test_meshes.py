@@ -84,7 +84,7 @@ def test_each_kind_of_mesh_loads_and_rebuilds_without_files(folder: Path, mesh: 
             "{file: none.msh}",
             r"mesh.file = 'none.msh' \(line 2\): there is no such file; paths .* folder of the scene",
         ),
-        ("{file: bar.vtu, scale: -1}", r"mesh.scale = -1 .*0 < metres for each unit"),
+        ("{file: bar.vtu, scale: -1}", r"mesh.scale = -1 .*0 < metres per unit"),
         ("{file: 3}", r"mesh.file = 3 .*the path of a file"),
         ("{voxels: {surface: hollow.stl}}", r"mesh.voxels.cell \(line 2\): is missing; needed is a number"),
         (

@@ -57,7 +57,7 @@ def test_a_scene_carries_its_obstacles_surface(folder: Path, file: str) -> None:
         ("{file: ball.stl}", r"obstacles.part.mesh.file = 'ball.stl' .*diagonal is 69.* `scale: 0.001`"),
         ("{file: ball.stl, scale: 1}", r"obstacles.part.mesh .*cell, 0.625 m, is too coarse .*check `scale`"),
         ("{file: ball.stl, scale: 10}", r"obstacles.part.mesh .*times as much as the body .*remedy: check `scale`"),
-        ("{file: ball.stl, scale: -1}", r"obstacles.part.mesh.scale = -1 .*0 < metres for each unit"),
+        ("{file: ball.stl, scale: -1}", r"obstacles.part.mesh.scale = -1 .*0 < metres per unit"),
         ("{file: ball.stl, scale: 0.001, cell: 0}", r"obstacles.part.mesh.cell = 0 .*0 < spacing of the grid"),
         ("{embedded: abc}", r"obstacles.part.mesh.embedded = 'abc' .*damaged"),
         ("{embedded: abc, scale: 2}", r"obstacles.part.mesh .*scale belongs to `file`"),

@@ -96,7 +96,7 @@ def test_a_ball_of_few_cells_is_remarked(cells: int, told: bool) -> None:
 def test_a_thick_ball_of_few_cells_is_remarked(inner: float, cells: list[int], told: bool) -> None:
     """Inflate hollow balls: where there is no remark, the cavity opens as Lame says, within 4 %."""
     simulation = Simulation(scene_from_text(SPHERE.replace("INNER", str(inner)).replace("CELLS", str(cells))))
-    notes = [text for text in simulation.remarks() if "actuators 'fill': the cells about it are" in text]
+    notes = [text for text in simulation.remarks() if "actuators 'fill': the cells around it are" in text]
     assert bool(notes) is told
     before, pressure = simulation.actuator_states()["fill"].extent, 200.0
     after = simulation.step(Command(actuators={"fill": pressure})).actuators["fill"].extent

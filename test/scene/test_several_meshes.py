@@ -86,7 +86,7 @@ def test_a_chamber_is_that_of_its_mesh() -> None:
     np.testing.assert_allclose(scene.mesh.vertices[one].mean(axis=(0, 1)), [0.115, 0, 0], atol=1e-12)
     assert "the body has 2 cavities" in broken(text + "actuators: {one: {chamber: {}}}")
     twice = "actuators: {one: {chamber: {mesh: left, where: {face: x+}}}}"
-    assert "write the mesh into the place: where: {mesh: left, ...}" in broken(text + twice)
+    assert "write it inside: where: {mesh: left, ...}" in broken(text + twice)
     assert "mesh 'left' has no closed cavity" in broken(PAIR + "actuators: {one: {chamber: {mesh: left}}}")
 
 

@@ -88,7 +88,8 @@ def test_a_skin_that_faces_inwards_is_turned(folder: Path) -> None:
         ("{file: rod_mm.stl}", r"skin.file = 'rod_mm.stl' .*scale: 0.001"),
         (
             "{file: beside.stl}",
-            r"skin.file .*\d+ of \d+ vertices lie far outside of the cells, the farthest 0.0\d+ m, at \(.*\) m; "
+            r"skin.file .*\d+ of \d+ vertices lie far outside of the cells; the farthest, at \(.*\) m, is 0.0\d+ m "
+            r"away; "
             r"allowed: 0.75 of a cell's edge, which is 0.005 m there; remedy: check scale and place of the file",
         ),
         ("{embedded: abc}", r"skin.embedded = 'abc' .*damaged"),

@@ -224,7 +224,7 @@ def test_the_mesh_without_a_skin_is_named(folder: Path) -> None:
     ("skin", "cells", "more", "expected"),
     [
         ("skin: {contact: true}", "cut", "", r"skin .*give exactly one of file, embedded"),
-        ("skin: {file: open.stl, contact: true}", "cut", "", r"skin\.file.*contact needs a closed skin, and 3 edges"),
+        ("skin: {file: open.stl, contact: true}", "cut", "", r"skin\.file.*contact needs a closed skin\. At 3 edges"),
         ("skin: {file: open.stl}", "cut", "", r"floor would act on the faces of cut.*remedy: `skin: .*closed surface"),
         ("", "cut", "", r"floor would act on the faces of cut.*remedy: `skin: .*closed surface"),
         ("skin: {file: rod.stl, contact: false}", "cut", "", r"floor would act on the faces of cut"),

@@ -83,7 +83,8 @@ def _remarks(history: History, animation: Animation, frames: int, strays: int) -
         f"that the run fills (below {span / 32767:.1e} m), colours to 1/65535 of their range over the run.",
         f"The strain histogram counts every cell of every step, averaged over {columns} groups of steps.",
         charts.thinning(history),
-        "Reactions are what a handle or an obstacle exerts on the body, in the axes of the rest frame.",
+        "Reactions are the forces and moments that a handle or obstacle exerts on the body, in the axes of the rest "
+        "frame.",
         _accounting(history),
         "This page needs no network; plotly.js (MIT licence) is part of it.",
     ]
@@ -96,8 +97,9 @@ def _accounting(history: History) -> str:
     if not history.energies:
         return ""
     return (
-        "Energies count from the start of the run: kinetic + elastic + potential = start + work - dissipated, to what "
-        "steps in time make or lose by themselves. Dashpots and what fades in Prony branches are dissipated."
+        "Energies count from the start of the run: kinetic + elastic + potential = start + work - dissipated, "
+        "except for the energy that the time steps themselves make or lose. Dissipated is the energy lost in "
+        "dashpots and in the branches of Prony series."
     )
 
 

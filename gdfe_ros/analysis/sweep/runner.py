@@ -91,7 +91,10 @@ def _as_done(client: Client, finished: as_completed) -> Iterator[Future]:
         if client.cluster is None or client.nthreads():
             seen = now
         elif now > seen + PATIENCE:
-            raise GdfeError(f"no worker has lived for {PATIENCE:g} s; the same command goes on from what is done")
+            raise GdfeError(
+                f"there has been no worker for {PATIENCE:g} s; repeat the same command to continue with "
+                "the cases that are left"
+            )
 
 
 class _Queue:

@@ -55,7 +55,7 @@ class Waiting:
             if state.label != self._told:
                 self._told = state.label
                 bare = state.id == State.PRIMARY_STATE_UNCONFIGURED
-                remedy = f"; it tells of its scene after: {configuring(self._name)}" if bare else ""
+                remedy = f"; it publishes its scene after: {configuring(self._name)}" if bare else ""
                 self._say(f"the node {self._name} is {state.label}{remedy}")
 
 
@@ -75,7 +75,8 @@ def absence(node: Node, name: str, patience: float) -> str:
     space, _, own = name.rpartition("/")
     if (own, space or "/") in node.get_node_names_and_namespaces():
         return (
-            f"node {name} has told of no scene within {patience:g} s: it is not configured; remedy: {configuring(name)}"
+            f"node {name} has published no scene within {patience:g} s: it is not configured; remedy: "
+            f"{configuring(name)}"
         )
     end = f"/{topics.STEP_RECORD.key()}"
     found = [topic.removesuffix(end) for topic, _ in node.get_topic_names_and_types() if topic.endswith(end)]

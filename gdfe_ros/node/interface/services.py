@@ -6,62 +6,68 @@ from __future__ import annotations
 from gdfe_ros.node.specification import ServiceSpec
 
 RESET = ServiceSpec(
-    name="~/reset", type="std_srvs/srv/Trigger", meaning="go back to rest at time 0; waiting commands are dropped"
+    name="~/reset", type="std_srvs/srv/Trigger", meaning="go back to rest at time 0 and drop waiting commands"
 )
 RESET_COMMANDS = ServiceSpec(
     name="~/reset_commands",
     type="std_srvs/srv/Trigger",
-    meaning="drop waiting commands, velocities and trajectories; with the next step all targets, actuators and loads "
-    "go back to what they are at rest, the body follows",
+    meaning="drop waiting commands, velocities and trajectories; with the next step all targets, actuators and "
+    "loads go back to their values at rest, and the body follows",
 )
 RESET_BODIES = ServiceSpec(
     name="~/reset_bodies",
     type="std_srvs/srv/Trigger",
-    meaning="put every rigid body back to its rest pose, without velocity, with the next step; all else goes on",
+    meaning="put every rigid body back to its rest pose, without velocity, with the next step; nothing else changes",
 )
 RESET_SHAPE = ServiceSpec(
     name="~/reset_shape",
     type="std_srvs/srv/Trigger",
-    meaning="the elastic body goes back to its rest shape and all commands to those of rest; time goes on, rigid "
-    "bodies stay where they are, without velocity; not while a bag is written",
+    meaning="put the elastic body back to its rest shape and all commands back to those of rest; time continues, and "
+    "rigid bodies keep their places but lose their velocities. Not while a bag is written",
 )
-PAUSE = ServiceSpec(name="~/pause", type="std_srvs/srv/SetBool", meaning="hold the stepping, or let it go on")
+PAUSE = ServiceSpec(name="~/pause", type="std_srvs/srv/SetBool", meaning="true: pause the stepping; false: continue")
 STEP = ServiceSpec(
     name="~/step",
     type="std_srvs/srv/Trigger",
-    meaning="make `step_count` steps and answer when they are published; in lockstep, or while paused",
+    meaning="make `step_count` steps, and answer after they are published; only with clock `lockstep` or while paused",
 )
 RECORD = ServiceSpec(
-    name="~/record", type="std_srvs/srv/SetBool", meaning="begin a bag at `bag_path`, or finish it; while active"
+    name="~/record",
+    type="std_srvs/srv/SetBool",
+    meaning="true: begin a bag at `bag_path`; false: finish it. Only while active",
 )
-SAVE_STATE = ServiceSpec(name="~/save_state", type="std_srvs/srv/Trigger", meaning="write the state to `state_path`")
+SAVE_STATE = ServiceSpec(
+    name="~/save_state", type="std_srvs/srv/Trigger", meaning="write the state to the file `state_path`"
+)
 LOAD_STATE = ServiceSpec(
     name="~/load_state",
     type="std_srvs/srv/Trigger",
-    meaning="go to the state in `state_path`, of the same scene; not while a bag is written",
+    meaning="go to the state in the file `state_path`, which must be of the same scene. Not while a bag is written",
 )
 COMPUTE_JACOBIAN = ServiceSpec(
-    name="~/compute_jacobian", type="std_srvs/srv/Trigger", meaning="publish ~/jacobian at the present equilibrium"
+    name="~/compute_jacobian",
+    type="std_srvs/srv/Trigger",
+    meaning="compute ~/jacobian at the present equilibrium and publish it",
 )
 GET_FEATURES = ServiceSpec(
     name="~/get_simulator_features",
     type="simulation_interfaces/srv/GetSimulatorFeatures",
-    meaning="what of the standard interfaces is supported",
+    meaning="list the features of the standard interfaces that the node supports",
 )
 GET_STATE = ServiceSpec(
     name="~/get_simulation_state",
     type="simulation_interfaces/srv/GetSimulationState",
-    meaning="playing, paused, or stopped: paused at rest, or not active",
+    meaning="answer playing, paused or stopped; stopped means paused at rest, or not active",
 )
 SET_STATE = ServiceSpec(
     name="~/set_simulation_state",
     type="simulation_interfaces/srv/SetSimulationState",
-    meaning="play, pause, stop: pause and reset, or quit: end the process as SIGINT does",
+    meaning="play; pause; stop, which pauses and resets; or quit, which ends the process as SIGINT does",
 )
 RESET_SIMULATION = ServiceSpec(
     name="~/reset_simulation",
     type="simulation_interfaces/srv/ResetSimulation",
-    meaning="as ~/reset; time and state together",
+    meaning="as ~/reset; time and state can only be reset together",
 )
 STEP_SIMULATION = ServiceSpec(
     name="~/step_simulation",
@@ -71,14 +77,15 @@ STEP_SIMULATION = ServiceSpec(
 SIMULATE_STEPS = ServiceSpec(
     name="~/simulate_steps",
     type="simulation_interfaces/action/SimulateSteps",
-    meaning="an action: the same with feedback after each step; it can be cancelled",
+    meaning="an action: as ~/step_simulation, with feedback after each step; it can be cancelled",
 )
 FOLLOW_TRAJECTORY = ServiceSpec(
     name="~/follow_joint_trajectory",
     type="control_msgs/action/FollowJointTrajectory",
-    meaning="an action: a trajectory as of ~/trajectory, with feedback after each step; `position` of its tolerances "
-    "is how far the commands in force, which rate limits hold back, may be from it; a later command of one of its "
-    "actuators ends it, a cancelled one leaves them where they are",
+    meaning="an action: a trajectory as on ~/trajectory, with feedback after each step. `position` in its "
+    "tolerances is the allowed distance between the trajectory and the commands in force, which rate limits may "
+    "hold back. A later command of one of its actuators ends it. After a cancellation the commands keep their "
+    "present values",
 )
 STANDARD_SERVICES = (GET_FEATURES, GET_STATE, SET_STATE, RESET_SIMULATION, STEP_SIMULATION, SIMULATE_STEPS)
 """Services offered if the package simulation_interfaces is installed."""

@@ -10,64 +10,69 @@ from gdfe_ros.node.specification import Delivery, TopicSpec
 TARGET = TopicSpec(
     name="~/handles/{handle}/target",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="target of the handle relative to its rest pose [m], rotation about its own centre by the nearest turn; "
-    "`frame_id` empty, the node's or `<handle>_rest`; any other is looked up on TF, or refused by name",
+    meaning="target pose of the handle relative to its rest pose [m]; it turns about its own centre, by the turn "
+    "nearest to its present target. `frame_id` is empty, the node's, or `<handle>_rest`; a target in any other "
+    "frame is transformed by TF, and refused if TF does not know the frame",
     delivery=Delivery.COMMAND,
 )
 VELOCITY = TopicSpec(
     name="~/handles/{handle}/velocity",
     type="geometry_msgs/msg/TwistStamped",
-    meaning="velocity of the handle's target [m/s], [rad/s], axes of the node's frame, in force for "
-    "`velocity_timeout`; turns add up beyond 180 degrees; `frame_id` as for the target",
+    meaning="velocity of the handle's target [m/s], [rad/s], in the axes of the node's frame; it acts for "
+    "`velocity_timeout`. Turns add up beyond 180 degrees. `frame_id` as for the target",
     delivery=Delivery.COMMAND,
 )
 OBSTACLE_TARGET = TopicSpec(
     name="~/obstacles/{obstacle}/target",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="target of the obstacle relative to its rest pose [m], rotation about its own origin by the nearest turn, "
-    "axes of the node's frame, as in a program; `frame_id` empty, the node's or `<obstacle>_rest`; in any other, which "
-    "is looked up on TF, it is where the frame `<obstacle>` is to be",
+    meaning="target pose of the obstacle relative to its rest pose [m], in the axes of the node's frame, as in a "
+    "program; it turns about its own origin, by the turn nearest to its present target. `frame_id` is empty, the "
+    "node's, or `<obstacle>_rest`; in any other frame, which TF must know, the target is the place of the frame "
+    "`<obstacle>`",
     delivery=Delivery.COMMAND,
 )
 OBSTACLE_VELOCITY = TopicSpec(
     name="~/obstacles/{obstacle}/velocity",
     type="geometry_msgs/msg/TwistStamped",
-    meaning="velocity of the obstacle's target [m/s], [rad/s]; as of handles",
+    meaning="velocity of the obstacle's target [m/s], [rad/s]; as for handles",
     delivery=Delivery.COMMAND,
 )
 BODY_SET = TopicSpec(
     name="~/bodies/{body}/set",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="puts the rigid body, before the next step, at a pose relative to its rest pose [m] and without velocity; "
-    "from there it moves freely again; refused where something is; `frame_id` empty, the node's or `<body>_rest`; in "
-    "any other, which is looked up on TF, it is where the frame `<body>` is to be",
+    meaning="puts the rigid body, before the next step, at a pose relative to its rest pose [m], without velocity; "
+    "from there it moves freely again. Refused if the place is occupied. `frame_id` is empty, the node's, or "
+    "`<body>_rest`; in any other frame, which TF must know, the pose is the place of the frame `<body>`",
     delivery=Delivery.COMMAND,
 )
 ACTUATION = TopicSpec(
     name="~/actuation",
     type="sensor_msgs/msg/JointState",
-    meaning="commands of actuators by name: `effort` for tension [N] and pressure [Pa], `position` for length and "
-    "shortening [m], volume [m^3], growth [1]; and of loads: `position` is the factor [1] on them",
+    meaning="commands of actuators and loads by name. Actuators: `effort` is a tension [N] or pressure [Pa], "
+    "`position` a length or shortening [m], a volume [m^3] or a growth [1]. Loads: `position` is the factor [1] on "
+    "the load",
     delivery=Delivery.COMMAND,
 )
 ACTUATOR_COMMANDS = TopicSpec(
     name="~/commands",
     type="std_msgs/msg/Float64MultiArray",
-    meaning="one command for each actuator in the scene's order, unit of its mode (ros2_control's forward controllers)",
+    meaning="one command for each actuator, in the order of the scene and the unit of its mode (for the forward "
+    "controllers of ros2_control)",
     delivery=Delivery.COMMAND,
 )
 TRAJECTORY = TopicSpec(
     name="~/trajectory",
     type="trajectory_msgs/msg/JointTrajectory",
-    meaning="commands of actuators over simulation time: `positions` in the unit of each mode, linear in between; "
-    "stamp 0 starts at once, another one on the node's clock, at most 60 s ahead; "
-    "without points it ends those that run",
+    meaning="commands of actuators over simulation time: `positions` in the unit of each actuator's mode, interpolated "
+    "linearly. A stamp of 0 starts the trajectory at once; any other stamp is a time on the node's clock, at most 60 s "
+    "ahead. A trajectory without points ends the running ones",
     delivery=Delivery.COMMAND,
 )
 FOLLOWED = TopicSpec(
     name="",  # named by the parameter
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where a handle or obstacle that follows a topic is held: its frame in the header's; empty: the node's",
+    meaning="pose at which a handle or obstacle with `follow` is held: the place of its frame in the header's "
+    "frame; an empty `frame_id` is the node's frame",
     delivery=Delivery.FOLLOWED,
 )
 COMMANDS = (TARGET, VELOCITY, OBSTACLE_TARGET, OBSTACLE_VELOCITY, BODY_SET, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
@@ -75,164 +80,170 @@ COMMANDS = (TARGET, VELOCITY, OBSTACLE_TARGET, OBSTACLE_VELOCITY, BODY_SET, ACTU
 CLOCK = TopicSpec(
     name="/clock",
     type="rosgraph_msgs/msg/Clock",
-    meaning="simulation time, with `publish_clock`; a reset sets it back",
+    meaning="simulation time, if `publish_clock` is true; a reset sets it back to 0",
     delivery=Delivery.CLOCK,
 )
 MESH = TopicSpec(
     name="~/mesh",
     type="sensor_msgs/msg/PointCloud2",
-    meaning="x, y, z, ux, uy, uz of each vertex [m], float32",
+    meaning="position x, y, z and displacement ux, uy, uz of each vertex [m], float32",
     delivery=Delivery.CLOUD,
 )
 STRAIN = TopicSpec(
     name="~/strain",
     type="sensor_msgs/msg/PointCloud2",
-    meaning="x, y, z [m] of each cell's centroid, eps_eq, J, omega, tangent [Pa], energy_density [J/m^3], float32",
+    meaning="of each cell: centroid x, y, z [m], equivalent strain eps_eq, volume ratio J, shape factor omega, tangent "
+    "modulus tangent [Pa], energy_density [J/m^3], float32",
     delivery=Delivery.CLOUD,
 )
 VERTEX_VELOCITY = TopicSpec(
     name="~/velocity",
     type="sensor_msgs/msg/PointCloud2",
-    meaning="x, y, z [m], vx, vy, vz [m/s] of each vertex, float32; only of scenes with `dynamics`",
+    meaning="position x, y, z [m] and velocity vx, vy, vz [m/s] of each vertex, float32; only in scenes with "
+    "`dynamics`",
     delivery=Delivery.CLOUD,
 )
 HANDLE_POSE = TopicSpec(
     name="~/handles/{handle}/pose",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where the handle is, relative to its rest pose [m]: `frame_id` is `<handle>_rest`, the handle's centre at "
-    "rest with the axes of the node's frame",
+    meaning="present pose of the handle relative to its rest pose [m]; `frame_id` is `<handle>_rest`: the handle's "
+    "centre at rest, with the axes of the node's frame",
 )
 HANDLE_WRENCH = TopicSpec(
     name="~/handles/{handle}/wrench",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre: "
+    meaning="force [N] and moment [N m] that the handle exerts on the body, about the handle's present centre; "
     "`frame_id` is `<handle>_centre`, which moves with the handle and keeps the axes of the node's frame",
 )
 HANDLE_SENSOR = TopicSpec(
     name="~/handles/{handle}/force_torque",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="what a force-torque sensor between the handle and what holds it reads: force [N] and moment [N m] which "
-    "the body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with it; not recorded",
+    meaning="reading of a force-torque sensor between the handle and its holder: force [N] and moment [N m] that the "
+    "body exerts on the handle, about its centre; `frame_id` is `<handle>`, which turns with it. Not recorded",
     recorded=False,
 )
 OBSTACLE_POSE = TopicSpec(
     name="~/obstacles/{obstacle}/pose",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where the obstacle is, relative to its rest pose [m]: `frame_id` is `<obstacle>_rest`, the origin of its "
-    "shape at rest with the axes of the node's frame",
+    meaning="present pose of the obstacle relative to its rest pose [m]; `frame_id` is `<obstacle>_rest`: the "
+    "origin of its shape at rest, with the axes of the node's frame",
 )
 OBSTACLE_WRENCH = TopicSpec(
     name="~/obstacles/{obstacle}/wrench",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that the obstacle exerts on the body, about the present origin of its shape: "
+    meaning="force [N] and moment [N m] that the obstacle exerts on the body, about the present origin of its shape; "
     "`frame_id` is `<obstacle>_centre`, which moves with it and keeps the axes of the node's frame",
 )
 BODY_POSE = TopicSpec(
     name="~/bodies/{body}/pose",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where the rigid body is, relative to its rest pose [m]: `frame_id` is `<body>_rest`, its middle at rest "
-    "with the axes of the node's frame",
+    meaning="present pose of the rigid body relative to its rest pose [m]; `frame_id` is `<body>_rest`: its centre at "
+    "rest, with the axes of the node's frame",
 )
 BODY_WRENCH = TopicSpec(
     name="~/bodies/{body}/wrench",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] that the rigid body exerts on the elastic one, about its own present middle: "
-    "`frame_id` is `<body>_centre`, which moves with it and keeps the axes of the node's frame",
+    meaning="force [N] and moment [N m] that the rigid body exerts on the elastic one, about the rigid body's present "
+    "centre; `frame_id` is `<body>_centre`, which moves with it and keeps the axes of the node's frame",
 )
 CONTACTS = TopicSpec(
     name="~/contacts",
     type="sensor_msgs/msg/PointCloud2",
-    meaning="each point that touches: x, y, z [m], normal nx, ny, nz out of what it touches, gap [m], force along the "
-    "normal fx, fy, fz and by friction tx, ty, tz [N] on what touches, float32; slips (1, else 0), vertex (-1: corner "
-    "of a rigid body), contact (place in `~/contact_names`), other (vertex that it touches, -1: none of the body), "
-    "int32; only of scenes with `obstacles`, `bodies` or `self_contact`",
+    meaning="each point in contact. float32: position x, y, z [m]; normal nx, ny, nz out of the touched surface; "
+    "gap [m]; normal force fx, fy, fz and friction force tx, ty, tz [N] on the point. int32: slips (1: slips, 0: "
+    "sticks), vertex (id of the point; -1: corner of a rigid body), contact (index in `~/contact_names`), other (id "
+    "of the touched vertex; -1: the touched surface is not the elastic body's). Only in scenes with `obstacles`, "
+    "`bodies` or `self_contact`",
     delivery=Delivery.CLOUD,
 )
 CONTACT_NAMES = TopicSpec(
     name="~/contact_names",
     type="std_msgs/msg/String",
-    meaning="JSON: the names that `contact` of `~/contacts` counts from 0: obstacles and bodies in the scene's order, "
-    "which the elastic body touches, then `<body> on <obstacle>` and `<body> on <body>`, then `(self)`",
+    meaning="JSON: list of the names to which `contact` in `~/contacts` is an index from 0: first obstacles and rigid "
+    "bodies that the elastic body can touch, in the order of the scene; then `<body> on <obstacle>` and "
+    "`<body> on <body>`; then `(self)`",
     delivery=Delivery.LATCHED,
 )
 SENSOR_WRENCH = TopicSpec(
     name="~/sensors/{sensor}/wrench",
     type="geometry_msgs/msg/WrenchStamped",
-    meaning="force [N] and moment [N m] of all that touches the faces of a contact sensor on these, about the present "
-    "mean of their vertices: `frame_id` is `<sensor>_sensor`, which moves with it, with the axes of the node's frame",
+    meaning="force [N] and moment [N m] of all contacts on the sensor's faces, about the present mean of their "
+    "vertices; `frame_id` is `<sensor>_sensor`, which moves with this point and keeps the axes of the node's frame",
 )
 PROBE = TopicSpec(
     name="~/probe/{probe}",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="where the material point is [m], and how the cell around it has turned",
+    meaning="present position of the material point [m], and rotation of the cell around it since rest",
 )
 IMU = TopicSpec(
     name="~/probe/{probe}/imu",
     type="sensor_msgs/msg/Imu",
-    meaning="what an inertial unit at the material point reads (REP-145): turn of the mean deformation of the cell "
-    "around it; angular velocity [rad/s] and acceleration [m/s^2] in its own frame `<probe>_imu`, +9.81 upward at "
-    "rest; covariances all 0: unknown; only of scenes with `dynamics`",
+    meaning="reading of an inertial measurement unit at the material point (REP-145): `orientation` is the rotation "
+    "of the mean deformation of the cell around it; angular velocity [rad/s] and acceleration [m/s^2] are in its "
+    "own frame `<probe>_imu`; at rest the acceleration is +9.81 upward. All covariances are 0, which means unknown. "
+    "Only in scenes with `dynamics`",
 )
 JOINT_STATES = TopicSpec(
     name="~/joint_states",
     type="sensor_msgs/msg/JointState",
-    meaning="of each actuator: `position` length or shortening [m], volume [m^3] or growth [1], as it is commanded; "
-    "`velocity` its rate; `effort` tension [N] or pressure [Pa]",
+    meaning="of each actuator: `position` is the length or shortening [m], volume [m^3] or growth [1], by the kind "
+    "of its command; `velocity` is the rate of `position`; `effort` is the tension [N] or pressure [Pa]",
 )
 JACOBIAN = TopicSpec(
     name="~/jacobian",
     type="std_msgs/msg/Float64MultiArray",
-    meaning="probes x 3 x actuators, d position / d command at the equilibrium, after ~/compute_jacobian; the layout's "
-    "labels name probes and actuators",
+    meaning="derivatives of the probes' positions with respect to the actuators' commands at the equilibrium, an array "
+    "probes x 3 x actuators; published after ~/compute_jacobian. The labels of its layout name probes and actuators",
 )
 STEP_RECORD = TopicSpec(
     name="~/step_record",
     type="std_msgs/msg/String",
-    meaning="JSON: what the step consumed and how it went; all that a replay needs (gdfe_ros.recording.step_record)",
+    meaning="JSON: the commands that the step used and its outcome; everything that a replay needs "
+    "(gdfe_ros.recording.step_record)",
 )
 MARKERS = TopicSpec(
     name="~/markers",
     type="visualization_msgs/msg/Marker",
-    meaning="the surface as triangles in the colours of `marker_field`, at most `marker_rate`; not recorded",
+    meaning="the surface as triangles, coloured by `marker_field`; published at `marker_rate` at most. Not recorded",
     recorded=False,
     delivery=Delivery.CLOUD,
 )
 CONTACT_MARKERS = TopicSpec(
     name="~/contact_markers",
     type="visualization_msgs/msg/MarkerArray",
-    meaning="shapes of obstacles and rigid bodies, and forces as arrows from the points that touch, green where they "
-    "stick and red where they slip, the largest so far 0.3 of the body's size long; at most `marker_rate`; not "
-    "recorded; only of scenes with `obstacles`, `bodies` or `self_contact`",
+    meaning="shapes of obstacles and rigid bodies, and contact forces as arrows from the points in contact: green "
+    "if the point sticks, red if it slips. The largest force so far has an arrow of 0.3 of the body's size. "
+    "Published at `marker_rate` at most. Not recorded. Only in scenes with `obstacles`, `bodies` or `self_contact`",
     recorded=False,
     delivery=Delivery.CLOUD,
 )
 TF = TopicSpec(
     name="/tf",
     type="tf2_msgs/msg/TFMessage",
-    meaning="with `publish_tf`, in the node's frame: `<handle>`, which moves and turns with the handle, "
-    "`<handle>_centre`, which keeps the axes, the same of obstacles and rigid bodies, `<probe>_probe`, "
-    "`<sensor>_sensor` and, of scenes with `dynamics`, "
-    "`<probe>_imu`; not recorded",
+    meaning="if `publish_tf` is true, these frames in the node's frame: `<handle>`, which moves and turns with the "
+    "handle; `<handle>_centre`, which moves with it and keeps the axes of the node's frame; the same two for obstacles "
+    "and rigid bodies; `<probe>_probe`; `<sensor>_sensor`; in scenes with `dynamics` also `<probe>_imu`. Not recorded",
     recorded=False,
     delivery=Delivery.TRANSFORMS,
 )
 TF_STATIC = TopicSpec(
     name="/tf_static",
     type="tf2_msgs/msg/TFMessage",
-    meaning="with `publish_tf`: `<handle>_rest`, `<obstacle>_rest`, `<body>_rest` in the node's frame; not recorded",
+    meaning="if `publish_tf` is true: `<handle>_rest`, `<obstacle>_rest` and `<body>_rest` in the node's frame. Not "
+    "recorded",
     recorded=False,
     delivery=Delivery.LATCHED,
 )
 TOPOLOGY = TopicSpec(
     name="~/topology",
     type="std_msgs/msg/Int32MultiArray",
-    meaning="m x 8 vertex numbers of the cells, VTK hexahedron order",
+    meaning="vertex ids of the cells, an array m x 8 in VTK's order for hexahedra",
     delivery=Delivery.LATCHED,
 )
 SCENE = TopicSpec(
     name="~/scene",
     type="std_msgs/msg/String",
-    meaning="the scene as YAML text that needs no other file",
+    meaning="the scene as YAML text; meshes are embedded, so that it needs no other file",
     delivery=Delivery.LATCHED,
 )
 PROCESS = "process"
@@ -240,15 +251,15 @@ PROCESS = "process"
 DIAGNOSTICS = TopicSpec(
     name="/diagnostics",
     type="diagnostic_msgs/msg/DiagnosticArray",
-    meaning="once a second, as a whole and in parts, each with level and reason: solver and skipped work, commands "
-    "taken and refused, bag, clock",
+    meaning="once a second: a summary, and one entry each for the solver with the skipped work, the accepted and "
+    "refused commands, the bag, and the clock; each entry has a level and the reason for it",
     recorded=False,
 )
 REFUSED = TopicSpec(
     name="~/refused",
     type="std_msgs/msg/String",
-    meaning="JSON: `source` (a topic), `reason` (as counted on /diagnostics) and `message` of each command that is "
-    "refused, at once",
+    meaning="JSON for each refused command, at once: `source` (its topic), `reason` (as counted on /diagnostics) and "
+    "`message`",
     delivery=Delivery.EVENT,
     recorded=False,
 )

@@ -42,7 +42,7 @@ COLD_AIM = 0.2
 modes yet, and its steps become short before the distance does."""
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
-TOO_DEEP = "what was apart came so deep into each other that it would not be kept apart"
+TOO_DEEP = "surfaces that were apart entered each other so deep that contact could not separate them"
 
 
 class Solve:
@@ -292,15 +292,13 @@ class Solve:
             late = past(self.problem.deadline)
             reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
             far = float(active.status["distance"]) / self._body.size
-            text = (
-                f"{reason}: how far from equilibrium is not known yet, the last step was {far:.3g} of the body's size"
-            )
+            text = f"{reason}: the distance to equilibrium is unknown yet; the last step was {far:.3g} of the size"
             return False, np.inf, f"{text}; the next step goes on from here"
         if residual <= tolerance:
             text = "pressures, commanded lengths and volumes, or hourglass scales have not settled"
-            return False, residual, f"{text} in {MOST_UPDATES} updates, though the positions hardly move any more"
+            return False, residual, f"{text} in {MOST_UPDATES} updates, although the positions hardly move any more"
         if not np.isfinite(residual):
-            text = "how far from equilibrium is not known: the body is at the edge of its stability"
+            text = "the distance to equilibrium is not known: the body is at the edge of its stability"
             return False, residual, f"{text}; smaller steps, or other commands, lead past it"
         reason = "no further descent is possible at the precision of the energy"
         message = f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"

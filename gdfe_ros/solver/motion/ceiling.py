@@ -64,7 +64,7 @@ def told(state: State, excess: float, h: float) -> State:
     """
     bound, summary = state.ledger.bound, state.summary
     text = (
-        f"an internal step of {h:.3g} s made {excess:.3g} J of energy that nothing gave; "
+        f"an internal step of {h:.3g} s gained {excess:.3g} J of energy without a source; "
         "remedy: a smaller dynamics.step, or dynamics.scheme: bdf2"
     )
     message = "; ".join(part for part in (summary.message, text) if part)

@@ -23,7 +23,7 @@ from gdfe_ros.solver.terms.actuation import Actuation
 from gdfe_ros.solver.terms.term import Saved
 from gdfe_ros.solver.value import changed
 
-UNTOLD = "rigid bodies were put elsewhere, and no step has been made since"
+UNTOLD = "rigid bodies were moved to other places, and no step has been made since"
 
 
 def put_elsewhere(

@@ -29,7 +29,7 @@ SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling
 FINER = 1e-2
 """Factor of the tolerance for a body with freely rotating handles: the residual forces at the full tolerance are large
 compared with the handles' moments."""
-LET_GO = "let go of {} without following the way there, on which {}"
+LET_GO = "let go of {} without following the load path, on which {}"
 FARTHER_FOLDS = "on the way to the command elements are pressed flat, and would fold or turn inside out"
 UNFOLD = "remedy: go back to where it was sound, or reset; finer cells fold later"
 

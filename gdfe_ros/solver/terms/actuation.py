@@ -230,5 +230,5 @@ def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]
     """Return the message that a chamber lost its stability between two pressures."""
     return (
         f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: it would inflate "
-        "without bound; command its volume instead to go on, or stiffen its walls"
+        "without bound; remedy: command its volume instead of its pressure, or stiffen its walls"
     )

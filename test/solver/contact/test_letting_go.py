@@ -46,7 +46,7 @@ def test_a_body_goes_back_to_rest_when_what_is_stuck_in_it_is_taken_away(poked: 
     """
     result = poked.step(Command(handles={"thing": AWAY}))
     assert result.converged
-    lets_go = "let go of thing without following the way there, on which " in result.message
+    lets_go = "let go of thing without following the load path, on which " in result.message
     assert lets_go or not result.message
     assert result.restarts == lets_go
     assert largest_distance(result.positions, poked.mesh.vertices) < 1e-5 * poked.mesh.size

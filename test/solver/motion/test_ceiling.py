@@ -114,7 +114,7 @@ def test_energy_that_cannot_be_mended_is_told(moving: Callable, monkeypatch: pyt
     monkeypatch.setattr(Ceiling, "checked", lambda self, now: (checked(self, now)[0], 1e-3))
     result = bar.step()
     assert not result.converged
-    assert "an internal step of 0.000125 s made 0.001 J of energy that nothing gave; remedy" in result.message
+    assert "an internal step of 0.000125 s gained 0.001 J of energy without a source; remedy" in result.message
     monkeypatch.undo()
     assert bar.step().converged
 

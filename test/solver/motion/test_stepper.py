@@ -213,6 +213,6 @@ def test_what_newmark_has_ring_is_remarked(moving: Callable, cable: dict, told: 
     """Keep a length without a stiffness, with one, or none: a remark with its remedy for the first, by newmark only."""
     points = [[0.0, 0.0, 0.008], [0.05, 0.0, 0.008], [0.09, 0.0, 0.008]]
     actuators = {"pull": {"cable": {"points": points, "command": "shortening", **cable}}}
-    rings = "newmark does not damp the force that keeps the length or volume of pull"
+    rings = "newmark does not damp the force that holds the commanded length or volume of pull"
     assert any(rings in text for text in moving(actuators=actuators).remarks()) is told
     assert moving(actuators=actuators, dynamics__scheme="bdf2").remarks() == []
