@@ -72,7 +72,7 @@ class Client:
             if time.monotonic() > end:
                 raise GdfeError(f"waited {self._patience:g} s for {what} in vain:\n{self._process.log}")
             if time.monotonic() > look:
-                self._look_for_doubles()
+                self.look_for_doubles()
                 look += _DISCOVERY
             self.executor.spin_once(timeout_sec=0.05)
 
@@ -91,9 +91,10 @@ class Client:
         waiting = partial(self.wait, what="diagnostics")
         await_discovery(self.node, self._name, waiting, process=self._process.pid)
         self.wait(lambda: time.monotonic() > self._born + _DISCOVERY, "other nodes")
-        self._look_for_doubles()
+        self.look_for_doubles()
 
-    def _look_for_doubles(self) -> None:
+    def look_for_doubles(self) -> None:
+        """Raise a `GdfeError` if another node with the simulation's name is known by now."""
         namespace, _, base = self._name.rpartition("/")
         if self.node.get_node_names_and_namespaces().count((base, namespace or "/")) > 1:
             domain = self._context.get_domain_id()

@@ -38,7 +38,7 @@ class Link:
         self.step = -1
         self._client = Client(process, name, "gdfe_link", patience=patience)
         self.wait, self.transition = self._client.wait, self._client.transition
-        self.require_alone = self._client.require_alone
+        self.require_alone, self.look_for_doubles = self._client.require_alone, self._client.look_for_doubles
         node = self._client.node
         self._publishers = {key: node.create_publisher(kind, f"{name}/{key}", 1000) for key, kind in topics.items()}
         services = {"set_parameters": SetParameters, **dict.fromkeys(_TRIGGERS, Trigger)}

@@ -73,6 +73,7 @@ def play_program(
             link.publish(_messages(scene, moment))
             link.wait_for_step(last + 1)
             tell(moment)
+            link.look_for_doubles()
         if node.stop() != 0:
             raise GdfeError(f"the node ended with status {node.status}:\n{node.log}")
         return first

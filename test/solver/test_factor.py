@@ -53,7 +53,6 @@ def test_equal_bodies_share_a_factor(made: list[Factorisation]) -> None:
     assert third.step().converged
 
 
-@pytest.mark.exact("bodies of equal bits share a factor")
 def test_a_factor_goes_with_its_last_body(made: list[Factorisation]) -> None:
     """Drop the only body that has a factor: the next one makes its own."""
     simulation = Simulation(scene())

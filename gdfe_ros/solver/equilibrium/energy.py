@@ -116,7 +116,7 @@ class EnergyEquilibrium:
         self._loaded: Known | None = None
         self._run = 0
         still = predictor is None and self._model.softest is not None
-        self._saddles = Saddles(Stability(body, self._model.softest), self) if still else None
+        self._saddles = Saddles(Stability(body, self._model.softest)) if still else None
 
     def at_rest(self) -> State:
         """Return the state at rest; it is no equilibrium if the body is inside of an obstacle."""
@@ -269,7 +269,7 @@ class EnergyEquilibrium:
         return solve.evaluate(self._whole, self._coupling(solve, self._whole), threads=threads)
 
     def _judged(self, solve: Solve, found: Solution, *, part: bool) -> Solution:
-        return self._saddles.judged(solve, found, part=part) if self._saddles and found.converged else found
+        return self._saddles.judged(self, solve, found, part=part) if self._saddles and found.converged else found
 
     def _coupling(self, solve: Solve, active: ActiveSet) -> Coupling:
         """Return the coupling of the handles' rigid rows in an active set, at the handles' rotations."""

@@ -51,37 +51,37 @@ class Saddles:
 
     Args:
         stability: finds directions of negative curvature.
-        descents: solves again from below a saddle.
     """
 
-    def __init__(self, stability: Stability, descents: Descents) -> None:
-        self._stability, self._descents = stability, descents
+    def __init__(self, stability: Stability) -> None:
+        self._stability = stability
 
-    def judged(self, solve: Solve, found: Solution, *, part: bool) -> Solution:
+    def judged(self, descents: Descents, solve: Solve, found: Solution, *, part: bool) -> Solution:
         """Return a converged solution with its stability, which is checked when due.
 
-        A solution of only a ``part`` of the body is not checked: it says nothing about the whole.
+        A solution of only a ``part`` of the body is not checked: it says nothing about the whole. ``descents`` solves
+        again from below a saddle.
         """
         start, soft = solve.start, solve.start.soft
         if soft is not None:
             soft = soft.after(STEP + found.iterations)
         refused = found.state.tangent is not None and found.state.tangent.softest == 0.0
         if not part and (soft is None or refused or soft.looked >= LOOK):
-            return self._left(solve, found)
+            return self._left(descents, solve, found)
         if start.summary.stable is False:  # no descent was found from there, at great cost
             return _told(found, soft, stable=False)
-        jumps = solve.anew or (self._descents.model.level is None and not solve.warm)
+        jumps = solve.anew or (descents.model.level is None and not solve.warm)
         if not part and (soft.asked >= ASK or jumps):
-            if self._stability.curves_down(self._descents.task_at(solve, found), soft.direction):
-                return self._left(solve, found)
+            if self._stability.curves_down(descents.task_at(solve, found), soft.direction):
+                return self._left(descents, solve, found)
             soft = changed(soft, asked=0)
         return _told(found, soft, stable=start.summary.stable)
 
-    def _left(self, solve: Solve, found: Solution) -> Solution:
+    def _left(self, descents: Descents, solve: Solve, found: Solution) -> Solution:
         """Leave a saddle, and those that follow it; return the last solution with its stability."""
-        whole = self._descents.whole
+        whole = descents.whole
         for _ in range(MOST_SADDLES):
-            task = self._descents.task_at(solve, found)
+            task = descents.task_at(solve, found)
             seen = self._stability.look(task)
             soft, history = SoftDirection(direction=seen.direction, asked=0, looked=0), whole.keeper.export()
             if seen.value > -FLAT:
@@ -92,7 +92,7 @@ class Saddles:
             whole.workspace.u[...] = down.unknowns
             slides, turns = whole.rigid_motion()
             solve.leave_to(found.state.with_(positions=down.positions, slides=slides, turns=turns))
-            again = self._descents.descend(solve, whole, History.empty(), spent=found.iterations)
+            again = descents.descend(solve, whole, History.empty(), spent=found.iterations)
             spent = found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
                 whole.keeper.load(history)
