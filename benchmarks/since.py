@@ -20,6 +20,7 @@ from statistics import median
 from typing import Any
 
 from benchmarks.markdown import markdown_table
+from gdfe_ros.workers import THREAD_COUNTS
 
 ROOT = Path(__file__).resolve().parent.parent
 PLAYER = Path(__file__).with_name("player.py")
@@ -92,7 +93,7 @@ class Player:
     """
 
     def __init__(self, tree: Path, core: int) -> None:
-        threads = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+        threads = dict.fromkeys(THREAD_COUNTS, "1")
         # The script's own directory would come first on the path, and with it this tree's modules.
         command = [
             tree / ".venv/bin/python",

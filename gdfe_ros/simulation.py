@@ -353,7 +353,7 @@ class Simulation:
     ) -> Sensitivities:
         """Return exact derivatives d(output)/d(parameter) at the present state, which is not modified.
 
-        At an equilibrium K dx = -dF (docs/theory/sensitivities.md), with the present contacts and sticking points held.
+        At an equilibrium K dx = -dF (docs/sensitivities.md), with the present contacts and sticking points held.
 
         Args:
             outputs: ``probes.<name>``, ``reactions.<handle or obstacle>``, ``positions``; None: all probes.

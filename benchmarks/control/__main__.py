@@ -2,7 +2,7 @@
 """Inverse control on circles: time of a move, and how far from the circle a plant goes that is told the commands alone.
 
 ``python -m benchmarks.control`` prints a table. Times are those of the processor, one thread. The plant is a
-simulation of its own; in open loop it has the model's modulus, in closed loop one that is wrong by 30 %.
+simulation of its own with the model's modulus.
 """
 
 from __future__ import annotations

@@ -21,15 +21,13 @@ import numpy.typing as npt
 from benchmarks.cases import Case, CaseName
 from benchmarks.grids import Grid
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.workers import THREAD_COUNTS
 
 Array = npt.NDArray[np.float64]
 Setting = float | int | bool | str
 
 _THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
+    *THREAD_COUNTS,
     "CCX_NPROC_EQUATION_SOLVER",
     "CCX_NPROC_RESULTS",
     "CCX_NPROC_STIFFNESS",

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.analysis.message_values import cloud_values
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.recording.decoding import array_decoder
@@ -74,16 +75,10 @@ class BagRun:
         for message in self.reader.messages(self.topics(ending)):
             yield message.log_time, self._decode(message.type, message.data)
 
-    def clouds(self, ending: str) -> Iterator[tuple[float, NDArray[np.float32], list[str]]]:
-        """Yield the time [s], values (k, c) float32 and column names of the clouds of a topic."""
-        for _, cloud in self.messages(ending):
-            stamp = cloud.header.stamp
-            values = np.frombuffer(cloud.data.tobytes(), dtype="<f4").reshape(cloud.width, -1)
-            yield stamp.sec + 1e-9 * stamp.nanosec, values, [field.name for field in cloud.fields]
-
     def last_positions(self) -> NDArray[np.float64]:
         """Return the vertices (n, 3) [m] of the last mesh message."""
-        return _last(self.clouds("/mesh"))[1][:, :3].astype(np.float64)
+        columns = cloud_values(_last(self.messages("/mesh"))[1])
+        return np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
 
     def last_wrenches(self) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
         """Return the last force [N] and moment [N m] of each handle, obstacle and sensor on the body."""

@@ -114,9 +114,9 @@ class InverseControl:
         """
         wanted, tries, stuck = self._stack.checked(goals), 0, False
         with self._all_or_nothing():
-            error = self._errors(wanted)
+            error = self._stack.errors(wanted)
             while tries < MOST_TRIES and not stuck and not self._stack.reached(error):
-                moved, error, spent = self._nearer(wanted)
+                moved, error, spent = self._nearer(wanted, error)
                 tries, stuck = tries + spent, not moved
         return self._told(error, tries)
 
@@ -134,9 +134,9 @@ class InverseControl:
         wanted, tries = self._stack.checked(goals), 0
         _require_positive("the time of a move", dt, "s")
         with self._all_or_nothing():
-            error = self._errors(wanted)
+            error = self._stack.errors(wanted)
             if not self._stack.reached(error):
-                _, error, tries = self._nearer(wanted, dt)
+                _, error, tries = self._nearer(wanted, error, dt)
         return self._told(error, tries)
 
     @contextmanager
@@ -151,12 +151,13 @@ class InverseControl:
             self.simulation.restore(before)
             raise
 
-    def _nearer(self, wanted: Array, dt: float | None = None) -> tuple[bool, Array, int]:
+    def _nearer(self, wanted: Array, error: Array, dt: float | None = None) -> tuple[bool, Array, int]:
         """Change the commands once; return whether that led nearer, the errors then, and how often it was tried.
 
-        The change takes ``dt`` [s]; None: as long as rates want.
+        ``error`` (m,) is the present one from the goals ``wanted`` (t, 3). The change takes ``dt`` [s]; None: as long
+        as rates want.
         """
-        stack, now, error, tries = self._stack, self._now(), self._errors(wanted), 0
+        stack, now, tries = self._stack, self._now(), 0
         here, rows = self.simulation.snapshot(), self._jacobian.at(now, stack.values())
         length, way = float(np.linalg.norm(error)), stack.length(wanted, error)
         while tries < MOST_TRIES:
@@ -165,7 +166,7 @@ class InverseControl:
             gain = length - float(np.linalg.norm(error - rows @ change))
             worth = np.linalg.norm(rows @ change) >= STANDSTILL and gain >= FAINT
             if worth and self._went(now, change, dt):
-                after = self._errors(wanted)
+                after = self._stack.errors(wanted)
                 if length - float(np.linalg.norm(after)) > ENOUGH * gain:
                     self._trust = min(1.0, LONGER * self._trust)
                     self._jacobian.learn(error - after, self._now(), stack.values())
@@ -174,7 +175,7 @@ class InverseControl:
                 self.simulation.restore(here)
             if not self._jacobian.fresh:
                 self._jacobian.forget()
-                moved, error, spent = self._nearer(wanted, dt)
+                moved, error, spent = self._nearer(wanted, error, dt)
                 return moved, error, tries + spent
             self._trust = SHORTER * min(self._trust, way)
             if not worth or self._trust * length < way:
@@ -192,10 +193,6 @@ class InverseControl:
         """Return the commands (n,) in force; rates may have kept others back."""
         states = self.simulation.actuator_states()
         return np.array([states[name].command for name in self.names])
-
-    def _errors(self, wanted: Array) -> Array:
-        """Return how far targets are from their goals (t, 3), as `Stack` counts."""
-        return self._stack.errors(wanted, {})
 
     def _exact(self) -> Array:
         """Return the exact Jacobian, as `Stack` counts."""

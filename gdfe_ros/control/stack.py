@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,17 +63,11 @@ class Stack:
         """Return the present values (t, 3) of the model."""
         return np.array([target.value(self._simulation) for target in self.targets])
 
-    def errors(self, goals: Array, shifts: Mapping[str, Array]) -> Array:
-        """Return the errors (m,) from goals (t, 3).
-
-        Args:
-            goals: of the targets.
-            shifts: (3,) [m] by how much probes are elsewhere than in the model, by name.
-        """
+    def errors(self, goals: Array) -> Array:
+        """Return the errors (m,) from goals (t, 3)."""
         parts = []
         for target, scale, goal, value in zip(self.targets, self._scales, goals, self.values(), strict=True):
-            shift = shifts.get(target.probe, 0.0) if isinstance(target, Target) else 0.0
-            parts.append(scale * target.missing(goal, value + shift)[list(target.axes)])
+            parts.append(scale * target.missing(goal, value)[list(target.axes)])
         return np.concatenate(parts)
 
     def jacobian(self, actuators: Sequence[str]) -> Array:

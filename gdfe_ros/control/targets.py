@@ -88,14 +88,24 @@ class Aim(ABC):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Target(Aim):
-    """Where a probe is to be; its goal is a position [m].
+class ProbeTarget(Aim):
+    """A target of a probe.
 
     Attributes:
         probe: its name.
     """
 
     probe: str
+
+    def require_in(self, scene: Scene) -> None:
+        """Refuse a scene without the probe."""
+        if self.probe not in scene.probes:
+            raise CommandError(f"no probe {self.probe!r}; probes: {', '.join(scene.probes) or 'none'}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target(ProbeTarget):
+    """Where a probe is to be; its goal is a position [m]."""
 
     unit = "m"
 
@@ -109,10 +119,6 @@ class Target(Aim):
         """The probe's position."""
         return f"probes.{self.probe}"
 
-    def require_in(self, scene: Scene) -> None:
-        """Refuse a scene without the probe."""
-        _require_probe(scene, self.probe)
-
     def value(self, simulation: Simulation) -> Array:
         """Return where the probe is (3,) [m]."""
         return simulation.probe_positions()[self.probe]
@@ -123,17 +129,12 @@ class Target(Aim):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OrientationTarget(Aim):
+class OrientationTarget(ProbeTarget):
     """How a probe is to be turned; its goal is a rotation vector [rad] from rest.
 
     The rotation is the one that fits the corners of the cell around the probe best, as on ``~/probe/<name>``. Axes are
     those of the turn that is still missing, in the scene's frame.
-
-    Attributes:
-        probe: its name.
     """
-
-    probe: str
 
     unit = "rad"
 
@@ -146,10 +147,6 @@ class OrientationTarget(Aim):
     def output(self) -> str:
         """All vertices; the rotation is that of some of them."""
         return "positions"
-
-    def require_in(self, scene: Scene) -> None:
-        """Refuse a scene without the probe."""
-        _require_probe(scene, self.probe)
 
     def value(self, simulation: Simulation) -> Array:
         """Return the rotation vector (3,) [rad]."""
@@ -228,9 +225,3 @@ class ForceTarget(Aim):
     def obstacle(self, simulation: Simulation) -> str:
         """Say that nothing touches."""
         return "" if self.value(simulation).any() else f"nothing touches {self.contact}: bring the body there first"
-
-
-def _require_probe(scene: Scene, probe: str) -> None:
-    """Refuse a probe that a scene does not have."""
-    if probe not in scene.probes:
-        raise CommandError(f"no probe {probe!r}; probes: {', '.join(scene.probes) or 'none'}")

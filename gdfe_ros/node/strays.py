@@ -7,6 +7,7 @@ import re
 from collections.abc import Collection
 
 from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
 
 from gdfe_ros.constraints import Handle
 from gdfe_ros.node.interface import topics
@@ -53,6 +54,12 @@ class Strays:
         self._refusals.refuse(topic, Refusal(Reason.UNKNOWN, text))
 
 
+def namesakes(node: Node, name: str) -> int:
+    """Return how many nodes of a full name are known to ``node``."""
+    namespace, _, base = name.rpartition("/")
+    return node.get_node_names_and_namespaces().count((base, namespace or "/"))
+
+
 class Doubles:
     """Searches for a second node of this node's name, and for a second publisher of /clock; reports each once.
 
@@ -70,8 +77,8 @@ class Doubles:
         """Examine the graph once."""
         node, own = self._node, (self._node.get_name(), self._node.get_namespace())
         found = []
-        if (count := node.get_node_names_and_namespaces().count(own)) > 1:
-            name = node.get_fully_qualified_name()
+        name = node.get_fully_qualified_name()
+        if (count := namesakes(node, name)) > 1:
             text = f"{count} nodes are called {name}, and commands reach all of them"
             found.append(f"{text}; remedy: remap __node or __ns of all but one")
         clock = node.resolve_topic_name(topics.CLOCK.name)

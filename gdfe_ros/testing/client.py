@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.process import make_executor
+from gdfe_ros.node.strays import namesakes
 from gdfe_ros.testing.discovery import await_discovery
 from gdfe_ros.testing.process import NodeProcess
 
@@ -95,8 +96,7 @@ class Client:
 
     def look_for_doubles(self) -> None:
         """Raise a `GdfeError` if another node with the simulation's name is known by now."""
-        namespace, _, base = self._name.rpartition("/")
-        if self.node.get_node_names_and_namespaces().count((base, namespace or "/")) > 1:
+        if namesakes(self.node, self._name) > 1:
             domain = self._context.get_domain_id()
             raise GdfeError(
                 f"another node is called {self._name} in ROS domain {domain}, commands would reach both; "

@@ -11,8 +11,8 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from sensor_msgs.msg import JointState
 
 from gdfe_ros.cli import BAD_INPUT, main
-from gdfe_ros.commands.message_text import fill, parse, show
 from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.message_text import fill, parse, show
 from gdfe_ros.testing import NodeProcess
 
 
@@ -42,7 +42,7 @@ def test_a_tip_is_lifted_from_the_terminal(capsys: pytest.CaptureFixture[str]) -
 def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Misspell a topic, a service and a field: each error names what is meant and what there is."""
     assert main(["echo", "/gdfe_sim/step_record"]) == 0
-    monkeypatch.setattr("gdfe_ros.commands.peer.PATIENCE", 1.0)
+    monkeypatch.setattr("gdfe_ros.node.peer.PATIENCE", 3.0)
     assert main(["pub", "/gdfe_sim/handles/tip/tarket", "{}"]) == BAD_INPUT
     assert "did you mean '/gdfe_sim/handles/tip/target'?" in capsys.readouterr().err
     assert main(["call", "/gdfe_sim/rest"]) == BAD_INPUT

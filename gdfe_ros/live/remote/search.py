@@ -15,6 +15,7 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import topics
+from gdfe_ros.node.strays import namesakes
 
 
 def full_name(name: str) -> str:
@@ -72,8 +73,7 @@ def absence(node: Node, name: str, patience: float) -> str:
         name: full name of the awaited node.
         patience: duration of the wait [s].
     """
-    space, _, own = name.rpartition("/")
-    if (own, space or "/") in node.get_node_names_and_namespaces():
+    if namesakes(node, name):
         return (
             f"node {name} has published no scene within {patience:g} s: it is not configured; remedy: "
             f"{configuring(name)}"
