@@ -14,9 +14,7 @@ from benchmarks.report import KEPT, Report, read_report
 from docs.scripts import generate
 from gdfe_ros.solver.equilibrium import slender
 
-OLDER = {
-    "torture": "its three walks of 100 000 steps were not played with this solver yet: make measure ONLY=torture",
-}
+OLDER: dict[str, str] = {}
 """Tables whose pages say that an older solver made them, and why. One that is measured must leave this list."""
 
 
