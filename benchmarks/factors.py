@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors of the robots' tangents, in a band and by supernodes, in turn: ``python -m benchmarks.factors``.
+"""Factors of the robots' tangents, in LAPACK's band and in fronts, in turn: ``python -m benchmarks.factors``.
 
-Medians of the processor time of one thread; the kind that the solver takes is marked.
+Medians of the processor time of one thread.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.band import Band
 from benchmarks.markdown import markdown_table
 from benchmarks.report import options, write_report
 from benchmarks.robots import ROBOTS
@@ -20,8 +21,6 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.matrix.ordering import narrow_order
-from gdfe_ros.solver.tangent.band import Band
-from gdfe_ros.solver.tangent.factor import Factor, factor_for, least_filled
 from gdfe_ros.solver.tangent.fronts import Fronts
 from gdfe_ros.solver.tangent.level import TangentLevel
 
@@ -55,13 +54,12 @@ def rows(repeats: int = REPEATS, names: Sequence[str] = ()) -> Iterator[dict[str
             yield {"robot": robot.scene, **compared(level, simulation.mesh, free, repeats)}
 
 
-def probe() -> dict[str, float | str]:
-    """Return the sizes of three robots' factors, and the kind that is taken."""
-    found: dict[str, float | str] = {}
+def probe() -> dict[str, float]:
+    """Return the sizes of three robots' factors."""
+    found: dict[str, float] = {}
     for row in rows(1, PROBED):
         sizes = dict(zip(("in the band", "in fronts"), row["entries"], strict=True))
         found |= {f"{row['robot']}: numbers {where}": count for where, count in sizes.items()}
-        found[f"{row['robot']}: kind"] = row["taken"]
     return found
 
 
@@ -69,16 +67,15 @@ def compared(level: TangentLevel, mesh: HexMesh, free: np.ndarray, repeats: int)
     """Return sizes and times [s] of both kinds for the tangent that a simulation has taken."""
     count, graph = level._assembly.free, level._assembly.graph()[: level._assembly.free, : level._assembly.free].tocsr()
     blocks = level._loaded.blocks[level._among_free]
-    narrow, points = narrow_order(graph, mesh.vertices[free]), mesh.vertices[free]
-    band, found = Band(graph, narrow), least_filled(graph, narrow)
-    kinds: tuple[Factor, Factor] = band, Fronts(graph, found)
+    points = mesh.vertices[free]
+    band, fronts = Band(graph, narrow_order(graph, points)), Fronts(graph, points)
+    kinds = band, fronts
     right = np.random.default_rng(0).standard_normal(3 * count)
     factors = [[seconds(lambda kind=kind: kind.factor(blocks)) for kind in kinds] for _ in range(repeats)]
     solves = [[seconds(lambda kind=kind: kind.solve(right)) for kind in kinds] for _ in range(repeats)]
     return {
         "unknowns": 3 * count,
-        "taken": type(factor_for(graph, points)).__name__,
-        "entries": [3.0 * count * band.width, 9.0 * found.entries],
+        "entries": [3.0 * count * band.width, float(len(fronts.kept.values))],
         "factor": [median(each) for each in zip(*factors, strict=True)],
         "solve": [median(each) for each in zip(*solves, strict=True)],
     }
@@ -92,19 +89,12 @@ def seconds(run: Callable[[], Any]) -> float:
 
 
 def table(report: Sequence[Mapping[str, Any]]) -> str:
-    """Return the table of a report; times of the kind that is taken are bold."""
+    """Return the table of a report."""
     cells = []
     for row in report:
-        taken = int(row["taken"] == "Fronts")
-        times = [
-            [
-                f"**{1e3 * value:.2g}**" if kind == taken else f"{1e3 * value:.2g}"
-                for kind, value in enumerate(row[name])
-            ]
-            for name in ("factor", "solve")
-        ]
+        times = [f"{1e3 * value:.2g}" for name in ("factor", "solve") for value in row[name]]
         entries = [f"{1e-6 * value:.2g}" for value in row["entries"]]
-        cells.append([f"`{row['robot']}`", str(row["unknowns"]), *entries, *times[0], *times[1]])
+        cells.append([f"`{row['robot']}`", str(row["unknowns"]), *entries, *times])
     return markdown_table(HEADINGS, cells)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One thread for BLAS while a slender body is solved, and as many as before afterwards."""
+"""One thread for BLAS while a constant matrix is factored, and as many as before afterwards."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from threadpoolctl import ThreadpoolController
 
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.solver.tangent.band import Band
+from gdfe_ros.solver.matrix import supernodes
 
 
 def counts() -> set[int]:
@@ -17,17 +17,17 @@ def counts() -> set[int]:
     return {library.num_threads for library in ThreadpoolController().select(user_api="blas").lib_controllers}
 
 
-def test_a_slender_body_is_solved_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Allow two threads and take a step of a body with a band: each factor is made with one, two are left after it."""
-    simulation, seen = Simulation(load_scene("swinging_arm")), []
+def test_a_matrix_is_factored_with_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Allow two threads and build a body with supernodes: its factor is made with one, two are left after it."""
+    seen: list[set[int]] = []
 
-    def watched(factor: Band, blocks: object, *, original: Callable = Band.factor) -> bool:
+    def watched(*given: object, original: Callable = supernodes._factor) -> None:
         seen.append(counts())
-        return original(factor, blocks)
+        original(*given)
 
-    monkeypatch.setattr(Band, "factor", watched)
+    monkeypatch.setattr(supernodes, "_factor", watched)
     with ThreadpoolController().limit(limits=2, user_api="blas"):
-        simulation.step(dt=0.05)
+        Simulation(load_scene("bend5", overrides={"mesh.bar.cells": [60, 6, 6]}))
         assert counts() == {2}
     assert seen
     assert all(count == {1} for count in seen)

@@ -12,10 +12,10 @@ from benchmarks.markdown import markdown_table
 from benchmarks.profile.machine import Machine, fastest
 from benchmarks.profile.operations import bar_of, counts
 from benchmarks.profile.phases import (
-    CERTIFICATES,
     ENERGIES,
     EVALUATIONS,
     HISTORY,
+    NEWTON,
     REST,
     SOLVES,
     TANGENTS,
@@ -30,7 +30,7 @@ from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
 from gdfe_ros.steppers import scene_body
 
-PHASES = (EVALUATIONS, SOLVES, HISTORY, TANGENTS, CERTIFICATES, UPDATES, ENERGIES, REST)
+PHASES = (EVALUATIONS, SOLVES, HISTORY, TANGENTS, NEWTON, UPDATES, ENERGIES, REST)
 NUMBER = 8
 """Bytes of one."""
 ELEMENT = 8 * 4 + (24 + GEOMETRY_ROWS + 5) * NUMBER + (24 + 1) * NUMBER

@@ -12,8 +12,7 @@ from typing import Any
 
 from benchmarks.profile.machine import fastest
 from gdfe_ros.simulation import Simulation
-from gdfe_ros.solver.descent import minimiser, pairs, quasi_newton
-from gdfe_ros.solver.descent.certified import CertifiedMinimiser
+from gdfe_ros.solver.descent import minimiser, newton, pairs, quasi_newton
 from gdfe_ros.solver.descent.workspace import Workspace, numbers
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, apply_inverse
@@ -21,7 +20,7 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.tangent.substitution import solve_kept
 
 EVALUATIONS, SOLVES, HISTORY = "evaluations", "solves", "history"
-TANGENTS, CERTIFICATES, UPDATES, ENERGIES = "tangents", "certificates", "updates", "energies"
+TANGENTS, NEWTON, UPDATES, ENERGIES = "tangents", "Newton steps", "updates", "energies"
 REST = "everything else"
 _TIMED: tuple[tuple[object, str, str], ...] = (
     (quasi_newton, "advance", EVALUATIONS),
@@ -34,7 +33,8 @@ _TIMED: tuple[tuple[object, str, str], ...] = (
     (TangentLevel, "solve", SOLVES),
     (TangentLevel, "take", TANGENTS),
     (TangentLevel, "load", TANGENTS),
-    (CertifiedMinimiser, "_ask", CERTIFICATES),
+    (newton, "iterate", NEWTON),
+    (newton, "solve_newton", NEWTON),
     (Solve, "_update", UPDATES),
     (Solve, "measure", ENERGIES),
 )

@@ -43,7 +43,7 @@ _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """Dataclasses that a tree may contain besides plain values."""
 
 _ADDED = {
-    Tangent: {"ends", "ways", "softest"},
+    Tangent: {"ends", "ways", "softest", "positions"},
     states.Snapshot: {"scene"},
     states.State: {"soft"},
     states.Summary: {"stable"},

@@ -209,17 +209,6 @@ class Minimiser:
 
         return self._run_compiled(task, iterate, limit, least=unasked, chunk=chunk)
 
-    def _run_kept(self, task: Task, target: float, limit: int, *, prepared: bool) -> Descended:
-        """Iterate with a kept tangent; if ``prepared``, the first step is already preconditioned."""
-        work = task.active.workspace
-        if not prepared:
-            task.precondition(work.gradient, work.step)
-
-        def iterate(done: int, most: int) -> int:
-            return quasi_newton.descend_kept(task.problem, work, task.level.kept, target, most)
-
-        return self._run_compiled(task, iterate, limit, least=0, chunk=1)
-
     def _run_compiled(
         self, task: Task, iterate: Callable[[int, int], int], limit: int, *, least: int, chunk: int
     ) -> Descended:

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Minimisation with a kept tangent: L-BFGS whose initial matrix is a recent stiffness, renewed when that pays."""
+"""Minimisation with a kept tangent, renewed when that pays: Newton steps in statics, L-BFGS in motion.
+
+In statics a Newton step by conjugate gradients is as good as the tangent is old, and tells the distance to the
+equilibrium. Where a step has to be cut, or conjugate gradients meet negative curvature, iterations of L-BFGS follow,
+which learn how the tangent changes. In motion, tolerances are far finer and inertia keeps bodies from buckling: L-BFGS
+alone takes the fewest evaluations.
+"""
 
 from __future__ import annotations
 
@@ -10,42 +16,48 @@ from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
-from gdfe_ros.solver.descent import pairs
+from gdfe_ros.solver.descent import newton, quasi_newton
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Descended, Minimiser, Task
-from gdfe_ros.solver.descent.workspace import End
+from gdfe_ros.solver.descent.newton import Sides, Why
+from gdfe_ros.solver.descent.workspace import End, allocate
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
+SPACING = 1e-7
+"""Largest displacement of a difference of gradients, over the body's size. The truncation error is a millionth of the
+product if a body's stiffness changes by its own order over a tenth of its size; rounding is smaller."""
 TRUST = 5.0
 """Largest tolerance over the body's softness; larger ones are reduced to it. Softness is, to a factor, the strain at
 which a slender body buckles. A shape whose length is off by that much is as much too stiff or too soft, so that a
 small Newton step means nothing there."""
-SLACK = 5.0
-"""Assumed ratio of the distance to the step by the kept tangent."""
-PATIENT = 12
-"""Successive iterations after which the tangent is renewed."""
-MOST_TANGENTS = 20
+WORTH = 12
+"""Products, beyond the free ones of each Newton step, that justify a new tangent."""
+MOST_TANGENTS = 60
 """Limit of tangents in a solve. Beyond it the potential is not smooth, as where points of a cable meet."""
+MOST_UNKNOWN = 6
+"""Limit of Newton steps in a solve whose distance conjugate gradients do not find: the body is about to buckle."""
+MOVING = 0.2
+"""Length of an L-BFGS step in motion, over the tolerance, that ends it; the distance counts as that length over this."""
+PATIENT = 12
+"""Successive iterations of L-BFGS after which the tangent is renewed, unless it costs as much as more solves."""
 DAMPING = 10.0
-"""Growth factor of the constant matrix's share if steps do not shrink, which starts at the body's softness. An almost
+"""Growth factor of the constant matrix's share if steps in motion do not shrink, from the body's softness on. An almost
 singular tangent causes steps that are far too long."""
-WORTH = 24
-"""Iterations and products, beyond the free ones of a solve, that justify a new tangent."""
+HIDDEN = 0.01
+"""Remainder of a random right-hand side, over its average component along one mode, below which no mode is hidden."""
 
 
 class TangentMinimiser(Minimiser):
     """Minimises the potential of a body that has much softer modes than its constant matrix.
-
-    Its distance to the equilibrium is the step by the kept tangent, which suffices in motion: with inertia a body is
-    never near buckling. The tangent is renewed when the iterations with it have cost as much as a new one.
 
     Args:
         body: the discretised body.
         weight, bending: (m,) [Pa] and (m,) [N/m] of the constant matrix.
         level: the tangent preconditioner.
         softness: stiffness of the softest mode over that of the constant matrix.
+        moving: whether inertia is among the terms: then a body is never near buckling.
 
     Attributes:
         tangent: the kept tangent.
@@ -59,117 +71,176 @@ class TangentMinimiser(Minimiser):
         bending: NDArray[np.float64],
         level: TangentLevel,
         softness: float,
+        *,
+        moving: bool,
     ) -> None:
         super().__init__(body, weight, bending)
-        self.lumps, self.tangent = (), None
+        self.lumps, self.tangent, self.certified = (), None, not moving
         self._level, self._softness, self._finest = level, softness, TRUST * softness
-        self._distance, self._shortfall = np.inf, 1.0
-        self._work, self._prepared = 0, False
-        self._patient, self._free, self._worth = max(PATIENT, level.price), 0, max(WORTH, level.price)
+        self._beside = allocate(body.unknowns.rows, body.rest, len(body.material), memory=0)
+        self._krylov = newton.allocate_krylov(body.unknowns.rows)
+        self._course = self._krylov.course.view(newton.COURSE, np.ndarray)[0]
+        self._spacing, self._patient = SPACING * body.size, max(PATIENT, level.price)
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
-        """Begin a solve with the tangent of ``start``, to which its history belongs.
+        """Begin a solve with the tangent of ``start``.
 
         A tangent that is due is evaluated at the last equilibrium if the solve is ``warm``, otherwise at its start.
         """
         super().begin(active, start, warm=True)
         self.tangent, self._last = start.tangent, start.positions if warm else None
-        self._work, self._distance, self._shortfall = 0, np.inf, 1.0
-        self.lost, self._tangents = False, 0
+        self.lost, self._tangents, self._known, self._turned = False, 0, False, False
+        self._cleared, self._learning = 0 if warm else -1, not self.certified
+        course = self._course
+        course["distance"], course["curved"], course["unknown"] = np.inf, 0, 0
         if self.tangent is not None:
             self._level.load(self.tangent)
+            course["spent"], course["least"] = self.tangent.spent, self.tangent.softest or 1.0
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
         """Minimise until the distance is within the tolerance.
 
         Args:
-            task: the problem; its terms are evaluated at the present unknowns.
+            task: the problem.
             tolerance: estimated largest distance to the equilibrium over the body's size.
             final: the tolerance of the whole solve.
             least: not used.
             limit: most iterations.
         """
         task.evaluate()
-        target = min(tolerance, self._finest) * self._body.size
-        known, self._prepared = self._distance <= target, False
-        if self.tangent is None or self.tangent.spent >= self._worth:
+        work, target = task.active.workspace, min(tolerance, self._finest) * self._body.size
+        target *= 1.0 if self.certified else MOVING
+        self._beside.x[...] = work.x  # with the handles where they are
+        if self.tangent is None or (not self.certified and self._course["spent"] >= 2 * self._patient):
             self._take(task, self._last)
-        elif self._level.touched(task.active.workspace.x):
-            self._tangents += 1
+        elif self._level.touched(work.x):
             self._take(task)
-            self.lost = self._tangents > MOST_TANGENTS
-        if known and self._still_near(task, target):
+        if not self._turned:
+            self._level.turn(work.x)
+            self._turned, status = True, task.active.status
+            status["count"], status["pending"] = 0, 0
+        task.precondition(work.gradient, work.step)
+        left = largest(work.step) / float(self._course["least"])
+        last = tolerance <= final
+        # An update of multipliers has changed the forces by little, or the prediction of a motion is exact.
+        if left <= target and (self._known or not self.certified) and not (last and self._doubtful):
+            self._course["distance"] = left
             return Descended(0, cut=False)
-        descended = self._approach(task, target, limit, known=known, last=tolerance <= final)
-        if task.active.status["pending"]:
-            pairs.take_products(task.active.workspace, None)
-        return descended
+        return self._iterate_to(task, target, limit, last=last)
 
     def residual(self, active: ActiveSet) -> float:
         """Return the distance to the equilibrium over the body's size; infinite if it is unknown."""
-        return self._distance / self._body.size
+        return float(self._course["distance"]) / self._body.size
 
     def spent_tangent(self) -> Tangent | None:
         """Return the tangent with the cost of this solve added."""
         if self.tangent is None:
             return None
-        return replace(self.tangent, spent=self.tangent.spent + max(0, self._work - self._free))
+        course, sure = self._course, self.tangent.softest > 0.0
+        return replace(self.tangent, spent=int(course["spent"]), softest=float(course["least"]) if sure else 0.0)
 
-    def _approach(self, task: Task, target: float, limit: int, *, known: bool, last: bool) -> Descended:
-        """Minimise to within ``target`` [m].
+    @property
+    def _hard(self) -> int:
+        """Number of Newton steps of this solve that conjugate gradients did not find: they do not prove a minimum."""
+        return int(self._course["curved"] + self._course["unknown"])
 
-        Args:
-            task: the problem.
-            target: largest distance [m].
-            limit: most iterations.
-            known: whether the distance was within the target before the last update of multipliers.
-            last: whether no finer target follows.
-        """
-        descended = self._run(task, target / SLACK, limit)
-        self._distance = np.inf if descended.cut else SLACK * float(task.active.status["distance"])
-        return descended
+    @property
+    def _doubtful(self) -> bool:
+        """Whether it may be a saddle: after hard steps, with a shifted tangent, or far from the last equilibrium."""
+        return self.certified and (not self.tangent.softest or self._hard > self._cleared)
 
-    def _still_near(self, task: Task, target: float) -> bool:
-        """Return whether the distance is still within the target [m] after an update of multipliers.
-
-        The step by the kept tangent is enlarged by the ratio by which it was found to fall short of the distance.
-        """
-        work = task.active.workspace
-        task.precondition(work.gradient, work.step)
-        self._prepared = True
-        left = SLACK * self._shortfall * largest(work.step)
-        if left <= target:
-            self._distance = max(left, self._distance)
-        return left <= target
-
-    def _run(self, task: Task, goal: float, limit: int) -> Descended:
-        """Iterate until the step is at most ``goal`` [m]; renew the tangent if that takes many iterations."""
-        used, damping, before, status = 0, 0.0, np.inf, task.active.status
+    def _iterate_to(self, task: Task, target: float, limit: int, *, last: bool) -> Descended:
+        """Iterate to within ``target`` [m]; if it is the ``last`` one, a doubtful equilibrium is asked for saddles."""
+        used, course, status, self._known, self._since = 0, self._course, task.active.status, False, 0
+        damping, before = 0.0, np.inf
         while True:
-            chunk = min(self._patient, limit - used)
-            went = self._run_chunk(task, goal, chunk)
-            self._prepared = True
-            used, self._work = used + went.iterations, self._work + went.iterations
-            # An almost singular tangent causes a step beyond all bounds, even if the energy has a lower bound.
-            astray = task.active.ended is End.RUNAWAY and status["blocked"] == 0
-            if not (went.cut or astray) or used >= limit or past(task.deadline):
-                return Descended(used, went.cut)
-            self._tangents += 1
-            if self._tangents > MOST_TANGENTS:
-                self.lost = True
+            why, made = self._iterate_once(task, target, limit - used)
+            used += made
+            if self._tangents > MOST_TANGENTS or course["unknown"] > MOST_UNKNOWN:
+                self.lost, course["distance"] = True, np.inf
                 return Descended(used, cut=False)
-            if astray or status["distance"] > 0.5 * before:
-                damping = max(self._softness, DAMPING * damping)
-            before = float(status["distance"])
-            self._take(task, damping=damping)
+            if why is Why.ENDED:
+                return Descended(used, cut=False)
+            if why is Why.NEAR:
+                if last and self._doubtful and not self._asked(task):
+                    continue
+                self._known = True
+                return Descended(used, cut=False)
+            if used >= limit or (used > 0 and past(task.deadline)):
+                return Descended(used, cut=True)
+            if why in (Why.STALE, Why.HARD):
+                if not self.certified and status["distance"] > 0.5 * before:
+                    damping = max(self._softness, DAMPING * damping)
+                before = float(status["distance"])
+                self._take(task, damping=damping)
+                task.precondition(task.active.workspace.gradient, task.active.workspace.step)
+                self._learning = why is Why.HARD or not self.certified
 
-    def _run_chunk(self, task: Task, goal: float, limit: int) -> Descended:
-        if self._level.kept is None:
-            return self._run_stepwise(task, goal, goal, 0, limit, prepared=self._prepared)
-        return self._run_kept(task, goal, limit, prepared=self._prepared)
+    def _iterate_once(self, task: Task, target: float, limit: int) -> tuple[Why, int]:
+        """Iterate in one compiled call; once alone where it is observed or may have to end at any time."""
+        work, most = task.active.workspace, 1 if self.observer or task.deadline else limit
+        self._show(work, begins=True)
+        with task.turn:
+            why, used = (self._quasi_newton if self._learning else self._newton)(task, target, most)
+        self._show(work, begins=False)
+        return why, used
+
+    def _newton(self, task: Task, target: float, most: int) -> tuple[Why, int]:
+        given = task.problem, task.active.workspace, self._beside, self._level.kept, self._krylov
+        why, used = newton.iterate(*given, self._body.size, self._spacing, target, WORTH, most)
+        return Why(why), used
+
+    def _quasi_newton(self, task: Task, target: float, most: int) -> tuple[Why, int]:
+        """Iterate by L-BFGS, which learns how the tangent changes; in statics Newton steps follow."""
+        course, status = self._course, task.active.status
+        most = min(most, self._patient - self._since)
+        used = quasi_newton.descend_kept(task.problem, task.active.workspace, self._level.kept, target, most)
+        course["spent"], course["distance"] = course["spent"] + used, float(status["distance"]) / MOVING
+        self._since += used
+        if self.certified:
+            self._learning, course["distance"] = used == most and self._since < self._patient, np.inf
+            status["ended"] = End.NONE
+            return Why.LIMIT, used
+        if used == most:
+            return Why.STALE if self._since == self._patient else Why.LIMIT, used
+        return Why.NEAR if task.active.ended is End.NONE else Why.ENDED, used
+
+    def _asked(self, task: Task) -> bool:
+        """Return whether a random right-hand side, which contains all modes, shows none of negative curvature.
+
+        If it meets negative curvature, the body is moved along it.
+        """
+        work, krylov = task.active.workspace, self._krylov
+        distance = float(self._course["distance"])
+        krylov.residual[...] = np.random.default_rng(0).standard_normal(len(work.u))
+        self._level.solve(krylov.residual, krylov.z)
+        given = task.problem, work, self._beside, self._level.kept, krylov
+        before = float(self._course["least"])
+        with task.turn:
+            side, _ = newton.solve_newton(*given, self._spacing, 0.0, HIDDEN / len(work.u))
+        if side == Sides.FOUND:
+            self.tangent = replace(self.tangent, softest=float(self._course["least"]))
+            self._course["distance"], self._cleared = distance * before / float(self._course["least"]), self._hard
+            return True
+        self._course["unknown"] += 1
+        if side == Sides.CURVED:
+            self._move_along(task, krylov.direction)
+        self._take(task)
+        task.precondition(work.gradient, work.step)
+        return False
+
+    def _move_along(self, task: Task, direction: NDArray[np.float64]) -> None:
+        """Search along a direction (3 r,) of negative curvature, from a length that leaves the saddle."""
+        work, status = task.active.workspace, task.active.status
+        sign = -1.0 if float(work.gradient @ direction) > 0.0 else 1.0
+        work.direction[...] = sign * newton.AWAY * self._body.size / largest(direction) * direction
+        status["slope"], status["distance"] = float(work.gradient @ work.direction), newton.AWAY * self._body.size
+        status["given"], status["ended"] = 1, End.NONE
+        task.advance(0.0)
 
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
-        work = task.active.workspace
+        work, course = task.active.workspace, self._course
         self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, damping=damping)
-        status, self._work, self._shortfall = task.active.status, 0, 1.0
-        status["count"], status["pending"], status["ended"], self._prepared = 0, 0, End.NONE, False
+        self._tangents, self._turned = self._tangents + 1, x is None
+        course["spent"], course["least"], self._since = 0, 1.0, 0
+        task.active.status["count"], task.active.status["pending"], task.active.status["ended"] = 0, 0, End.NONE

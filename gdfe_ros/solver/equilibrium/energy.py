@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import LAME, PENALTY, SHEAR, YOUNG
@@ -97,17 +96,8 @@ class EnergyEquilibrium:
         self._dormancy = Dormancy(body, self._whole, skip if still else (), pushed=bool(self.actuation.terms))
         model = Model(body, self.actuation, self.handles, Minimiser(body, stiffness, bending), softening=softening)
         shared = self._whole.threads(threads)
-        with one_blas_thread():
-            self._model = for_slender(
-                model,
-                self._whole,
-                self.matrix,
-                self.at_rest(),
-                stiffness,
-                bending,
-                threads=shared,
-                moving=predictor is not None,
-            )
+        given = model, self._whole, self.matrix, self.at_rest(), stiffness, bending
+        self._model = for_slender(*given, threads=shared, moving=predictor is not None)
         self.minimiser = self._model.minimiser
         if self.minimiser.lumps or self.minimiser.certified:
             self._dormancy.forbid()
@@ -173,12 +163,6 @@ class EnergyEquilibrium:
 
     def solve(self, problem: Increment, start: State) -> Solution:
         """Find the equilibrium of ``problem`` from ``start``, which is not modified."""
-        if self._model.level is None:
-            return self._solved(problem, start)
-        with one_blas_thread():
-            return self._solved(problem, start)
-
-    def _solved(self, problem: Increment, start: State) -> Solution:
         self._run += 1
         base = self.handles.base(problem.poses, start.poses, start.base)
         active = self._dormancy.choose(start, base)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.certified import CertifiedMinimiser
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.descent.tangent import TangentMinimiser
 from gdfe_ros.solver.equilibrium.model import Model
@@ -80,8 +79,8 @@ def for_slender(
         load = _weighed(matrix, found.reshape(-1, 3) / np.abs(found).max(), count)
     if least < MECHANISM:
         return model
-    minimiser = TangentMinimiser if moving else CertifiedMinimiser
-    return replace(model, minimiser=minimiser(body, weight, bending, level, least), level=level, softest=load)
+    minimiser = TangentMinimiser(body, weight, bending, level, least, moving=moving)
+    return replace(model, minimiser=minimiser, level=level, softest=load)
 
 
 def _weighed(matrix: ConstantMatrix, field: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -148,7 +148,8 @@ class Solve:
         status, tolerance = active.status, self.problem.tolerance
         self._minimiser.begin(active, self.start, warm=self.warm)
         task = self._placed(active, coupling, threads)
-        updates = len(active.carried) or self._softens(active) or self._actuation.updates
+        accumulates = bool(len(active.carried) or self._actuation.updates)
+        updates = accumulates or self._softens(active)
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
         least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
         if self._actuation.drives and status["count"] < LONG_MEMORY and not self._prediction.sure:
@@ -178,7 +179,8 @@ class Solve:
             # Even if no further descent is possible, new pressures and scales may make one possible.
             coarse = aims["tolerance"] > self._aim * min(inner, self._actuation.resolution)
             last = (inner == tolerance and not rough and not coarse) or ended is not End.NONE
-            quiet = self._settled and went.iterations == 0
+            # Scales follow the positions alone: where these have not moved, another update changes nothing.
+            quiet = went.iterations == 0 and (self._settled or not accumulates)
             self._settled = self._update(active, still=went.iterations == 0) and last
             if self._settled and (quiet or not self._minimiser.certified):
                 break

@@ -7,13 +7,12 @@ least eigenvalue of K. The closer M is to K, the fewer products are needed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
-
-from gdfe_ros.solver.tangent.estimate import Apply, Product
 
 MOST_PRODUCTS = 80
 """Products after which the least eigenvalue counts as unknown."""
@@ -25,6 +24,9 @@ most `FLAT`, which counts as no curvature at all."""
 
 NOISE = 1e-4
 """Relative remainder of a product below which it is noise, because products are differences of gradients."""
+
+Apply = Callable[[NDArray[np.float64], NDArray[np.float64]], None]
+Product = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 class Lowest(NamedTuple):

@@ -15,7 +15,9 @@ from numpy import uint64
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel, vector_kernel
-from gdfe_ros.solver.matrix.elimination import Elimination
+from gdfe_ros.solver.matrix.elimination import eliminated
+from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
+from gdfe_ros.solver.tangent.frames import unrotated
 from gdfe_ros.solver.tangent.substitution import Kept, Plan, solve_kept
 
 PANEL = 6
@@ -142,14 +144,16 @@ class Fronts:
 
     Args:
         graph: (f, f) an entry for each block (3, 3) of the matrices, symmetric, in their order.
-        found: the symbolic elimination.
+        points: (f, 3) vertices [m].
 
     Attributes:
         price: cost of a factorisation, in solutions.
         kept: the last factor.
     """
 
-    def __init__(self, graph: sparse.csr_matrix, found: Elimination) -> None:
+    def __init__(self, graph: sparse.csr_matrix, points: NDArray[np.float64]) -> None:
+        orders = narrow_order(graph, points), least_degree(graph)
+        found = min((eliminated(graph, order) for order in orders), key=lambda each: each.work)
         widths, heights = found.widths, found.heights
         self.price = round(3 * found.work / max(1, 8 * found.entries))
         room = 3 * int(heights.max(initial=0))
@@ -172,7 +176,10 @@ class Fronts:
         self._front, self._panel = np.empty(room**2), np.empty(PANEL * TILE)
         self._stack = np.empty(np.cumsum(left - taken).max(initial=0))
         values, x = np.empty(self._plan.value_start[-1]), np.empty(3 * len(found.order))
-        self.kept = Kept(self._plan, values, found.order, x, np.empty(room))
+        none, rows = np.zeros((0, 0)), len(x)
+        bare = {"harmonic": np.zeros((rows, 0)), "schur": none, "springs": none, "reach": none, "inner": none}
+        turns = {"frames": unrotated(len(found.order)), "turned": np.empty(rows)}
+        self.kept = Kept(self._plan, values, found.order, x, np.empty(room), **bare, **turns)
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:
         """Factor a matrix of blocks (k, 3, 3); return whether it is positive definite. If not, there is no factor."""
@@ -180,11 +187,17 @@ class Fronts:
 
     def solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the solution for right-hand sides (3 f,) or (3 f, k)."""
-        if right.ndim > 1:
-            return np.stack([self.solve(np.ascontiguousarray(column)) for column in right.T], axis=1)
-        solution = np.empty_like(right)
-        solve_kept(self.kept, right, solution)
-        return solution
+        return solutions(self.kept, right)
+
+
+def solutions(kept: Kept, right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the solution for right-hand sides (3 f + q,) or (3 f + q, k)."""
+    if right.ndim > 1:
+        columns = [solutions(kept, np.ascontiguousarray(column)) for column in right.T]
+        return np.stack(columns, axis=1) if columns else np.empty_like(right)
+    solution = np.empty_like(right)
+    solve_kept(kept, right, solution)
+    return solution
 
 
 def _starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -20,10 +20,10 @@ from gdfe_ros.solver.matrix.coupling import SINGULAR
 from gdfe_ros.solver.matrix.unknowns import Frame, place
 from gdfe_ros.solver.tangent.assembly import Assembly
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness, without_negative
-from gdfe_ros.solver.tangent.factor import factor_for
-from gdfe_ros.solver.tangent.fronts import Fronts
-from gdfe_ros.solver.tangent.springs import Bridge, Springs
-from gdfe_ros.solver.tangent.substitution import Kept
+from gdfe_ros.solver.tangent.frames import unrotated, vertex_rotations
+from gdfe_ros.solver.tangent.fronts import Fronts, solutions
+from gdfe_ros.solver.tangent.springs import Springs, spring_rows
+from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
 from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
@@ -41,6 +41,7 @@ class Tangent:
     Attributes:
         blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
         motion: (3 b, 3 q) derivative of the vertices of handles with a free axis by the rigid rows.
+        positions: (n, 3) [m] where it was taken; None for the constant matrix, which does not follow rotations.
         shift: share of the constant matrix that was added for definiteness.
         softest: upper bound of the least stiffness of a mode over that by this tangent: 1 if nothing was added and no
             softer mode has been found yet, 0 if it is unknown.
@@ -50,6 +51,7 @@ class Tangent:
 
     blocks: NDArray[np.float64]
     motion: NDArray[np.float64]
+    positions: NDArray[np.float64] | None = None
     shift: float = 0.0
     ends: NDArray[np.int32] = field(default_factory=lambda: Springs.none().ends)
     ways: NDArray[np.float64] = field(default_factory=lambda: Springs.none().ways)
@@ -87,10 +89,11 @@ class TangentLevel:
         self._free = 3 * self._assembly.free
         free, graph = self._assembly.free, self._assembly.graph()
         self._among_free = np.flatnonzero((graph.tocoo().row < free) & (graph.indices < free))
-        self._factor = factor_for(graph[:free, :free].tocsr(), body.rest[body.unknowns.free])
+        self._factor = Fronts(graph[:free, :free].tocsr(), body.rest[body.unknowns.free])
         self.price = self._factor.price
         self._loaded: Tangent | None = None
-        self._bridge: Bridge | None = None
+        self._sums = np.empty((len(body.rest), 9))
+        self._kept = self._factor.kept
 
     def take(
         self, problem: Problem, u: NDArray[np.float64], x: NDArray[np.float64], *, damping: float = 0.0
@@ -111,16 +114,16 @@ class TangentLevel:
             FloatingPointError: not even the constant matrix has a factor.
         """
         stiffness, motion = self._elements.at(problem, x), self._motion(u, problem.frame)
-        added, springs = [term.tangents(x) for term in self._terms], self._springs(x)._asdict()
+        added, here = [term.tangents(x) for term in self._terms], {"positions": x.copy(), **self._springs(x)._asdict()}
         tangent, shift = self._assembly.blocks([stiffness, *added]) + self._even + damping * self._constant, 0.0
-        if self._load(Tangent(blocks=tangent, motion=motion, softest=float(not damping), **springs)):
+        if self._load(Tangent(blocks=tangent, motion=motion, softest=float(not damping), **here)):
             return self._loaded
         finite = bool(np.isfinite(tangent).all())
         if finite:
             tangent = self._assembly.blocks([without_negative(stiffness), *added])
             tangent += self._even + damping * self._constant
         while finite and shift <= MOST_SHIFT:
-            if self._load(Tangent(blocks=tangent + shift * self._constant, motion=motion, shift=shift, **springs)):
+            if self._load(Tangent(blocks=tangent + shift * self._constant, motion=motion, shift=shift, **here)):
                 return self._loaded
             shift = max(FIRST_SHIFT, SHIFT_GROWTH * shift)
         if not self._load(
@@ -140,33 +143,27 @@ class TangentLevel:
             self._load(tangent)
 
     @property
-    def kept(self) -> Kept | None:
-        """The factor for the kernels; None with freely rotating handles, touching parts, or a factor by LAPACK."""
-        alone = self._bridge is None and not len(self._inverse_schur)
-        return self._factor.kept if alone and isinstance(self._factor, Fronts) else None
+    def kept(self) -> Kept:
+        """The loaded factor for the kernels."""
+        return self._kept
 
     def touched(self, x: NDArray[np.float64]) -> bool:
         """Return whether the parts that touch at ``x`` (n, 3) [m] differ from those of the loaded tangent."""
         return self._loaded is None or not np.array_equal(self._springs(x).ends, self._loaded.ends)
 
+    def turn(self, x: NDArray[np.float64]) -> None:
+        """Let the loaded tangent follow the rotations of the vertices to the positions ``x`` (n, 3) [m]."""
+        if self._loaded.positions is None:
+            return
+        before, unknowns, held = self._loaded.positions, self._unknowns, bool(self._body.handles)
+        vertex_rotations(x, before, self._body.shape, unknowns.free, held, self._sums, self._kept.frames)
+
     def solve(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Write K^-1 gradient (3 r,) to ``out`` (3 r,)."""
-        self._solve_apart(gradient, out)
-        if self._bridge is not None:
-            self._bridge.correct(out)
+        solve_kept(self._kept, gradient, out)
 
     def _springs(self, x: NDArray[np.float64]) -> Springs:
         return Springs.joined([Springs(*term.springs(x)) for term in self._terms])
-
-    def _solve_apart(self, gradient: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Solve without the springs of touching parts, for one or several columns."""
-        count = self._free
-        found = self._factor.solve(gradient[:count])
-        if len(self._inverse_schur):
-            rigid = self._inverse_schur @ (gradient[count:] - self._harmonic.T @ gradient[:count])
-            found -= self._harmonic @ rigid
-            out[count:] = rigid
-        out[:count] = found
 
     def assembled(self, tangent: Tangent) -> sparse.csr_matrix:
         """Return the matrix (3 r, 3 r) of a tangent in the unknowns."""
@@ -175,32 +172,36 @@ class TangentLevel:
         apart = (follow.T @ matrix @ follow).tocsr()
         if not len(tangent.ends):
             return apart
-        rows = sparse.csr_matrix(self._bridging(tangent).rows)
+        rows = sparse.csr_matrix(self._rows(tangent))
         return (apart + rows.T @ rows).tocsr()
 
-    def _bridging(self, tangent: Tangent) -> Bridge:
-        def solve(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-            found = np.empty_like(columns)
-            self._solve_apart(columns, found)
-            return found
-
-        return Bridge(Springs(tangent.ends, tangent.ways), self._unknowns, tangent.motion, solve)
+    def _rows(self, tangent: Tangent) -> NDArray[np.float64]:
+        return spring_rows(Springs(tangent.ends, tangent.ways), self._unknowns, tangent.motion)
 
     def _load(self, tangent: Tangent) -> bool:
+        """Factor a tangent; return whether it is positive definite."""
         self._loaded, motion, count = None, tangent.motion, self._free
         blocks = tangent.blocks[self._among_free] if motion.size else tangent.blocks
         if not self._factor.factor(blocks):
             return False
-        self._harmonic = self._inverse_schur = np.zeros((0, 0))
+        self._kept = self._factor.kept
+        self._kept.frames[...] = unrotated(len(self._kept.frames))
         if motion.size:
             matrix = self._assembly.matrix(tangent.blocks)
             columns = np.asarray(matrix[:count, count:] @ motion)
-            self._harmonic = self._factor.solve(columns)
-            schur = motion.T @ (matrix[count:, count:] @ motion) - columns.T @ self._harmonic
-            self._inverse_schur = pinvh(0.5 * (schur + schur.T), rtol=SINGULAR)
-            if not np.all(np.diag(self._inverse_schur) >= 0.0):
+            harmonic = self._factor.solve(columns)
+            schur = motion.T @ (matrix[count:, count:] @ motion) - columns.T @ harmonic
+            inverse = np.ascontiguousarray(pinvh(0.5 * (schur + schur.T), rtol=SINGULAR))
+            if not np.all(np.diag(inverse) >= 0.0):
                 return False
-        self._loaded, self._bridge = tangent, self._bridging(tangent) if len(tangent.ends) else None
+            rigid = {"harmonic": np.ascontiguousarray(harmonic), "schur": inverse}
+            self._kept = self._kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
+        if len(tangent.ends):
+            rows = self._rows(tangent)
+            reach = solutions(self._kept, rows.T)
+            inner = np.linalg.inv(np.eye(len(rows)) + rows @ reach)
+            self._kept = self._kept._replace(springs=rows, reach=np.ascontiguousarray(reach.T), inner=inner)
+        self._loaded = tangent
         return True
 
     def _motion(self, u: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:

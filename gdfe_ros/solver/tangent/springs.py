@@ -2,19 +2,17 @@
 """Springs between touching parts of a body in a kept tangent: few, and between any vertices.
 
 A spring of stiffness k whose length is linear in the positions, d = a . x, adds k a a^T to the tangent. Its entries can
-couple any vertices, and would widen the factor's band. With the rows sqrt(k) a of all m springs in G, the inverse
-follows from the one without springs, S, by m more solutions (Sherman, Morrison and Woodbury):
-(S^-1 + G^T G)^-1 = S - W (1 + G W)^-1 W^T, W = S G^T.
+couple any vertices, and would fill the factor. The rows sqrt(k) a of all springs are the matrix G, with which
+`substitution` corrects solutions without springs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from gdfe_ros.solver.matrix.unknowns import Unknowns
 
@@ -42,36 +40,21 @@ class Springs(NamedTuple):
         return cls(*(np.concatenate(arrays) for arrays in zip(*some, strict=True))) if some else cls.none()
 
 
-class Bridge:
-    """Corrects solutions for springs that the factor does not contain.
+def spring_rows(springs: Springs, unknowns: Unknowns, motion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rows G (m, 3 r) of springs in the unknowns.
 
     Args:
         springs: the springs.
         unknowns: the numbering.
         motion: (3 b, 3 q) derivative of the vertices of handles with a free axis by the rigid rows.
-        solve: returns the solutions (3 r, m) without the springs.
     """
-
-    def __init__(
-        self,
-        springs: Springs,
-        unknowns: Unknowns,
-        motion: NDArray[np.float64],
-        solve: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    ) -> None:
-        count, free, members = len(springs.ends), len(unknowns.free), len(unknowns.members)
-        row = np.full(max(int(part.max(initial=0)) for part in (springs.ends, unknowns.free, unknowns.members)) + 1, -1)
-        row[unknowns.free], row[unknowns.members] = np.arange(free), free + np.arange(members)
-        rows = np.zeros((count, free + members, 3))
-        places, ends = row[springs.ends], np.arange(count)[:, None]
-        moves = places >= 0
-        np.add.at(rows, (np.broadcast_to(ends, places.shape)[moves], places[moves]), springs.ways[moves])
-        flat = rows.reshape(count, -1)
-        own = flat[:, : 3 * free]
-        self.rows = np.hstack([own, flat[:, 3 * free :] @ motion]) if motion.size else own
-        self._reach = solve(np.ascontiguousarray(self.rows.T))
-        self._inner = cho_factor(np.eye(count) + self.rows @ self._reach)
-
-    def correct(self, found: NDArray[np.float64]) -> None:
-        """Correct a solution (3 r,) without the springs in place to the one with them."""
-        found -= self._reach @ cho_solve(self._inner, self.rows @ found)
+    count, free, members = len(springs.ends), len(unknowns.free), len(unknowns.members)
+    row = np.full(max(int(part.max(initial=0)) for part in (springs.ends, unknowns.free, unknowns.members)) + 1, -1)
+    row[unknowns.free], row[unknowns.members] = np.arange(free), free + np.arange(members)
+    rows = np.zeros((count, free + members, 3))
+    places, ends = row[springs.ends], np.arange(count)[:, None]
+    moves = places >= 0
+    np.add.at(rows, (np.broadcast_to(ends, places.shape)[moves], places[moves]), springs.ways[moves])
+    flat = rows.reshape(count, -1)
+    own = flat[:, : 3 * free]
+    return np.hstack([own, flat[:, 3 * free :] @ motion]) if motion.size else np.ascontiguousarray(own)

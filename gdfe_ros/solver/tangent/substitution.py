@@ -3,6 +3,10 @@
 
 Three rows of the factor (one vertex) are processed at a time. Inner loops count in unsigned numbers: a possibly
 negative index would cost a test in each iteration and prevent SIMD.
+
+Two corrections follow where a body needs them. Handles with a free axis have rigid rows beside the factor's rows; their
+Schur complement S is dense. Springs between touching parts, G^T G, would widen the factor; with W = K^-1 G^T the
+solution x without them becomes x - W (1 + G W)^-1 G x (Sherman, Morrison and Woodbury).
 """
 
 from __future__ import annotations
@@ -37,13 +41,20 @@ class Plan(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """A factor for the kernels.
+    """A factor for the kernels; with q rigid rows and m springs between touching parts.
 
     Attributes:
         plan: the index arrays.
         values: of the factor, overwritten by the next one.
         order: (f,) of the vertices.
         x, local: scratch.
+        harmonic: (3 f, q) displacement of the free vertices by each rigid row, times -1.
+        schur: (q, q) inverse of the Schur complement S.
+        springs: (m, 3 f + q) rows G.
+        reach: (m, 3 f + q) rows of W^T.
+        inner: (m, m) inverse of 1 + G W.
+        frames: (f, 9) rotations of the vertices since the factor was taken, which the factor follows.
+        turned: (3 f + q,) scratch.
     """
 
     plan: Plan
@@ -51,11 +62,81 @@ class Kept(NamedTuple):
     order: NDArray[np.int64]
     x: NDArray[np.float64]
     local: NDArray[np.float64]
+    harmonic: NDArray[np.float64]
+    schur: NDArray[np.float64]
+    springs: NDArray[np.float64]
+    reach: NDArray[np.float64]
+    inner: NDArray[np.float64]
+    frames: NDArray[np.float64]
+    turned: NDArray[np.float64]
 
 
 @vector_kernel
 def solve_kept(kept, right, out):
-    """Write K^-1 right (3 f,) to ``out`` (3 f,)."""
+    """Write the solution for the right-hand side ``right`` (3 f + q,) to ``out`` (3 f + q,)."""
+    count, frames, turned = len(kept.frames), kept.frames, kept.turned
+    for i in range(count):
+        r0, r1, r2 = right[3 * i], right[3 * i + 1], right[3 * i + 2]
+        for j in range(3):
+            turned[3 * i + j] = frames[i, j] * r0 + frames[i, 3 + j] * r1 + frames[i, 6 + j] * r2
+    for i in range(3 * count, len(right)):
+        turned[i] = right[i]
+    solve_unturned(kept, turned, out)
+    for i in range(count):
+        r0, r1, r2 = out[3 * i], out[3 * i + 1], out[3 * i + 2]
+        for j in range(3):
+            out[3 * i + j] = frames[i, 3 * j] * r0 + frames[i, 3 * j + 1] * r1 + frames[i, 3 * j + 2] * r2
+
+
+@vector_kernel
+def solve_unturned(kept, right, out):
+    """Solve as `solve_kept` does, with the factor where it was taken."""
+    solve_free(kept, right, out)
+    if len(kept.schur):
+        solve_rigid(kept.harmonic, kept.schur, right, out)
+    if len(kept.springs):
+        connect(kept.springs, kept.reach, kept.inner, out)
+
+
+@vector_kernel
+def solve_rigid(harmonic, schur, right, out):
+    """Solve for the rigid rows, and correct the free ones."""
+    count, rows = harmonic.shape
+    force = right[count : count + rows].copy()
+    for i in range(count):
+        for j in range(rows):
+            force[j] -= harmonic[i, j] * right[i]
+    for i in range(rows):
+        total = 0.0
+        for j in range(rows):
+            total += schur[i, j] * force[j]
+        out[count + i] = total
+    for i in range(count):
+        for j in range(rows):
+            out[i] -= harmonic[i, j] * out[count + j]
+
+
+@vector_kernel
+def connect(springs, reach, inner, out):
+    """Correct a solution without the springs between touching parts to the one with them."""
+    count = len(springs)
+    lengths = np.empty(count)
+    for k in range(count):
+        total = 0.0
+        for i in range(len(out)):
+            total += springs[k, i] * out[i]
+        lengths[k] = total
+    for k in range(count):
+        force = 0.0
+        for j in range(count):
+            force += inner[k, j] * lengths[j]
+        for i in range(len(out)):
+            out[i] -= force * reach[k, i]
+
+
+@vector_kernel
+def solve_free(kept, right, out):
+    """Write K^-1 right (3 f,) of the free vertices to ``out`` (3 f,)."""
     plan, values, x, local = kept.plan, kept.values, kept.x, kept.local
     for i in range(len(kept.order)):
         for axis in range(3):

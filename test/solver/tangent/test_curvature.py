@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.tangent.curvature import lowest
+from gdfe_ros.solver.tangent.smooth_field import smooth_field
 
 COUNT = 60
 
@@ -52,3 +53,31 @@ def test_a_preconditioner_that_is_the_matrix_leaves_nothing_to_look_for() -> Non
     found = lowest(product, precondition, np.random.default_rng(1).standard_normal(COUNT))
     assert (found.known, found.products) == (True, 1)
     assert found.value == pytest.approx(1.0, abs=1e-5)
+
+
+def test_softness_is_the_least_eigenvalue() -> None:
+    """Let Lanczos steps find the least eigenvalue of a known matrix, from a start that has all."""
+    matrix, _ = _symmetric(np.logspace(-3, 0, COUNT))
+    start = np.random.default_rng(2).standard_normal(COUNT)
+
+    def keep(right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+        out[...] = right
+
+    found = lowest(lambda direction: matrix @ direction, keep, start, most=59, steady=0.0)
+    assert found.value == pytest.approx(1e-3, rel=0.05)
+
+
+def test_the_start_holds_every_low_motion() -> None:
+    """A smooth field is a polynomial of the third degree, and the same in every run."""
+    points, one = np.random.default_rng(0).standard_normal((200, 3)), np.zeros(200, np.int32)
+    np.testing.assert_array_equal(smooth_field(points, one), smooth_field(points, one))
+    x = points[:, 0]
+    assert np.linalg.matrix_rank(np.stack([smooth_field(points, one)[:, 0], np.ones(200), x, x**2, x**3], axis=1)) == 5
+
+
+def test_each_piece_has_a_field_of_its_own() -> None:
+    """Put a body a thousand sizes beside another: the field of each is that which it has alone."""
+    points, one = np.random.default_rng(0).standard_normal((200, 3)), np.zeros(200, np.int32)
+    alone, both = smooth_field(points, one), np.concatenate([points, points + 1000.0])
+    found = smooth_field(both, np.repeat(np.arange(2, dtype=np.int32), 200))
+    np.testing.assert_allclose(found, np.concatenate([alone, alone]), atol=1e-9)

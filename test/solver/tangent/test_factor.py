@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Factors in a band and by supernodes, the orders that keep them small, and which of both a body gets."""
+"""Factors by supernodes, and the orders that keep them small."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,11 +12,7 @@ from gdfe_ros.mesh import bar
 from gdfe_ros.solver.matrix import elimination
 from gdfe_ros.solver.matrix.elimination import eliminated
 from gdfe_ros.solver.matrix.ordering import least_degree, narrow_order
-from gdfe_ros.solver.tangent.band import Band
-from gdfe_ros.solver.tangent.factor import Factor, factor_for
 from gdfe_ros.solver.tangent.fronts import Fronts
-
-Make = Callable[[sparse.csr_matrix, NDArray[np.float64]], Factor]
 
 
 def _graph(cells: NDArray[np.int32], count: int) -> sparse.csr_matrix:
@@ -64,23 +58,13 @@ def _matrix(graph: sparse.csr_matrix, blocks: NDArray[np.float64]) -> NDArray[np
     return sparse.bsr_matrix((blocks, graph.indices, graph.indptr), shape=(size, size)).toarray()
 
 
-@pytest.fixture(params=["band", "fronts", "fronts by degree"])
-def make(request: pytest.FixtureRequest) -> Make:
-    """Make a factor of each kind."""
-    return {
-        "band": lambda graph, points: Band(graph, narrow_order(graph, points)),
-        "fronts": lambda graph, points: Fronts(graph, eliminated(graph, narrow_order(graph, points))),
-        "fronts by degree": lambda graph, points: Fronts(graph, eliminated(graph, least_degree(graph))),
-    }[request.param]
-
-
 @pytest.mark.parametrize(
     "body", [_bar(1, 1, 1), _bar(12, 2, 2), _bar(6, 5, 5), _hand(3, 6)], ids=["cell", "bar", "block", "hand"]
 )
-def test_it_solves(make: Make, body: tuple[sparse.csr_matrix, NDArray[np.float64]]) -> None:
+def test_it_solves(body: tuple[sparse.csr_matrix, NDArray[np.float64]]) -> None:
     """Solve for one and for three right-hand sides, as a dense solver does."""
     graph, points = body
-    found, blocks = make(graph, points), _blocks(graph)
+    found, blocks = Fronts(graph, points), _blocks(graph)
     assert found.factor(blocks)
     right = np.random.default_rng(1).standard_normal((3 * len(points), 3))
     expected = np.linalg.solve(_matrix(graph, blocks), right)
@@ -89,20 +73,20 @@ def test_it_solves(make: Make, body: tuple[sparse.csr_matrix, NDArray[np.float64
     np.testing.assert_array_equal(found.solve(right[:, 0]), found.solve(right)[:, 0])
 
 
-def test_what_is_not_definite_has_no_factor(make: Make) -> None:
+def test_what_is_not_definite_has_no_factor() -> None:
     """Refuse an indefinite matrix and one of what is no number, and take the next one."""
     graph, points = _hand(2, 3)
-    found, blocks = make(graph, points), _blocks(graph)
+    found, blocks = Fronts(graph, points), _blocks(graph)
     assert not found.factor(_blocks(graph, least=-30.0))
     assert not found.factor(np.full_like(blocks, np.nan))
     assert found.factor(blocks)
 
 
-def test_a_factor_is_the_same_to_the_last_bit(make: Make) -> None:
+def test_a_factor_is_the_same_to_the_last_bit() -> None:
     """Factor another matrix in between, and the first one by another object."""
     graph, points = _hand(2, 4)
     blocks, right = _blocks(graph), np.linspace(-1.0, 1.0, 3 * len(points))
-    first, second = make(graph, points), make(graph, points)
+    first, second = Fronts(graph, points), Fronts(graph, points)
     assert first.factor(blocks)
     answer = first.solve(right)
     assert second.factor(_blocks(graph, least=40.0))
@@ -127,14 +111,10 @@ def test_what_is_filled_is_what_a_dense_factor_fills(slack: float, monkeypatch: 
     assert slack or filled.sum() == needed.sum()
 
 
-def test_a_thick_bar_gets_a_band_and_a_hand_gets_fronts() -> None:
-    """Choose by the work; what is small gets fronts in any case."""
-    assert isinstance(factor_for(*_bar(30, 2, 2)), Fronts)
-    assert isinstance(factor_for(*_bar(40, 6, 6)), Band)
+def test_the_order_with_less_work_is_taken() -> None:
+    """A hand of fingers is eliminated finger by finger: its factor is smaller than in the narrow order."""
     graph, points = _hand(4, 20)
-    hand = factor_for(graph, points)
-    assert isinstance(hand, Fronts)
-    assert hand.price < Band(graph, narrow_order(graph, points)).price
+    assert len(Fronts(graph, points).kept.values) < 9 * eliminated(graph, narrow_order(graph, points)).entries
 
 
 def test_a_bar_is_as_narrow_as_its_cross_section() -> None:

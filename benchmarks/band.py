@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Banded Cholesky factors by LAPACK, for bodies whose factor is large and whose band has few zeros."""
+"""Banded Cholesky factors by LAPACK, the peer of the solver's own."""
 
 from __future__ import annotations
 

@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled Newton iterations: K d = -g by conjugate gradients, preconditioned by a kept factor M of an earlier tangent.
+
+A product K p is a difference of gradients, so that every term takes part without a tangent of its own. Conjugate
+gradients leave a part e of the Newton step, with M^-1 K e = M^-1 r for the residual r: |e| is at most |M^-1 r| over the
+least eigenvalue of M^-1 K. The least Ritz value theta estimates that eigenvalue. The least theta since M was taken is
+kept, because a single right-hand side may have no component along a soft mode.
+
+After a full step the same bound, with the new gradient as the residual, is the distance to the equilibrium.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.solver.descent.pairs import inner
+from gdfe_ros.solver.descent.quasi_newton import advance
+from gdfe_ros.solver.distance import largest
+from gdfe_ros.solver.tangent.substitution import solve_kept
+
+MOST_PRODUCTS = 60
+"""Limit of products for one Newton step. More are needed near buckling, or where the factor is of another shape."""
+FORCING, INEXACT = 0.01, 0.15
+"""Largest remainder of a Newton step, over the step itself and over the target: the larger one ends it."""
+STEADY = 0.5
+"""Least ratio of the last two values of theta at the end: while it falls faster, softer modes are still being found."""
+HALVINGS = 40
+"""Bisections for a least Ritz value."""
+ROUNDING = 1e-20
+"""Share of the first residual's square that is rounding."""
+HALF = 0.5
+"""Largest distance after a step, over the target and over the step, at which the iterations end."""
+ENERGY = 1e-5
+"""Largest energy that another step would release, over that of all terms: small errors store much in stiff parts."""
+NOTHING = 1e-6
+"""Length of M^-1 g, over the target, that is rounding."""
+LONGEST = 10.0
+"""Longest Newton step over the body's size; an almost singular tangent asks for longer ones."""
+AWAY = 0.02
+"""Step along a direction of negative curvature, over the body's size, if no other direction is known."""
+FREE = 3
+"""Products of a Newton step that do not count towards the cost at which the tangent is renewed."""
+
+
+class Why(IntEnum):
+    """Why the iterations ended."""
+
+    NEAR = 0
+    """The distance to the equilibrium is within the target."""
+    LIMIT = 1
+    """The number of iterations is spent."""
+    STALE = 2
+    """The factor is no longer worth its products."""
+    ENDED = 3
+    """No step is possible: see `End`."""
+    HARD = 4
+    """The last step was cut, or not found by conjugate gradients: the energy is far from a parabola."""
+
+
+class Sides(IntEnum):
+    """How conjugate gradients ended."""
+
+    FOUND = 0
+    """The remainder is small."""
+    CURVED = 1
+    """A direction of negative curvature was met."""
+    UNKNOWN = 2
+    """`MOST_PRODUCTS` were not enough."""
+
+
+COURSE = np.dtype(
+    [
+        ("least", np.float64),  # theta
+        ("distance", np.float64),  # to the equilibrium [m]; infinite if it is not known
+        ("spent", np.int64),  # products since the tangent was taken, beyond the free ones
+        ("curved", np.int64),  # steps that met negative curvature
+        ("unknown", np.int64),  # steps for which the products were not enough
+    ]
+)
+"""Fields of a solve's record."""
+
+
+class Krylov(NamedTuple):
+    """Work arrays of conjugate gradients.
+
+    Attributes:
+        direction, image, residual, z: (3 r,) p, K p, r, M^-1 r.
+        step: (3 r,) the Newton step d [m].
+        diagonal, beside: of Lanczos' tridiagonal matrix.
+        course: (1,) of `COURSE`.
+    """
+
+    direction: NDArray[np.float64]
+    image: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    z: NDArray[np.float64]
+    step: NDArray[np.float64]
+    diagonal: NDArray[np.float64]
+    beside: NDArray[np.float64]
+    course: NDArray[np.void]
+
+
+def allocate_krylov(rows: int) -> Krylov:
+    """Return work arrays for ``rows`` rows of unknowns."""
+    vectors = [np.zeros(3 * rows) for _ in range(5)]
+    return Krylov(*vectors, *np.zeros((2, MOST_PRODUCTS)), np.zeros(1, dtype=COURSE).view(np.recarray))
+
+
+@internal
+def least_ritz(diagonal, beside, count):
+    """Return the least eigenvalue of a positive definite tridiagonal matrix, by bisection."""
+    low, high = 0.0, diagonal[0]
+    for i in range(1, count):
+        high = min(high, diagonal[i])
+    for _ in range(HALVINGS):
+        middle, pivot, below = 0.5 * (low + high), 1.0, False
+        for i in range(count):
+            pivot = diagonal[i] - middle - (beside[i - 1] * beside[i - 1] / pivot if i > 0 else 0.0)
+            if pivot <= 0.0:
+                below = True
+                break
+        if below:
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+@internal
+def multiply(problem, work, beside, krylov, spacing, first):
+    """Write K times the direction [N] at the unknowns of ``work``; ``beside`` is the workspace of the difference."""
+    step = spacing / largest(krylov.direction)
+    for n in range(len(work.u)):
+        beside.u[n] = work.u[n] + step * krylov.direction[n]
+    advance(problem, beside, 0.0, first)
+    for n in range(len(work.u)):
+        krylov.image[n] = (beside.gradient[n] - work.gradient[n]) / step
+
+
+@kernel
+def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left):
+    """Solve K d = r for the given residual and z = M^-1 r; return a `Sides` and the number of products.
+
+    They end when the remainder is small against d or the ``target`` [m], and r M^-1 r is at most ``most_left`` of its
+    first value. With negative curvature at once, d is the direction of it.
+    """
+    course, first = krylov.course[0], len(work.u) > 0
+    p, r, z, d = krylov.direction, krylov.residual, krylov.z, krylov.step
+    for n in range(len(d)):
+        d[n], p[n] = 0.0, z[n]
+    weight = inner(r, z)
+    start, length, ratio = weight, 1.0, 0.0
+    if not weight > 0.0:
+        course.distance = 0.0
+        return Sides.FOUND, 0
+    for count in range(MOST_PRODUCTS):
+        multiply(problem, work, beside, krylov, spacing, first)
+        curvature = inner(p, krylov.image)
+        if not curvature > 0.0:
+            if count == 0:
+                for n in range(len(d)):
+                    d[n] = p[n]
+            course.distance = math.inf
+            return Sides.CURVED, count + 1
+        krylov.diagonal[count] = curvature / weight + (ratio / length if count > 0 else 0.0)
+        length = weight / curvature
+        for n in range(len(d)):
+            d[n] += length * p[n]
+            r[n] -= length * krylov.image[n]
+        solve_kept(kept, r, z)
+        last, weight, before = weight, inner(r, z), course.least
+        course.least = min(before, least_ritz(krylov.diagonal, krylov.beside, count + 1))
+        left, far = largest(z) / course.least, largest(d)
+        small = left <= max(INEXACT * target, FORCING * far) and (count > 1 or left <= 0.1 * target)
+        if (small and course.least >= STEADY * before and weight <= most_left * start) or not weight > ROUNDING * start:
+            course.distance = far + left
+            return Sides.FOUND, count + 1
+        ratio = weight / last
+        krylov.beside[count] = math.sqrt(ratio) / length
+        for n in range(len(d)):
+            p[n] = z[n] + ratio * p[n]
+    course.distance = math.inf
+    return Sides.UNKNOWN, MOST_PRODUCTS
+
+
+@kernel
+def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, limit):
+    """Make Newton steps until the distance to the equilibrium is within the ``target`` [m]; return `Why` and how many.
+
+    ``work`` holds the gradient, and M^-1 times it as ``step``; both are present again at the end.
+    """
+    status, course, first = work.status[0], krylov.course[0], limit < 0
+    for iteration in range(limit):
+        if course.spent >= worth:
+            return Why.STALE, iteration
+        if largest(work.step) <= NOTHING * target:
+            course.distance = largest(work.step) / course.least
+            return Why.NEAR, iteration
+        for n in range(len(work.u)):
+            krylov.residual[n], krylov.z[n] = -work.gradient[n], -work.step[n]
+        side, products = solve_newton(problem, work, beside, kept, krylov, spacing, target, math.inf)
+        course.spent += max(0, products - FREE)
+        if products == 0:
+            return Why.NEAR, iteration
+        course.curved += side == Sides.CURVED
+        course.unknown += side == Sides.UNKNOWN
+        far = largest(krylov.step)
+        share = min(1.0, LONGEST * size / far)
+        if side == Sides.CURVED and products == 1:
+            share = AWAY * size / far
+        slope = share * inner(work.gradient, krylov.step)
+        if slope > 0.0:
+            share, slope = -share, -slope
+        for n in range(len(work.u)):
+            work.direction[n] = share * krylov.step[n]
+        status.slope, status.distance, status.given = slope, abs(share) * far, 1
+        if advance(problem, work, 0.0, first):
+            return Why.ENDED, iteration
+        solve_kept(kept, work.gradient, work.step)
+        left, whole = largest(work.step) / course.least, largest(work.direction) >= 0.999 * far
+        near = left <= HALF * target and (left <= HALF * far or far <= target)
+        near &= 0.5 * inner(work.gradient, work.step) <= ENERGY * course.least * (status.absolute + status.outside)
+        if side == Sides.FOUND and whole and near:
+            course.distance = left
+            return Why.NEAR, iteration + 1
+        course.distance = math.inf
+        if side != Sides.FOUND or not whole:
+            return Why.HARD, iteration + 1
+    return Why.LIMIT, limit
