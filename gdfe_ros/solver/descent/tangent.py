@@ -39,7 +39,7 @@ MOST_TANGENTS = 60
 MOST_UNKNOWN = 6
 """Limit of Newton steps in a solve whose distance conjugate gradients do not find: the body is about to buckle."""
 MOVING = 0.2
-"""Length of an L-BFGS step in motion, over the tolerance, that ends it; the distance counts as that length over this."""
+"""Length of a step of L-BFGS in motion, over the tolerance, that ends it; the distance counts as five times that."""
 PATIENT = 12
 """Successive iterations of L-BFGS after which the tangent is renewed, unless it costs as much as more solves."""
 DAMPING = 10.0
