@@ -70,7 +70,7 @@ def test_sphere_inflates_as_the_exact_solution() -> None:
 
 
 def test_sphere_by_volume_passes_the_limit_point() -> None:
-    """Command volumes beyond the limit point and find the falling pressure within 2 %; come back to rest."""
+    """Command volumes beyond the limit point and find the falling pressure within 2 %; come back to rest in steps."""
     scene = scene_from_text(SPHERE + PRESSURE.replace("pressure", "volume"))
     simulation = Simulation(scene)
     rest = simulation.actuator_states()["air"].extent
@@ -82,7 +82,8 @@ def test_sphere_by_volume_passes_the_limit_point() -> None:
         assert result.actuators["air"].effort == pytest.approx(sphere_pressure(ratio ** (1 / 3)), rel=0.02)
         found.append(result.actuators["air"].effort)
     assert found == sorted(found, reverse=True)
-    result = simulation.step(Command(actuators={"air": rest}))
+    for ratio in (8.0, 4.0, 2.0, 1.0):
+        result = simulation.step(Command(actuators={"air": ratio * rest}))
     assert abs(result.actuators["air"].effort) < 0.01 * found[0]
 
 

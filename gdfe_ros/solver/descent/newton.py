@@ -36,6 +36,8 @@ ROUNDING = 1e-20
 """Share of the first residual's square that is rounding."""
 HALF = 0.5
 """Largest distance after a step, over the target and over the step, at which the iterations end."""
+CLOSE = 0.1
+"""Distance over the target at which no step is made."""
 ENERGY = 1e-5
 """Largest energy that another step would release, over that of all terms: small errors store much in stiff parts."""
 NOTHING = 1e-6
@@ -59,7 +61,9 @@ class Why(IntEnum):
     """The factor is no longer worth its products."""
     ENDED = 3
     """No step is possible: see `End`."""
-    HARD = 4
+    ASTRAY = 4
+    """Steps are far too long: the factor is almost singular."""
+    HARD = 5
     """The last step was cut, or not found by conjugate gradients: the energy is far from a parabola."""
 
 
@@ -157,8 +161,9 @@ def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left
     weight = inner(r, z)
     start, length, ratio = weight, 1.0, 0.0
     if not weight > 0.0:
-        course.distance = 0.0
-        return Sides.FOUND, 0
+        found = largest(z) == 0.0
+        course.distance = 0.0 if found else math.inf
+        return Sides.FOUND if found else Sides.UNKNOWN, 0
     for count in range(MOST_PRODUCTS):
         multiply(problem, work, beside, krylov, spacing, first)
         curvature = inner(p, krylov.image)
@@ -206,11 +211,13 @@ def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, l
             krylov.residual[n], krylov.z[n] = -work.gradient[n], -work.step[n]
         side, products = solve_newton(problem, work, beside, kept, krylov, spacing, target, math.inf)
         course.spent += max(0, products - FREE)
-        if products == 0:
+        if side == Sides.FOUND and course.distance <= CLOSE * target:
             return Why.NEAR, iteration
         course.curved += side == Sides.CURVED
         course.unknown += side == Sides.UNKNOWN
         far = largest(krylov.step)
+        if far == 0.0:
+            return Why.HARD, iteration
         share = min(1.0, LONGEST * size / far)
         if side == Sides.CURVED and products == 1:
             share = AWAY * size / far

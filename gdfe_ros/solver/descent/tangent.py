@@ -168,8 +168,8 @@ class TangentMinimiser(Minimiser):
                 return Descended(used, cut=False)
             if used >= limit or (used > 0 and past(task.deadline)):
                 return Descended(used, cut=True)
-            if why in (Why.STALE, Why.HARD):
-                if not self.certified and status["distance"] > 0.5 * before:
+            if why in (Why.STALE, Why.HARD, Why.ASTRAY):
+                if not self.certified and (why is Why.ASTRAY or status["distance"] > 0.5 * before):
                     damping = max(self._softness, DAMPING * damping)
                 before = float(status["distance"])
                 self._take(task, damping=damping)
@@ -203,6 +203,8 @@ class TangentMinimiser(Minimiser):
             return Why.LIMIT, used
         if used == most:
             return Why.STALE if self._since == self._patient else Why.LIMIT, used
+        if task.active.ended is End.RUNAWAY and status["blocked"] == 0:
+            return Why.ASTRAY, used
         return Why.NEAR if task.active.ended is End.NONE else Why.ENDED, used
 
     def _asked(self, task: Task) -> bool:

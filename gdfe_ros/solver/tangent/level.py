@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
-from scipy.linalg import pinvh
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Problem
@@ -191,9 +190,12 @@ class TangentLevel:
             columns = np.asarray(matrix[:count, count:] @ motion)
             harmonic = self._factor.solve(columns)
             schur = motion.T @ (matrix[count:, count:] @ motion) - columns.T @ harmonic
-            inverse = np.ascontiguousarray(pinvh(0.5 * (schur + schur.T), rtol=SINGULAR))
-            if not np.all(np.diag(inverse) >= 0.0):
+            values, vectors = np.linalg.eigh(0.5 * (schur + schur.T))
+            rounding = SINGULAR * np.abs(values).max()
+            if not values.min() >= -rounding:
                 return False
+            shares = np.divide(1.0, values, out=np.zeros_like(values), where=values > rounding)
+            inverse = np.ascontiguousarray(vectors * shares @ vectors.T)
             rigid = {"harmonic": np.ascontiguousarray(harmonic), "schur": inverse}
             self._kept = self._kept._replace(**rigid, turned=np.empty(count + motion.shape[1]))
         if len(tangent.ends):

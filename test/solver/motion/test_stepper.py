@@ -129,7 +129,7 @@ def test_a_stuck_body_is_tried_again_only_when_something_changes(moving: Callabl
     ends = {"base": {"where": {"face": "x-"}}, "tip": {"where": {"face": "x+"}}}
     bar, other = moving(handles=ends), moving(handles=ends)
     bar.step()
-    before, jerk = bar.snapshot(), Command(handles={"tip": Pose((-1.0, 0.0, 0.0))})
+    before, jerk = bar.snapshot(), Command(handles={"tip": Pose((-3.0, 0.0, 0.0))})
     tried = bar.step(jerk)
     assert bar.settled
     load_state(other, save_state(bar))
