@@ -143,9 +143,9 @@ def test_a_hurried_node_steps_as_far_as_it_converges(client: Any, start: Callabl
         client.wait(records)
         assert records()[0].actuators == {"flexor": 5.0}
         return
-    client.wait(lambda: "flexor at" in client.diagnostics().get("on their way", ""))
     client.wait(lambda: records() and records()[-1].actuators["flexor"] == 5.0)
     client.wait(lambda: "on their way" not in client.diagnostics())
     pulled = np.array([record.actuators["flexor"] for record in records()])
+    assert len(pulled[pulled < 5.0]) >= 5
     assert (np.diff(pulled) <= 0.8 + 1e-9).all()
     assert np.mean([record.converged for record in records()]) > 0.5
