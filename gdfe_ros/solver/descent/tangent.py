@@ -40,6 +40,8 @@ MOST_UNKNOWN = 6
 """Limit of Newton steps in a solve whose distance conjugate gradients do not find: the body is about to buckle."""
 MOVING = 0.2
 """Length of a step of L-BFGS in motion, over the tolerance, that ends it; the distance counts as five times that."""
+FLYING = 0.02
+"""The same for a body that no handle holds: nothing else keeps its angular momentum."""
 PATIENT = 12
 """Successive iterations of L-BFGS after which the tangent is renewed, unless it costs as much as more solves."""
 DAMPING = 10.0
@@ -80,6 +82,7 @@ class TangentMinimiser(Minimiser):
         self._beside = allocate(body.unknowns.rows, body.rest, len(body.material), memory=0)
         self._krylov = newton.allocate_krylov(body.unknowns.rows)
         self._course = self._krylov.course.view(newton.COURSE, np.ndarray)[0]
+        self._share = 1.0 if self.certified else MOVING if body.handles else FLYING
         self._spacing, self._patient = SPACING * body.size, max(PATIENT, level.price)
 
     def begin(self, active: ActiveSet, start: State, *, warm: bool) -> None:
@@ -109,7 +112,7 @@ class TangentMinimiser(Minimiser):
         """
         task.evaluate()
         work, target = task.active.workspace, min(tolerance, self._finest) * self._body.size
-        target *= 1.0 if self.certified else MOVING
+        target *= self._share
         self._beside.x[...] = work.x  # with the handles where they are
         if self.tangent is None or (not self.certified and self._course["spent"] >= 2 * self._patient):
             self._take(task, self._last)
@@ -195,7 +198,7 @@ class TangentMinimiser(Minimiser):
         course, status = self._course, task.active.status
         most = min(most, self._patient - self._since)
         used = quasi_newton.descend_kept(task.problem, task.active.workspace, self._level.kept, target, most)
-        course["spent"], course["distance"] = course["spent"] + used, float(status["distance"]) / MOVING
+        course["spent"], course["distance"] = course["spent"] + used, float(status["distance"]) / self._share
         self._since += used
         if self.certified:
             self._learning, course["distance"] = used == most and self._since < self._patient, np.inf
