@@ -69,8 +69,7 @@ def for_slender(
     model = replace(model, softest=load)
     if seen.value >= (SLENDER_IN_MOTION if moving else SLENDER):
         return model
-    level = TangentLevel(body, matrix.assembled, model.actuation.terms, single=not moving)
-    work = whole.workspace
+    level, work = TangentLevel(body, matrix.assembled, model.actuation.terms), whole.workspace
     if level.take(task.problem, work.u, work.x).shift > 0.0:
         return model
     for _ in range(INVERSE_ITERATIONS):

@@ -145,14 +145,13 @@ class Fronts:
     Args:
         graph: (f, f) an entry for each block (3, 3) of the matrices, symmetric, in their order.
         points: (f, 3) vertices [m].
-        single: whether the factor is kept in single precision, which is read in half the time; it is made in double.
 
     Attributes:
         price: cost of a factorisation, in solutions.
         kept: the last factor.
     """
 
-    def __init__(self, graph: sparse.csr_matrix, points: NDArray[np.float64], *, single: bool = False) -> None:
+    def __init__(self, graph: sparse.csr_matrix, points: NDArray[np.float64]) -> None:
         orders = narrow_order(graph, points), least_degree(graph)
         found = min((eliminated(graph, order) for order in orders), key=lambda each: each.work)
         widths, heights = found.widths, found.heights
@@ -176,8 +175,7 @@ class Fronts:
         taken = np.bincount(found.parent[inner], weights=left[inner], minlength=len(widths)).astype(np.int64)
         self._front, self._panel = np.empty(room**2), np.empty(PANEL * TILE)
         self._stack = np.empty(np.cumsum(left - taken).max(initial=0))
-        precision = np.float32 if single else np.float64
-        values, x = np.empty(self._plan.value_start[-1], precision), np.empty(3 * len(found.order))
+        values, x = np.empty(self._plan.value_start[-1]), np.empty(3 * len(found.order))
         none, rows = np.zeros((0, 0)), len(x)
         bare = {"harmonic": np.zeros((rows, 0)), "schur": none, "springs": none, "reach": none, "inner": none}
         turns = {"frames": unrotated(len(found.order)), "turned": np.empty(rows)}

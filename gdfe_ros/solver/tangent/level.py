@@ -66,7 +66,6 @@ class TangentLevel:
         matrix: (n, n) the assembled constant matrix.
         terms: the external terms.
         elements: evaluates the tangents of the elements; None for those of their laws.
-        single: whether the factor is kept in single precision.
 
     Attributes:
         price: cost of a tangent, in solutions with it.
@@ -79,7 +78,6 @@ class TangentLevel:
         terms: Sequence[Term] = (),
         *,
         elements: ElementStiffness | None = None,
-        single: bool = False,
     ) -> None:
         self._body, self._unknowns, self._terms = body, body.unknowns, terms
         self._elements = elements or ElementStiffness(len(body.cells))
@@ -90,7 +88,7 @@ class TangentLevel:
         self._free = 3 * self._assembly.free
         free, graph = self._assembly.free, self._assembly.graph()
         self._among_free = np.flatnonzero((graph.tocoo().row < free) & (graph.indices < free))
-        self._factor = Fronts(graph[:free, :free].tocsr(), body.rest[body.unknowns.free], single=single)
+        self._factor = Fronts(graph[:free, :free].tocsr(), body.rest[body.unknowns.free])
         self.price = self._factor.price
         self._loaded: Tangent | None = None
         self._sums = np.empty((len(body.rest), 9))

@@ -58,7 +58,7 @@ class Kept(NamedTuple):
     """
 
     plan: Plan
-    values: NDArray[np.floating]
+    values: NDArray[np.float64]
     order: NDArray[np.int64]
     x: NDArray[np.float64]
     local: NDArray[np.float64]
