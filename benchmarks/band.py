@@ -18,7 +18,6 @@ class Band:
 
     Attributes:
         width: entries of a column from the diagonal on.
-        price: cost of a factorisation, in solutions.
     """
 
     def __init__(self, graph: sparse.csr_matrix, order: NDArray[np.int64]) -> None:
@@ -32,7 +31,6 @@ class Band:
         self._size, self.width = 3 * len(order), int(lower.max(initial=0)) + 1
         self._order = (3 * order[:, None] + axes).ravel()
         self._place = columns.ravel()[self._below] * self.width + lower
-        self.price = self.width // 8
         self._factor = np.zeros((self.width, 0), order="F")
 
     def factor(self, blocks: NDArray[np.float64]) -> bool:

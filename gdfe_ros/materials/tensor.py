@@ -105,6 +105,17 @@ def rotation_from_stretch_sum(f, c, first, s, jacobian):
 
 
 @inlined
+def rotation(f):
+    """Return the proper rotation of F, the margin of its uniqueness, and det F."""
+    c = cofactor(f)
+    j = determinant(f, c)
+    first = squared_norm(f)
+    s = stretch_sum(first, squared_norm(c), j)
+    r, margin = rotation_from_stretch_sum(f, c, first, s, j)
+    return r, margin, j
+
+
+@inlined
 def off_diagonal(a):
     """Return whether a symmetric matrix (00, 01, 02, 11, 12, 22) has significant off-diagonal entries."""
     off = a[1] * a[1] + a[2] * a[2] + a[4] * a[4]

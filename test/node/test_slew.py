@@ -136,13 +136,15 @@ def test_the_slender_finger_converges_again_and_again_in_little_time() -> None:
 @pytest.mark.parametrize("clock", ["wall", "lockstep"])
 def test_a_hurried_node_steps_as_far_as_it_converges(client: Any, start: Callable, clock: str) -> None:
     """Pull the flexor to 5 N, half a second for a step: under the wall clock by and by, in lockstep at once."""
-    start(scene="tendon_finger", clock=clock, dt=0.02, rate=50.0, deadline=0.5 if clock == "wall" else 0.0)
+    hurried = {"deadline": 0.5, "slew_time": 12.0} if clock == "wall" else {"deadline": 0.0}
+    start(scene="tendon_finger", clock=clock, dt=0.02, rate=50.0, **hurried)
     client.publish("actuation", JointState(name=["flexor"], effort=[5.0]))
     records = lambda: [record for record in client.records() if record.actuators]  # noqa: E731
     if clock == "lockstep":
         client.wait(records)
         assert records()[0].actuators == {"flexor": 5.0}
         return
+    client.wait(lambda: "flexor at" in client.diagnostics().get("on their way", ""))
     client.wait(lambda: records() and records()[-1].actuators["flexor"] == 5.0)
     client.wait(lambda: "on their way" not in client.diagnostics())
     pulled = np.array([record.actuators["flexor"] for record in records()])

@@ -111,9 +111,10 @@ class Minimiser:
         lumps: hard inclusions, whose rotation the constant matrix makes too stiff.
         certified: whether conjugate gradients certify the residual.
         lost: whether the solve was abandoned.
+        remembers: whether the pairs of a solve serve the next one.
     """
 
-    certified, lost = False, False
+    certified, lost, remembers = False, False, True
 
     def __init__(self, body: Body, weight: NDArray[np.float64], bending: NDArray[np.float64]) -> None:
         self._body = body
@@ -233,14 +234,11 @@ class Minimiser:
                 break
         return Descended(done, cut=True)
 
-    def _run_stepwise(
-        self, task: Task, target: float, floor: float, least: int, limit: int, *, prepared: bool = False
-    ) -> Descended:
-        """Iterate with a factor that a library applies; if ``prepared``, the first step is already preconditioned."""
+    def _run_stepwise(self, task: Task, target: float, floor: float, least: int, limit: int) -> Descended:
+        """Iterate with a factor that a library applies."""
         work = task.active.workspace
         self._show(work, begins=True)
-        if not prepared:
-            task.precondition(work.gradient, work.step)
+        task.precondition(work.gradient, work.step)
         for iteration in range(limit):
             goal = target if iteration >= least else floor
             ended = task.advance(goal)

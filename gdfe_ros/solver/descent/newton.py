@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.solver.descent.pairs import inner
+from gdfe_ros.solver.descent.products import multiply
 from gdfe_ros.solver.descent.quasi_newton import advance
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.tangent.substitution import solve_kept
@@ -67,7 +68,7 @@ class Why(IntEnum):
     """The last step was cut, or not found by conjugate gradients: the energy is far from a parabola."""
 
 
-class Sides(IntEnum):
+class StepKind(IntEnum):
     """How conjugate gradients ended."""
 
     FOUND = 0
@@ -137,24 +138,21 @@ def least_ritz(diagonal, beside, count):
 
 
 @internal
-def multiply(problem, work, beside, krylov, spacing, first):
-    """Write K times the direction [N] at the unknowns of ``work``; ``beside`` is the workspace of the difference."""
-    step = spacing / largest(krylov.direction)
-    for n in range(len(work.u)):
-        beside.u[n] = work.u[n] + step * krylov.direction[n]
-    advance(problem, beside, 0.0, first)
-    for n in range(len(work.u)):
-        krylov.image[n] = (beside.gradient[n] - work.gradient[n]) / step
+def follow(krylov, length):
+    """Add a length of the direction to the Newton step, and take its image from the residual."""
+    for n in range(len(krylov.step)):
+        krylov.step[n] += length * krylov.direction[n]
+        krylov.residual[n] -= length * krylov.image[n]
 
 
 @kernel
 def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left):
-    """Solve K d = r for the given residual and z = M^-1 r; return a `Sides` and the number of products.
+    """Solve K d = r for the given residual and z = M^-1 r; return a `StepKind` and the number of products.
 
     They end when the remainder is small against d or the ``target`` [m], and r M^-1 r is at most ``most_left`` of its
     first value. With negative curvature at once, d is the direction of it.
     """
-    course, first = krylov.course[0], len(work.u) > 0
+    course = krylov.course[0]
     p, r, z, d = krylov.direction, krylov.residual, krylov.z, krylov.step
     for n in range(len(d)):
         d[n], p[n] = 0.0, z[n]
@@ -163,35 +161,53 @@ def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left
     if not weight > 0.0:
         found = largest(z) == 0.0
         course.distance = 0.0 if found else math.inf
-        return Sides.FOUND if found else Sides.UNKNOWN, 0
+        return StepKind.FOUND if found else StepKind.UNKNOWN, 0
     for count in range(MOST_PRODUCTS):
-        multiply(problem, work, beside, krylov, spacing, first)
+        multiply(problem, work.u, work.gradient, beside, p, spacing, krylov.image)
         curvature = inner(p, krylov.image)
         if not curvature > 0.0:
             if count == 0:
-                for n in range(len(d)):
-                    d[n] = p[n]
+                d[:] = p
             course.distance = math.inf
-            return Sides.CURVED, count + 1
+            return StepKind.CURVED, count + 1
         krylov.diagonal[count] = curvature / weight + (ratio / length if count > 0 else 0.0)
         length = weight / curvature
-        for n in range(len(d)):
-            d[n] += length * p[n]
-            r[n] -= length * krylov.image[n]
+        follow(krylov, length)
         solve_kept(kept, r, z)
         last, weight, before = weight, inner(r, z), course.least
         course.least = min(before, least_ritz(krylov.diagonal, krylov.beside, count + 1))
         left, far = largest(z) / course.least, largest(d)
-        small = left <= max(INEXACT * target, FORCING * far) and (count > 1 or left <= 0.1 * target)
+        small = left <= max(INEXACT * target, FORCING * far) and (count > 1 or left <= CLOSE * target)
         if (small and course.least >= STEADY * before and weight <= most_left * start) or not weight > ROUNDING * start:
             course.distance = far + left
-            return Sides.FOUND, count + 1
+            return StepKind.FOUND, count + 1
         ratio = weight / last
         krylov.beside[count] = math.sqrt(ratio) / length
         for n in range(len(d)):
             p[n] = z[n] + ratio * p[n]
     course.distance = math.inf
-    return Sides.UNKNOWN, MOST_PRODUCTS
+    return StepKind.UNKNOWN, MOST_PRODUCTS
+
+
+@internal
+def aim(work, krylov, share):
+    """Write a ``share`` of the Newton step to the direction, downhill."""
+    status = work.status[0]
+    slope = share * inner(work.gradient, krylov.step)
+    if slope > 0.0:
+        share, slope = -share, -slope
+    for n in range(len(work.u)):
+        work.direction[n] = share * krylov.step[n]
+    status.slope, status.distance, status.given = slope, abs(share) * largest(krylov.step), 1
+
+
+@internal
+def reached(work, course, far, target):
+    """Return whether the ``target`` [m] is reached after a full step of length ``far`` [m]."""
+    status, left = work.status[0], largest(work.step) / course.least
+    if left > HALF * target or (left > HALF * far and far > target):
+        return False
+    return 0.5 * inner(work.gradient, work.step) <= ENERGY * course.least * (status.absolute + status.outside)
 
 
 @kernel
@@ -200,7 +216,7 @@ def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, l
 
     ``work`` holds the gradient, and M^-1 times it as ``step``; both are present again at the end.
     """
-    status, course, first = work.status[0], krylov.course[0], limit < 0
+    course, first = krylov.course[0], limit < 0
     for iteration in range(limit):
         if course.spent >= worth:
             return Why.STALE, iteration
@@ -209,34 +225,27 @@ def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, l
             return Why.NEAR, iteration
         for n in range(len(work.u)):
             krylov.residual[n], krylov.z[n] = -work.gradient[n], -work.step[n]
-        side, products = solve_newton(problem, work, beside, kept, krylov, spacing, target, math.inf)
+        solved, products = solve_newton(problem, work, beside, kept, krylov, spacing, target, math.inf)
         course.spent += max(0, products - FREE)
-        if side == Sides.FOUND and course.distance <= CLOSE * target:
+        if solved == StepKind.FOUND and course.distance <= CLOSE * target:
             return Why.NEAR, iteration
-        course.curved += side == Sides.CURVED
-        course.unknown += side == Sides.UNKNOWN
+        course.curved += solved == StepKind.CURVED
+        course.unknown += solved == StepKind.UNKNOWN
         far = largest(krylov.step)
         if far == 0.0:
             return Why.HARD, iteration
         share = min(1.0, LONGEST * size / far)
-        if side == Sides.CURVED and products == 1:
+        if solved == StepKind.CURVED and products == 1:
             share = AWAY * size / far
-        slope = share * inner(work.gradient, krylov.step)
-        if slope > 0.0:
-            share, slope = -share, -slope
-        for n in range(len(work.u)):
-            work.direction[n] = share * krylov.step[n]
-        status.slope, status.distance, status.given = slope, abs(share) * far, 1
+        aim(work, krylov, share)
         if advance(problem, work, 0.0, first):
             return Why.ENDED, iteration
         solve_kept(kept, work.gradient, work.step)
-        left, whole = largest(work.step) / course.least, largest(work.direction) >= 0.999 * far
-        near = left <= HALF * target and (left <= HALF * far or far <= target)
-        near &= 0.5 * inner(work.gradient, work.step) <= ENERGY * course.least * (status.absolute + status.outside)
-        if side == Sides.FOUND and whole and near:
-            course.distance = left
+        smooth = solved == StepKind.FOUND and largest(work.direction) >= 0.999 * far
+        if smooth and reached(work, course, far, target):
+            course.distance = largest(work.step) / course.least
             return Why.NEAR, iteration + 1
         course.distance = math.inf
-        if side != Sides.FOUND or not whole:
+        if not smooth:
             return Why.HARD, iteration + 1
     return Why.LIMIT, limit

@@ -6,15 +6,30 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.descent import quasi_newton
 from gdfe_ros.solver.descent.minimiser import Task
+from gdfe_ros.solver.descent.quasi_newton import advance
 from gdfe_ros.solver.descent.workspace import allocate, numbers
 from gdfe_ros.solver.distance import largest
 
 SPACING = 1e-7
 """Largest displacement of a finite difference, over the body's size. The truncation error is a millionth of the product
 if a body's stiffness changes by its own order over a tenth of its size; rounding is smaller."""
+
+
+@kernel
+def multiply(problem, u, gradient, beside, direction, spacing, image):
+    """Write K direction (3 r,) [N] at the unknowns ``u``, where the ``gradient`` is known, to ``image``.
+
+    The difference has a largest displacement of ``spacing`` [m]; ``beside`` is its workspace.
+    """
+    step, first = spacing / largest(direction), len(u) > 0
+    for n in range(len(u)):
+        beside.u[n] = u[n] + step * direction[n]
+    advance(problem, beside, 0.0, first)
+    for n in range(len(u)):
+        image[n] = (beside.gradient[n] - gradient[n]) / step
 
 
 class TangentProducts:
@@ -42,12 +57,11 @@ class TangentProducts:
     def energy(self, step: NDArray[np.float64]) -> float:
         """Return the energy [J] of all terms at the unknowns plus ``step`` (3 r,)."""
         self._beside.u[...] = self._u + step
-        quasi_newton.advance(self._problem, self._beside, 0.0, True)
+        advance(self._problem, self._beside, 0.0, True)
         return float(numbers(self._beside)["energy"])
 
     def __call__(self, direction: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return K direction (3 r,) [N]."""
-        beside, step = self._beside, self._spacing / largest(direction)
-        beside.u[...] = self._u + step * direction
-        quasi_newton.advance(self._problem, beside, 0.0, True)
-        return (beside.gradient - self._gradient) / step
+        image = np.empty_like(direction)
+        multiply(self._problem, self._u, self._gradient, self._beside, direction, self._spacing, image)
+        return image

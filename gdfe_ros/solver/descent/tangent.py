@@ -19,15 +19,13 @@ from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent import newton, quasi_newton
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.descent.minimiser import Descended, Minimiser, Task
-from gdfe_ros.solver.descent.newton import Sides, Why
+from gdfe_ros.solver.descent.newton import StepKind, Why
+from gdfe_ros.solver.descent.products import SPACING
 from gdfe_ros.solver.descent.workspace import End, allocate
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
 
-SPACING = 1e-7
-"""Largest displacement of a difference of gradients, over the body's size. The truncation error is a millionth of the
-product if a body's stiffness changes by its own order over a tenth of its size; rounding is smaller."""
 TRUST = 5.0
 """Largest tolerance over the body's softness; larger ones are reduced to it. Softness is, to a factor, the strain at
 which a slender body buckles. A shape whose length is off by that much is as much too stiff or too soft, so that a
@@ -66,6 +64,8 @@ class TangentMinimiser(Minimiser):
         lost: whether the solve was abandoned because the distance to the equilibrium cannot be estimated.
     """
 
+    remembers = False
+
     def __init__(
         self,
         body: Body,
@@ -91,6 +91,7 @@ class TangentMinimiser(Minimiser):
         A tangent that is due is evaluated at the last equilibrium if the solve is ``warm``, otherwise at its start.
         """
         super().begin(active, start, warm=True)
+        active.status["count"], active.status["pending"] = 0, 0
         self.tangent, self._last = start.tangent, start.positions if warm else None
         self.lost, self._tangents, self._known, self._turned = False, 0, False, False
         self._cleared, self._learning = 0 if warm else -1, not self.certified
@@ -120,8 +121,7 @@ class TangentMinimiser(Minimiser):
             self._take(task)
         if not self._turned:
             self._level.turn(work.x)
-            self._turned, status = True, task.active.status
-            status["count"], status["pending"] = 0, 0
+            self._turned = True
         task.precondition(work.gradient, work.step)
         left = largest(work.step) / float(self._course["least"])
         last = tolerance <= final
@@ -222,13 +222,13 @@ class TangentMinimiser(Minimiser):
         given = task.problem, work, self._beside, self._level.kept, krylov
         before = float(self._course["least"])
         with task.turn:
-            side, _ = newton.solve_newton(*given, self._spacing, 0.0, HIDDEN / len(work.u))
-        if side == Sides.FOUND:
+            solved, _ = newton.solve_newton(*given, self._spacing, 0.0, HIDDEN / len(work.u))
+        if solved == StepKind.FOUND:
             self.tangent = replace(self.tangent, softest=float(self._course["least"]))
             self._course["distance"], self._cleared = distance * before / float(self._course["least"]), self._hard
             return True
         self._course["unknown"] += 1
-        if side == Sides.CURVED:
+        if solved == StepKind.CURVED:
             self._move_along(task, krylov.direction)
         self._take(task)
         task.precondition(work.gradient, work.step)

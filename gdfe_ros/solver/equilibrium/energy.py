@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection
 import numpy as np
 from numpy.typing import NDArray
 
+from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import LAME, PENALTY, SHEAR, YOUNG
@@ -97,7 +98,8 @@ class EnergyEquilibrium:
         model = Model(body, self.actuation, self.handles, Minimiser(body, stiffness, bending), softening=softening)
         shared = self._whole.threads(threads)
         given = model, self._whole, self.matrix, self.at_rest(), stiffness, bending
-        self._model = for_slender(*given, threads=shared, moving=predictor is not None)
+        with one_blas_thread():
+            self._model = for_slender(*given, threads=shared, moving=predictor is not None)
         self.minimiser = self._model.minimiser
         if self.minimiser.lumps or self.minimiser.certified:
             self._dormancy.forbid()
@@ -216,7 +218,7 @@ class EnergyEquilibrium:
         found, active = solution.state, solution.active
         change = previous.change_to(found.commands)
         part = self._dormancy.is_part(active)
-        exported = active.keeper.export()
+        exported = active.keeper.export() if self.minimiser.remembers else History.empty()
         sleep = found.sleep
         if self._dormancy.touched(previous, found.base):
             sleep = self._dormancy.woken(sleep)

@@ -8,11 +8,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.tensor import (
-    cofactor,
-    determinant,
-    rotation_from_stretch_sum,
-    squared_norm,
-    stretch_sum,
+    rotation,
 )
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.measures import mean_gradient
@@ -35,12 +31,7 @@ def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.f
 @internal
 def _frame(x, shape, e):
     """Return the proper rotation of an element and the factor that scales it to its rest volume."""
-    f = mean_gradient(x, shape, e)
-    c = cofactor(f)
-    j = determinant(f, c)
-    first = squared_norm(f)
-    s = stretch_sum(first, squared_norm(c), j)
-    r, _ = rotation_from_stretch_sum(f, c, first, s, j)
+    r, _, j = rotation(mean_gradient(x, shape, e))
     return r, max(abs(j), LEAST_VOLUME) ** (-1.0 / 3.0)
 
 

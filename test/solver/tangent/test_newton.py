@@ -15,7 +15,7 @@ from gdfe_ros import Simulation
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.descent import newton
 from gdfe_ros.solver.descent.minimiser import Task
-from gdfe_ros.solver.descent.newton import Sides
+from gdfe_ros.solver.descent.newton import StepKind
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.descent.workspace import allocate
 from gdfe_ros.solver.distance import largest
@@ -62,15 +62,15 @@ class Strip:
         now = np.stack([products(column) for column in np.eye(len(work.u))])
         return cls(tasks[-1], level, work.gradient.copy(), 0.5 * (now + now.T))
 
-    def solved(self, right: NDArray[np.float64], target: float) -> tuple[Sides, newton.Krylov]:
+    def solved(self, right: NDArray[np.float64], target: float) -> tuple[StepKind, newton.Krylov]:
         """Solve with the present tangent for a right-hand side."""
         work = self.task.active.workspace
         krylov, beside = newton.allocate_krylov(len(work.u) // 3), allocate(len(work.u) // 3, work.x, 40, memory=0)
         krylov.course[0].least = 1.0
         krylov.residual[...] = right
         self.level.solve(right, krylov.z)
-        side, _ = newton.solve_newton(self.task.problem, work, beside, self.level.kept, krylov, 1e-8, target, np.inf)
-        return Sides(side), krylov
+        solved, _ = newton.solve_newton(self.task.problem, work, beside, self.level.kept, krylov, 1e-8, target, np.inf)
+        return StepKind(solved), krylov
 
 
 @pytest.mark.parametrize("stretch", [0.01, 0.05])
@@ -78,9 +78,9 @@ def test_what_is_left_of_a_step_is_told(stretch: float) -> None:
     """Take a tangent at rest and solve with that of a stretched strip: the error is at most what is told, or twice."""
     strip = Strip.moved(stretch)
     right = np.random.default_rng(0).standard_normal(len(strip.gradient))
-    side, krylov = strip.solved(right, 0.0)
+    solved, krylov = strip.solved(right, 0.0)
     exact = np.linalg.solve(strip.now, right)
-    assert side is Sides.FOUND
+    assert solved is StepKind.FOUND
     left = float(krylov.course[0].distance) - largest(krylov.step)
     assert 0.0 < largest(krylov.step - exact) <= 2.0 * left
     assert left < 0.02 * largest(exact)
@@ -100,8 +100,8 @@ def test_negative_curvature_is_told() -> None:
     strip = Strip.moved(-0.2)
     values, vectors = np.linalg.eigh(strip.now)
     assert values[0] < 0.0
-    side, krylov = strip.solved(vectors[:, 0] + 0.01 * vectors[:, -1], 0.0)
-    assert side is Sides.CURVED
+    solved, krylov = strip.solved(vectors[:, 0] + 0.01 * vectors[:, -1], 0.0)
+    assert solved is StepKind.CURVED
     assert float(krylov.course[0].distance) == np.inf
     assert krylov.direction @ strip.now @ krylov.direction < 0.0
 
@@ -127,9 +127,8 @@ def test_a_factor_follows_a_rotation() -> None:
     first, second = (TangentLevel(body, equilibrium.matrix.assembled) for _ in range(2))
     for level, x in ((first, body.rest), (second, turned)):
         solve = Solve.at(equilibrium.model, state.with_(positions=x, base=x))
-        work = solve.evaluate(equilibrium.whole, equilibrium.matrix.coupling, threads=None).active.workspace
         task = solve.evaluate(equilibrium.whole, equilibrium.matrix.coupling, threads=None)
-        level.take(task.problem, work.u, x)
+        level.take(task.problem, task.active.workspace.u, x)
     right = np.random.default_rng(4).standard_normal(3 * len(body.unknowns.free))
     answers = np.empty((3, len(right)))
     first.solve(right, answers[0])
