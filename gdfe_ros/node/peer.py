@@ -25,6 +25,8 @@ PATIENCE = 10.0
 """Time [s] within which a topic or service must be found, and subscribers must acknowledge."""
 SETTLING = 0.2
 """Time [s] within which stored messages arrive after the first of them."""
+UNCHANGED = 2.0
+"""Time [s] for which a known graph must not change before a name that it lacks is reported."""
 
 
 class Peer:
@@ -116,6 +118,24 @@ class Peer:
             self._executor.spin_once(timeout_sec=0.02)
         return found
 
+    def _discover(self, look: Callable[[], Any], names: Callable[[], list[str]]) -> Any:
+        """Return what ``look`` finds in the graph; nothing if the graph is known and lacks it, or if patience is over.
+
+        Args:
+            look: returns an entry of the graph, nothing as long as it is not discovered.
+            names: returns all names of its kind that other nodes have, as far as they are discovered.
+        """
+        known, since = list[str](), time.monotonic()
+
+        def found_or_lacking() -> bool:
+            nonlocal known, since
+            if (now := names()) != known:
+                known, since = now, time.monotonic()
+            return bool(look()) or (bool(known) and time.monotonic() - since > UNCHANGED)
+
+        self._wait(found_or_lacking)
+        return look()
+
     def _endpoints(self, topic: str, look: Callable[[str], list[TopicEndpointInfo]], whose: str) -> Any:
         """Return the publishers or subscriptions of a topic, and the class of its messages.
 
@@ -127,10 +147,14 @@ class Peer:
         Raises:
             GdfeError: there is no endpoint.
         """
-        found = self._wait(lambda: look(topic))
+
+        def names() -> list[str]:
+            own, topics = self._node.get_name(), self._node.get_topic_names_and_types()
+            return sorted(name for name, _ in topics if any(other.node_name != own for other in look(name)))
+
+        found = self._discover(lambda: look(topic), names)
         if not found:
-            names = sorted(name for name, _ in self._node.get_topic_names_and_types() if look(name))
-            raise GdfeError(self._nobody(f"no node {whose} {topic}", topic, names, "topics"))
+            raise GdfeError(self._nobody(f"no node {whose} {topic}", topic, names(), "topics"))
         return found, interface_class(found[0].topic_type)
 
     def _service_class(self, service: str) -> type[Any]:
@@ -141,14 +165,16 @@ class Peer:
         """
 
         def kinds() -> dict[str, list[str]]:
-            return dict(self._node.get_service_names_and_types())
+            own = f"/{self._node.get_name()}/"
+            return {name: of for name, of in self._node.get_service_names_and_types() if not name.startswith(own)}
 
-        if not self._wait(lambda: service in kinds()):
+        found = self._discover(lambda: kinds().get(service), lambda: sorted(kinds()))
+        if not found:
             raise GdfeError(self._nobody(f"no node offers the service {service}", service, sorted(kinds()), "services"))
-        return interface_class(kinds()[service][0])
+        return interface_class(found[0])
 
     def _nobody(self, text: str, given: str, names: Sequence[str], kind: str) -> str:
-        listed = ", ".join(name for name in names if not name.startswith("/gdfe_terminal")) or "none"
+        listed = ", ".join(names) or "none"
         return f"{text} in ROS domain {self._domain}; {did_you_mean(given, names)}{kind}: {listed}"
 
 

@@ -39,10 +39,9 @@ def test_a_tip_is_lifted_from_the_terminal(capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.usefixtures("node")
-def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     """Misspell a topic, a service and a field: each error names what is meant and what there is."""
     assert main(["echo", "/gdfe_sim/step_record"]) == 0
-    monkeypatch.setattr("gdfe_ros.node.peer.PATIENCE", 3.0)
     assert main(["pub", "/gdfe_sim/handles/tip/tarket", "{}"]) == BAD_INPUT
     assert "did you mean '/gdfe_sim/handles/tip/target'?" in capsys.readouterr().err
     assert main(["call", "/gdfe_sim/rest"]) == BAD_INPUT
