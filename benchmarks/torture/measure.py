@@ -11,13 +11,14 @@ from pathlib import Path
 
 from benchmarks.provenance import ROOT
 from benchmarks.report import options, write_report
-from benchmarks.torture.case import Case, Group, attempt
+from benchmarks.torture.case import Case, Group, Verdict, attempt
 from benchmarks.torture.catalogue import all_cases
 from benchmarks.torture.picture import draw_scores
 from benchmarks.torture.score import read_scores
 
-PROBED = {Group.CONTRASTS: 5, Group.SCALES: 5, Group.MESHES: 3, Group.LAWS: 4, Group.ACTUATORS: 2, Group.HONESTY: 1}
-"""Cases of each group in the probe: every so many of those that take least."""
+PROBED = {Group.CONTRASTS: 5, Group.SCALES: 5, Group.MESHES: 2, Group.LAWS: 4, Group.ACTUATORS: 2, Group.HONESTY: 1}
+"""Cases of each group in the probe: the first so many of those that take least. The third mesh, a sliver, takes 234 or
+274 iterations, as the processor rounds."""
 
 
 def probed() -> list[Case]:
@@ -27,13 +28,17 @@ def probed() -> list[Case]:
 
 
 def probe() -> dict[str, float | str]:
-    """Return verdicts of some cheap cases, and the iterations of all of a group together."""
+    """Return verdicts of some cheap cases, and the iterations of all of a group that converge, together.
+
+    A case that is reported looks for an equilibrium that does not exist: rounding decides how long.
+    """
     found: dict[str, float | str] = {}
     for case in probed():
         outcome = attempt(case)
         found[f"{case.id}: verdict"] = outcome.verdict.value
-        name = f"{case.group.value}: iterations"
-        found[name] = float(found.get(name, 0.0)) + outcome.iterations
+        if outcome.verdict is Verdict.CONVERGED:
+            name = f"{case.group.value}: iterations"
+            found[name] = float(found.get(name, 0.0)) + outcome.iterations
     return found
 
 

@@ -176,7 +176,8 @@ def test_materials(law: str) -> None:
     )  # fmt: skip
     made = {"materials__soft": material, "handles__tip": tip}
     for key, value in varied.items():
-        step = 1e-2 * (min(0.5 - value, 0.1) if key == "poisson" else abs(value))
+        # Of Poisson's ratio by more: near 0.5 it moves the body so little that a smaller difference is rounding.
+        step = 5e-2 * min(0.5 - value, 0.1) if key == "poisson" else 1e-2 * abs(value)
 
         def beside(change: float, key: str = key, value: float = value) -> tuple[Command, dict[str, Any]]:
             name, _, index = key.partition(".")
