@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import warnings
@@ -203,6 +204,76 @@ def test_a_step_that_would_not_converge_goes_as_far_as_one_does() -> None:
     np.testing.assert_allclose(info["applied"], [0.25, 0.0])
 
 
+def test_failed_changes_are_not_repeated_step_by_step() -> None:
+    """Let no change converge, then every one: the next steps begin with an eighth, a quarter, a half, the whole."""
+    env = _env(BAR, slew_time=0.0)
+    env.reset(seed=1)
+    solve, tried, strict = env.simulation.step, [], True
+
+    def step(command: Any, **options: Any) -> Any:
+        tried.append(command.actuators["lower"] - env.simulation.commands["lower"])
+        result = solve(command, **options)
+        return replace(result, converged=False) if strict and tried[-1] else result
+
+    env.simulation.step = step
+    env.step([1.6, 0.0])
+    np.testing.assert_allclose(tried, [1.6, 0.8, 0.4, 0.2, 0.0])
+    tried.clear()
+    env.step([1.6, 0.0])
+    np.testing.assert_allclose(tried, [0.2, 0.0])
+    tried.clear()
+    strict = False
+    for _ in range(4):
+        env.step([1.6, 0.0])
+    np.testing.assert_allclose(tried, [0.2, 0.35, 0.525, 0.525], atol=1e-12)
+    env.reset(seed=1)
+    tried.clear()
+    env.step([1.6, 0.0])
+    np.testing.assert_allclose(tried, [1.6])
+
+
+@pytest.mark.parametrize("text", [BAR, MOVING])
+def test_a_reset_to_a_moment_makes_no_solve(text: str) -> None:
+    """Go back to a moment of an episode, in the same environment and another one: no solve, and the rest agrees."""
+    env, other = _env(text, dt=0.01), _env(text, dt=0.01)
+    env.reset(seed=3)
+    env.step([2.0, 0.0])
+    moment = env.snapshot()
+    first = [env.step([1.0, 0.5])[:2] for _ in range(3)]
+    for each in (env, other):
+        solve = each.simulation.step
+        each.simulation.step = each._walker.step = _refuse
+        seen, info = each.reset(options={"episode": moment})
+        each.simulation.step = solve
+        assert info["time"] == moment.state.time == 0.01
+        assert np.array_equal(each.goal, moment.goal)
+        again = [each.step([1.0, 0.5])[:2] for _ in range(3)]
+        for (seen, reward), (seen_again, reward_again) in zip(first, again, strict=True):
+            np.testing.assert_array_equal(seen, seen_again)
+            assert reward == reward_again
+    given = (0.1, 0.0, 0.01)
+    env.reset(options={"episode": moment, "goal": given})
+    assert tuple(env.goal) == given
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"gaol": (0.1, 0.0, 0.0)}, "'gaol'; allowed: 'episode', 'goal'"),
+        ({"episode": 5}, "5; allowed: a value of env.snapshot"),
+        ({"goal": (0.1, np.nan, 0.0)}, "three finite numbers"),
+    ],
+)
+def test_wrong_options_of_a_reset_are_refused(options: dict[str, Any], told: str) -> None:
+    """Reset with an unknown option and with wrong values: an error says what is allowed, and the state stays."""
+    env = _env(BAR)
+    env.reset(seed=1)
+    env.step([1.0, 0.0])
+    with pytest.raises(GdfeError, match=re.escape(told)):
+        env.reset(options=options)
+    assert env.simulation.time == 0.05
+
+
 def test_a_range_is_narrowed_whatever_the_program_commands() -> None:
     """Narrow the range of a scene whose program goes beyond it: actions are what counts."""
     env = make_env("tendon_finger", overrides={"actuators.flexor.cable.range": [0.0, 0.5]})
@@ -244,7 +315,7 @@ def _explore(scene: str, steps: int) -> None:
     env = make_env(scene, steps=steps + 1)
     seen, _ = env.reset(seed=0)
     env.action_space.seed(0)
-    last, allowed = env._applied(env.simulation), 0.05 * (env.action_space.high - env.action_space.low)
+    last, allowed = env._approach.applied, 0.05 * (env.action_space.high - env.action_space.low)
     for count in range(steps):
         seen, reward, _, truncated, info = env.step(env.action_space.sample())
         assert info["converged"], f"step {count}: {info}"
@@ -257,6 +328,10 @@ def _explore(scene: str, steps: int) -> None:
 
 def _env(text: str, **options: Any) -> SoftRobotEnv:
     return make_env(scene_from_text(text, origin="of a test"), **options)
+
+
+def _refuse(*_: Any, **__: Any) -> None:
+    raise AssertionError("a step was solved")
 
 
 def _episode(env: Any, *, seed: int) -> np.ndarray:
