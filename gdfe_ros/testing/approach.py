@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
 
-_LEAST = 0.125
-"""Smallest share of the allowed change that is tried; below it the commands are held."""
+_SHARES = (1.0, 0.125, 0.0)
+"""Shares of the allowed change, tried in this order until a step converges. At a loss of stability the whole change
+often converges where smaller ones do not, because it leads beyond; many shares would mostly repeat the failure."""
 _BUDGET = 400
 """Limit of iterations of a step without dynamics, after which a smaller share is tried; most steps need 20 to 150."""
 
@@ -18,16 +19,12 @@ _BUDGET = 400
 class Approach:
     """Moves the commands of a simulation's actuators towards wanted ones, step by step.
 
-    In a step each command changes by at most share * reach. The share is halved until the step converges; below an
-    eighth the commands are held. The next step begins with twice the share that converged, so that steps near a limit
-    of stability do not repeat all failed attempts.
+    In a step each command changes by at most its reach; if the step does not converge, by an eighth of the change; if
+    that does not converge either, the commands are held.
 
     Args:
         simulation: that is stepped.
         reach: (actuators,) largest change of each command in a step, in the unit of its mode; infinite: no limit.
-
-    Attributes:
-        share: first share of the next step.
     """
 
     def __init__(self, simulation: Simulation, reach: NDArray[np.float64]) -> None:
@@ -35,7 +32,6 @@ class Approach:
         self._names = simulation.actuator_names
         ranges = [(actuator.low, actuator.high) for actuator in simulation.scene.actuators]
         self._low, self._high = np.array(ranges, dtype=np.float64).T
-        self.share = 1.0
 
     @property
     def applied(self) -> NDArray[np.float64]:
@@ -56,17 +52,14 @@ class Approach:
         simulation, present = self._simulation, self.applied
         before = simulation.snapshot()
         change = np.clip(wanted - present, -self._reach, self._reach)
-        share = 1.0 if whole else self.share
-        while True:
+        for share in _SHARES[: 1 if whole else None]:
+            if share < 1.0:
+                simulation.restore(before)
             values = np.clip(present + share * change, self._low, self._high).tolist()
             command = Command(actuators=dict(zip(self._names, values, strict=True)))
             # No limit of iterations for held commands, nor for a scene with dynamics.
             budget = _BUDGET if share and not simulation.scene.dynamics else None
             result = simulation.step(command, dt=dt, cut_after=budget)
-            if result.converged or whole or not share:
+            if result.converged:
                 break
-            simulation.restore(before)
-            share = share / 2.0 if share > _LEAST else 0.0
-        if not whole:
-            self.share = min(1.0, max(2.0 * share, _LEAST))
         return result

@@ -38,12 +38,10 @@ class Episode:
     Attributes:
         state: of the simulation.
         goal: (3,) [m], or None.
-        share: of the allowed change of the commands that the next step tries first.
     """
 
     state: Snapshot
     goal: NDArray[np.float64] | None
-    share: float
 
 
 class SoftRobotEnv(Env):
@@ -119,10 +117,9 @@ class SoftRobotEnv(Env):
             self._walker.reset()
         if episode is None:
             self.simulation.reset()
-            self._approach.share = 1.0
         else:
             self.simulation.restore(episode.state)
-            self._approach.share, self.goal = episode.share, episode.goal
+            self.goal = episode.goal
         if self._walker is not None and (goal is not None or episode is None):
             self.goal = self._draw() if goal is None else goal
         return self._observation(), {"time": self.simulation.time}
@@ -132,7 +129,7 @@ class SoftRobotEnv(Env):
 
         The number of steps of the new episode begins at 0.
         """
-        return Episode(self.simulation.snapshot(), self.goal, self._approach.share)
+        return Episode(self.simulation.snapshot(), self.goal)
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
         """Apply an action for ``dt``.
