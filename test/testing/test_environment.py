@@ -16,6 +16,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.seeding import np_random
 
+from benchmarks.environments import SCENES
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import load_scene, scene_from_text, scene_names
 from gdfe_ros.testing import make_env, make_vector_env
@@ -32,11 +33,6 @@ actuators:
   left: {cable: {points: [[0, 0.008, 0], [0.1, 0.008, 0]], range: [0, 1]}}
 probes: {tip: [0.1, 0, 0]}
 """
-EXPLORED = (
-    "bending_tube", "crawler", "finger_press", "gripper", "pneunet", "shape_memory_strip", "soft_pinch", "swinging_arm",
-    "tendon_finger", "three_chamber_arm",
-)  # fmt: skip
-"""Shipped scenes that are environments as they are."""
 MOVING = f"{BAR}dynamics: {{step: 0.01, damping: {{viscosity: 100.0}}}}"
 
 
@@ -146,7 +142,7 @@ def test_random_actions_explore_shipped_scenes(scene: str, steps: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", EXPLORED)
+@pytest.mark.parametrize("scene", SCENES)
 def test_random_actions_explore_every_shipped_scene(scene: str) -> None:
     """Have gymnasium check each scene with actuators and probes, and take 1000 random actions: every step converges."""
     with warnings.catch_warnings():
@@ -163,7 +159,7 @@ def test_the_list_of_scenes_to_explore_is_complete() -> None:
         for scene in scenes
         if scene.actuators and scene.probes and all(np.isfinite(each.high - each.low) for each in scene.actuators)
     ]
-    assert sorted(fit) == sorted(EXPLORED)
+    assert sorted(fit) == sorted(SCENES)
 
 
 def test_actions_are_rate_limited_and_resets_are_cheap() -> None:
