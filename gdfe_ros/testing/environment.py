@@ -25,7 +25,7 @@ Observation = Callable[[Simulation], ArrayLike]
 Reward = Callable[[Simulation, NDArray[np.float64]], float]
 Ending = Callable[[Simulation], bool]
 
-_WALK = 5
+_WALK = 3
 """Largest number of steps towards a new goal in one reset: bounds the time of a reset."""
 _LONG = 1e9
 """Time of a step [s] so long that no rate limit cuts a command."""
