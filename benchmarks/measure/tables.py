@@ -62,6 +62,7 @@ TABLES = (
     Table(name="threads", module="benchmarks.threads", minutes=2),
     Table(name="cut_cells", module="benchmarks.cut_cells", minutes=0.5),
     Table(name="batches", module="benchmarks.batches", minutes=2),
+    Table(name="environments", module="benchmarks.environments", minutes=6, needs=("gymnasium",)),
     Table(name="constant_factors", module="benchmarks.constant_factors", minutes=2),
     Table(name="coarse_meshes", module="benchmarks.coarse_meshes", minutes=1),
     Table(name="streams", module="benchmarks.streams", minutes=1.5),

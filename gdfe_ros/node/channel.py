@@ -81,17 +81,13 @@ class Channel:
     @property
     def wanted(self) -> bool:
         """Whether there is a subscriber or a bag; otherwise no message has to be built."""
-        return self.recorder is not None or self._listened
-
-    @property
-    def _listened(self) -> bool:
-        return self._count() > self._own
+        return self.recorder is not None or self._count() > self._own
 
     def due(self, step: Step) -> bool:
         """Return whether a step is to be published; a repeated one only if a new subscriber has not received it."""
         if step.again:
             untold = self._newcomers or self.latest < step.record.step
-            return untold and self._listened
+            return untold and self._count() > self._own
         return step.first or self.wanted
 
     def missed(self) -> bool:

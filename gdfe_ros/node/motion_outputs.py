@@ -33,9 +33,9 @@ class MotionOutputs:
         yield from self._imus.values()
 
     @property
-    def wanted(self) -> bool:
-        """Whether any of these topics is wanted from the next step."""
-        return any(channel.wanted for channel in self.channels)
+    def velocity_wanted(self) -> bool:
+        """Whether the velocities of the vertices are wanted from the next step."""
+        return self._velocity.wanted
 
     @property
     def imus_wanted(self) -> bool:

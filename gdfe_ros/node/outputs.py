@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property, partial
 
 from rosgraph_msgs.msg import Clock
@@ -54,6 +54,9 @@ class Outputs:
         self._clock = each_step(topics.CLOCK) if run.parameters["publish_clock"] else None
         self._tf = each_step(topics.TF, own=1) if publish_tf else None
         self._tf_static = Channel(node, topics.TF_STATIC) if publish_tf else None
+        self._turning = (*self._poses.values(), *self._sensors.values())
+        clock = () if self._clock is None else (self._clock,)
+        self._plain = (self._mesh, self._record, *clock, *self._wrenches.values(), *self._probes.values())
         self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
         self._pose_packers = {name: PosePacker(frames.rest(name)) for name in names}
         self._wrench_packers = {name: WrenchPacker(frames.centre(name)) for name in names}
@@ -79,17 +82,19 @@ class Outputs:
 
     def demand(self) -> Demand:
         """Return the outputs that are wanted from the next step."""
-        each_step = (self._mesh, self._record, self._strain, self._joints, self._clock, self._tf)
-        turning = (*self._poses.values(), *self._sensors.values(), *([self._tf] if self._tf else ()))
-        named = (*self._wrenches.values(), *turning, *self._probes.values())
-        marker, motion = self._marker_due(), self._motion.wanted if self._motion else False
-        told = any(channel is not None and channel.wanted for channel in (*each_step, *named))
+        # Each channel is asked at most once: a count of subscribers is a call into the middleware.
+        fields = self._strain.wanted or self._marker_due()
+        frames = self._tf is not None and self._tf.wanted
+        poses = frames or _any_wanted(self._turning)
+        actuators = self._joints is not None and self._joints.wanted
+        imus = frames or (self._motion is not None and self._motion.imus_wanted)
+        told = fields or poses or actuators or imus or _any_wanted(self._plain) or self._contacts.wanted
         return Demand(
-            messages=marker or motion or told or self._contacts.wanted,
-            fields=self._strain.wanted or marker,
-            poses=any(channel.wanted for channel in turning),
-            actuators=self._joints is not None and self._joints.wanted,
-            imus=(self._motion is not None and self._motion.imus_wanted) or (self._tf is not None and self._tf.wanted),
+            messages=told or (self._motion is not None and self._motion.velocity_wanted),
+            fields=fields,
+            poses=poses,
+            actuators=actuators,
+            imus=imus,
         )
 
     def missed(self) -> bool:
@@ -185,6 +190,10 @@ class Outputs:
             self._next_marker = time.monotonic() + 1.0 / choice["marker_rate"]
             values = getattr(fields, choice["marker_field"])
             self._markers.send_step(step, self._surface.pack(step.record.stamp, step.result.positions, values))
+
+
+def _any_wanted(channels: Iterable[Channel]) -> bool:
+    return any(channel.wanted for channel in channels)
 
 
 def _due(channels: Mapping[str, Channel], step: Step) -> Iterator[tuple[str, Channel]]:

@@ -40,17 +40,16 @@ class Parameters:
         self._specs = {spec.name: spec for spec in PARAMETERS}
         for spec in PARAMETERS:
             node.declare_parameter(spec.name, spec.default, _descriptor(spec))
-        self._values = {spec.name: node.get_parameter(spec.name).value for spec in PARAMETERS}
+        given = {spec.name: node.get_parameter(spec.name).value for spec in PARAMETERS}
         for spec in PARAMETERS:
-            require_allowed(spec, self._values[spec.name])
+            require_allowed(spec, given[spec.name])
+        self._values = {name: self._typed(name, value) for name, value in given.items()}
         self._warn_of_unknown()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._keep)
 
     def __getitem__(self, name: str) -> Any:
-        # Read several times a step, hence cached instead of read through rclpy.
-        value = self._values[name]
-        return float(value) if isinstance(self._specs[name].default, float) else value
+        return self._values[name]  # read several times a step, hence kept instead of read through rclpy
 
     def entries(self, name: str) -> list[str]:
         """Return a list of strings without its empty entries (ROS cannot declare an empty list)."""
@@ -67,7 +66,11 @@ class Parameters:
             self._node.get_logger().warning(text.rstrip("; "))
 
     def _keep(self, changes: Iterable[Parameter]) -> None:
-        self._values |= {change.name: change.value for change in changes if change.name in self._specs}
+        self._values |= {each.name: self._typed(each.name, each.value) for each in changes if each.name in self._specs}
+
+    def _typed(self, name: str, value: Any) -> Any:
+        """Return a value in the type of its declaration: doubles may be given as integers (rate:=100)."""
+        return float(value) if isinstance(self._specs[name].default, float) else value
 
     def _check(self, changes: Iterable[Parameter]) -> SetParametersResult:
         state = self._node.lifecycle_state

@@ -261,7 +261,9 @@ class Stepper:
                     return lambda: _carry_out(*job)
                 delay = None
                 if not self._paused:
-                    delay = self._pace.delay(pending=self._inbox.ready(), settled=self._settled())
+                    pending = self._inbox.ready()
+                    # With an order a step is due, whether the state is settled or not.
+                    delay = self._pace.delay(pending=pending, settled=not pending and self._settled())
                 if delay == 0.0:
                     return self._turn
                 self.changed.wait(delay)

@@ -32,11 +32,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gdfe_ros.testing.environment import make_env, make_vector_env
+    from gdfe_ros.testing.environment import make_env
     from gdfe_ros.testing.process import NodeProcess
     from gdfe_ros.testing.simulator import Simulator
     from gdfe_ros.testing.state import State
     from gdfe_ros.testing.tracking import TrackingError, tracking_error
+    from gdfe_ros.testing.vector_environment import make_vector_env
 
 __all__ = [
     "NodeProcess",
@@ -54,7 +55,7 @@ _HOMES = {
     "State": "state",
     "TrackingError": "tracking",
     "make_env": "environment",
-    "make_vector_env": "environment",
+    "make_vector_env": "vector_environment",
     "tracking_error": "tracking",
 }
 

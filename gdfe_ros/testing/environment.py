@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -14,27 +13,35 @@ from typing import Any
 import numpy as np
 from gymnasium import Env
 from gymnasium.spaces import Box, Space
-from gymnasium.vector import AsyncVectorEnv
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import Scene, load_scene
-from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.solver.result import StepResult
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.state import Snapshot
+from gdfe_ros.testing.approach import Approach
 
 Observation = Callable[[Simulation], ArrayLike]
 Reward = Callable[[Simulation, NDArray[np.float64]], float]
 Ending = Callable[[Simulation], bool]
 
-_WALK = 5
+_WALK = 3
 """Largest number of steps towards a new goal in one reset: bounds the time of a reset."""
 _LONG = 1e9
 """Time of a step [s] so long that no rate limit cuts a command."""
-_SHARES = (1.0, 0.5, 0.25, 0.125, 0.0)
-"""Fractions of the change of the commands, tried in this order until a step converges."""
-_BUDGET = 400
-"""Limit of iterations of a step without dynamics, after which a smaller fraction is tried; most steps need 20 to
-150."""
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """A moment of an episode, to which `SoftRobotEnv.reset` goes back.
+
+    Attributes:
+        state: of the simulation.
+        goal: (3,) [m], or None.
+    """
+
+    state: Snapshot
+    goal: NDArray[np.float64] | None
 
 
 class SoftRobotEnv(Env):
@@ -74,33 +81,55 @@ class SoftRobotEnv(Env):
         self.goal: NDArray[np.float64] | None = None
         self._observe, self._reward, self._ends = observation or self._seen, reward, terminated
         self._dt, self._most, self._count = dt, steps, 0
-        self._walker = _walker(scene) if reward is None else None
-        if reward is None:
-            self.goal = np.zeros(3)
         ranges = [(actuator.low, actuator.high) for actuator in scene.actuators]
         self._low, self._high = np.array(ranges, dtype=np.float64).T
         self._reach = (self._high - self._low) * (dt / slew_time if slew_time else np.inf)
+        self._approach = Approach(self.simulation, self._reach)
+        self._walker = _walker(scene) if reward is None else None
+        if reward is None:
+            self.goal = np.zeros(3)
         self.action_space = Box(self._low, self._high, dtype=np.float64)
         self.observation_space = observation_space or Box(-np.inf, np.inf, self._observation().shape, np.float64)
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[NDArray[np.float64], dict[str, Any]]:
-        """Return to the rest state and draw a goal.
+        """Return to the rest state and draw a goal, or go back to a moment of an episode.
 
         Args:
             seed: of the random goals; None: continue the sequence of the last seed.
-            options: ``goal``, (3,) [m], replaces the random goal.
+            options: ``goal``, (3,) [m], replaces the random goal; ``episode``, a value of `snapshot`, replaces the rest
+                state and the goal, without a solve.
+
+        Raises:
+            GdfeError: an option is unknown, or its value is not allowed.
         """
+        chosen = dict(options or {})
+        episode, goal = chosen.pop("episode", None), chosen.pop("goal", None)
+        if chosen:
+            raise GdfeError(f"options of reset are {', '.join(map(repr, chosen))}; allowed: 'episode', 'goal'")
+        goal = None if goal is None else _goal(goal)
+        if episode is not None and not isinstance(episode, Episode):
+            raise GdfeError(f"the option 'episode' of reset is {episode!r}; allowed: a value of env.snapshot()")
         super().reset(seed=seed)
-        self.simulation.reset()
         self._count = 0
-        if self._walker is not None:
-            if seed is not None:
-                self._walker.reset()
-            given = (options or {}).get("goal")
-            self.goal = self._draw() if given is None else _goal(given)
-        return self._observation(), {"time": 0.0}
+        if seed is not None and self._walker is not None:
+            self._walker.reset()
+        if episode is None:
+            self.simulation.reset()
+        else:
+            self.simulation.restore(episode.state)
+            self.goal = episode.goal
+        if self._walker is not None and (goal is not None or episode is None):
+            self.goal = self._draw() if goal is None else goal
+        return self._observation(), {"time": self.simulation.time}
+
+    def snapshot(self) -> Episode:
+        """Return the present moment; ``reset(options={"episode": ...})`` of any environment of the scene begins there.
+
+        The number of steps of the new episode begins at 0.
+        """
+        return Episode(self.simulation.snapshot(), self.goal)
 
     def step(self, action: ArrayLike) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
         """Apply an action for ``dt``.
@@ -114,40 +143,15 @@ class SoftRobotEnv(Env):
         if given.shape != self._low.shape or not np.isfinite(given).all():
             raise CommandError(f"the action is {action!r}; allowed: {len(self._low)} finite numbers, {self._names}")
         given = np.clip(given, self._low, self._high)
-        result = self._approach(self.simulation, given, self._dt, _SHARES)
+        result = self._approach.step(given, self._dt)
         self._count += 1
         info = {"time": result.time, "converged": result.converged, "iterations": result.iterations}
-        info["applied"] = self._applied(self.simulation)
+        info["applied"] = self._approach.applied
         truncated = not result.converged or self._count >= self._most
         if truncated:
             info["why"] = f"not converged: {result.message}" if not result.converged else f"{self._most} steps are over"
         ended = self._ends is not None and bool(self._ends(self.simulation))
         return self._observation(), self._rewarded(given), ended, truncated, info
-
-    def _approach(
-        self, simulation: Simulation, wanted: NDArray[np.float64], dt: float, shares: Sequence[float]
-    ) -> StepResult:
-        """Step towards the commands ``wanted``, with the first of ``shares`` that converges.
-
-        If none converges, the result of the last share stays.
-        """
-        present, before = self._applied(simulation), simulation.snapshot()
-        change = np.clip(wanted - present, -self._reach, self._reach)
-        for share in shares:
-            if share != shares[0]:
-                simulation.restore(before)
-            values = np.clip(present + share * change, self._low, self._high).tolist()
-            command = Command(actuators=dict(zip(self._names, values, strict=True)))
-            # No limit of iterations for the last attempt, nor for a scene with dynamics.
-            budget = _BUDGET if share and not simulation.scene.dynamics else None
-            result = simulation.step(command, dt=dt, cut_after=budget)
-            if result.converged:
-                break
-        return result
-
-    def _applied(self, simulation: Simulation) -> NDArray[np.float64]:
-        """Return the commands applied in the last step, (actuators,)."""
-        return np.array([simulation.commands[name] for name in self._names], dtype=np.float64)
 
     def _observation(self) -> NDArray[np.float64]:
         return np.asarray(self._observe(self.simulation), dtype=np.float64)
@@ -169,12 +173,13 @@ class SoftRobotEnv(Env):
 
         The steps start at the last goal; they end at ``_WALK`` steps or before the first one that does not converge.
         """
-        start, wanted = self._applied(self._walker), self.np_random.uniform(self._low, self._high)
+        approach = Approach(self._walker, self._reach)
+        start, wanted = approach.applied, self.np_random.uniform(self._low, self._high)
         steps = max(1.0, np.ceil(np.max(np.abs(wanted - start) / np.maximum(self._reach, np.finfo(float).tiny))))
         dt = self._dt if self._walker.scene.dynamics else _LONG
         for count in range(1, int(min(steps, _WALK)) + 1):
             before = self._walker.snapshot()
-            if not self._approach(self._walker, start + count / steps * (wanted - start), dt, (1.0,)).converged:
+            if not approach.step(start + count / steps * (wanted - start), dt, whole=True).converged:
                 self._walker.restore(before)
                 break
         return _tip(self._walker)
@@ -220,18 +225,6 @@ def make_env(
     loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides={**(overrides or {}), "program": None})
     given = {"observation": observation, "reward": reward, "terminated": terminated}
     return SoftRobotEnv(loaded, **given, observation_space=observation_space, dt=dt, steps=steps, slew_time=slew_time)
-
-
-def make_vector_env(scene: str | Path, count: int, *, context: str = "spawn", **options: Any) -> AsyncVectorEnv:
-    """Make environments that run in parallel, each in a process of its own.
-
-    Args:
-        scene: name or path.
-        count: number of environments.
-        context: start method of the processes; ``fork`` would copy the threads of the compiler in an invalid state.
-        options: keyword arguments of `make_env`.
-    """
-    return AsyncVectorEnv([partial(make_env, scene, **options)] * count, context=context)
 
 
 def _walker(scene: Scene) -> Simulation:

@@ -19,13 +19,22 @@ from pathlib import Path
 
 _PRELOAD = "gdfe_ros.testing.preloaded"
 _SERVER: list[ForkServerContext] = []
+_MODULES: list[str] = []
+"""Modules that the server imports when it starts, with the first process."""
 
 
 def prepare() -> None:
     """Fork all nodes that this process starts from now on; set environment variables of numba before."""
+    _SERVER[:] = [preload(_PRELOAD)]
+
+
+def preload(module: str) -> ForkServerContext:
+    """Return the context whose server imports a module before it forks; one that runs already stays as it is."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([_PRELOAD])
-    _SERVER[:] = [context]
+    if module not in _MODULES:
+        _MODULES.append(module)
+    context.set_forkserver_preload(list(_MODULES))
+    return context
 
 
 def start(arguments: Sequence[str], log: Path, environment: Mapping[str, str]) -> subprocess.Popen[bytes] | Forked:

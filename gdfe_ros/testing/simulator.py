@@ -113,19 +113,20 @@ class Simulator:
             CommandError: as by ``gdfe_ros.Simulation.step``, before any message is sent; or the node refuses the
                 command.
             OverlapError: a body is placed where it overlaps another one; the step was made without placing it.
-            GdfeError: a name is unknown, ``inputs`` were given, or the node ended or did not respond.
+            GdfeError: ``inputs`` were given, or the node ended or did not respond.
         """
         command = command or Command()
-        values = {**command.actuators, **command.loads}
-        named = ((command.handles, self._movable), (values, self._values), (command.bodies, self._puts))
-        unknown = sorted(set().union(*(set(given) - set(known) for given, known in named)))
-        if unknown or not self._own:
-            reason = f"nothing is called {unknown}" if unknown else "`inputs` were given; use `spin`"
-            raise GdfeError(f"cannot step: {reason}")
-        if len(command.bodies) > 1 and not self._inputs():
-            raise GdfeError("cannot step: a scene without handles, actuators and loads takes one body in a step")
+        if not self._own:
+            raise GdfeError("cannot step: `inputs` were given; use `spin`")
+        # First the errors that a direct call would raise.
         poses, values = self._orders.targets(command, self._poses), self._orders.values(command, self._values)
         self._orders.places(command)
+        given = {**command.actuators, **command.loads}
+        named = ((command.handles, self._movable), (given, self._values), (command.bodies, self._puts))
+        if unknown := sorted(set().union(*(set(names) - set(known) for names, known in named))):
+            raise GdfeError(f"cannot step: the node takes no commands for {', '.join(unknown)}")
+        if len(command.bodies) > 1 and not self._inputs():
+            raise GdfeError("cannot step: a scene without handles, actuators and loads takes one body in a step")
         try:
             state = self._order(command, poses, values)
         except CommandError:

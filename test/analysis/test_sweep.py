@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+import weakref
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
@@ -71,6 +72,19 @@ def test_a_sweep_is_resumed_and_reports_failures(tmp_path: Path, capsys: Any) ->
     again = {path.name: path.stat().st_mtime_ns for path in (out / "cases").iterdir()}
     assert len(again) == 4
     assert {name: again[name] for name in stamps} == stamps
+
+
+def test_cases_with_an_equal_matrix_share_its_factor() -> None:
+    """Run two cases whose programs differ in one worker: the second one is solved with the factor of the first."""
+    from gdfe_ros.analysis.sweep import case_run
+
+    text, factors = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source, []
+    for steps in (2, 3):
+        assert case_run.run_case(text, {"solver.steps": steps})["status"] == "converged"
+        (kept,) = case_run._KEPT
+        factors.append(weakref.ref(kept._stepper.equilibrium.matrix._factor))
+        del kept
+    assert factors[0]() is factors[1]() is not None
 
 
 def test_cases_that_did_not_converge_are_drawn_as_failed() -> None:

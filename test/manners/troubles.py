@@ -192,6 +192,34 @@ def hurry() -> Iterator[Row]:
         yield "the last step", "converged", _told(converged, "converged", "not converged")
 
 
+def resets() -> Iterator[Row]:
+    """Put a rigid body aside and the wrist up, and take back the one without the other."""
+    with Stage(["-p", "scene:=grasp", "-p", "scene_overrides:=['']", "-p", "clock:=lockstep"]) as stage:
+        part = stage.listen("/gdfe_sim/bodies/part/pose", PoseStamped)
+        wrist = stage.listen("/gdfe_sim/handles/wrist/pose", PoseStamped)
+        stage.wait(lambda: part and wrist)
+        stage.publish("bodies/part/set", _pose(0.02))
+        stage.publish("handles/wrist/target", _pose(0.002))
+        moved = stage.wait(lambda: part[-1].pose.position.z > 0.01 and wrist[-1].pose.position.z > 0.0015)
+        yield "a rigid body put up, a handle too", "there", _told(moved, "there")
+        answer = stage.call(Trigger, "reset_bodies")
+        yield "~/reset_bodies, ~/step", "true, true", f"{_word(answer.success)}, {_step(stage)}"
+        back = stage.wait(lambda: abs(part[-1].pose.position.z) < 0.005)
+        stays = back and wrist[-1].pose.position.z > 0.0015
+        yield "the body, the handle", "back, stays", f"{_told(back, 'back', 'up')}, {_told(stays, 'stays', 'back')}"
+        answer = stage.call(Trigger, "reset_shape")
+        rest = stage.wait(lambda: abs(wrist[-1].pose.position.z) < 1e-9)
+        found = f"{_word(answer.success)}, {_told(rest, 'at rest', 'moved')}"
+        yield "~/reset_shape, the handle", "true, at rest", found
+        stage.publish("handles/wrist/target", _pose(0.002))
+        stage.wait(lambda: wrist[-1].pose.position.z > 0.0015)
+        answer = stage.call(Trigger, "reset_commands")
+        found = f"{_word(answer.success)}, {_step(stage)}"
+        yield "~/reset_commands, ~/step", "true, true", found
+        rest = stage.wait(lambda: abs(wrist[-1].pose.position.z) < 1e-9)
+        yield "the handle after that", "at rest", _told(rest, "at rest", "moved")
+
+
 def programs() -> Iterator[Row]:
     """Ask an example with several robots for help, and with an argument that it does not have."""
     for given, expected in (("--help", "0, usage"), ("three", "2, one line")):
@@ -202,7 +230,7 @@ def programs() -> Iterator[Row]:
         yield f"two_robots {given}", expected, f"{done.returncode}, {found}"
 
 
-GROUPS: tuple[Callable[[], Iterator[Row]], ...] = (failures, numbers, jumps, frames, demands, hurry, programs)
+GROUPS: tuple[Callable[[], Iterator[Row]], ...] = (failures, numbers, jumps, frames, demands, hurry, resets, programs)
 
 
 def _fail(stage: Stage) -> str:

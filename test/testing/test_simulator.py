@@ -113,11 +113,20 @@ def test_a_reset_by_somebody_else_is_not_taken_for_a_step() -> None:
     assert state.time == pytest.approx(state.record.dt)
 
 
-def test_an_unknown_name_leaves_the_commands_alone() -> None:
-    """Command a load that is not there: refused, and the next step is made all the same."""
+def test_a_wrong_name_leaves_the_commands_alone() -> None:
+    """Command what is not there, and a fixed handle: the error of a direct call, and the next step is made."""
+    direct = Simulation(load_scene("bend5", overrides=COARSE))
+    lift = Pose((0.0, 0.0, 0.01))
+    wrong = (
+        Command(loads={"wind": 1.0}), Command(actuators={"motor": 1.0}), Command(handles={"tpi": lift}),
+        Command(handles={"base": lift}), Command(bodies={"part": lift}),
+    )  # fmt: skip
     with Simulator("bend5", overrides=COARSE) as simulator:
-        with pytest.raises(GdfeError, match="nothing is called"):
-            simulator.step(Command(loads={"wind": 1.0}))
+        for command in wrong:
+            with pytest.raises(CommandError) as told:
+                direct.step(command)
+            with pytest.raises(CommandError, match=re.escape(str(told.value))):
+                simulator.step(command)
         assert simulator.step().record.step == 1
 
 
@@ -200,7 +209,7 @@ def test_a_node_closes_the_loop() -> None:
 
 def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     """Name an unknown handle; put a bag where a file lies: the errors say so, with the node's own words."""
-    with Simulator("bend5", overrides=COARSE) as simulator, pytest.raises(GdfeError, match="nothing is called"):
+    with Simulator("bend5", overrides=COARSE) as simulator, pytest.raises(CommandError, match="no handle 'tipp'"):
         simulator.step(Command(handles={"tipp": Pose()}))
     (tmp_path / "file").touch()
     with pytest.raises(GdfeError, match=r"could not activate:[\s\S]*not empty"), Simulator("bend5", bag=tmp_path):

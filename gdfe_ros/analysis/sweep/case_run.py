@@ -13,6 +13,8 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.result import StepResult
 
 Result = dict[str, Any]
+_KEPT: list[Simulation] = []
+"""The last case's simulation in this worker: it keeps the factor of its matrix for a next case with an equal matrix."""
 _AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -41,6 +43,7 @@ def run_case(scene: str, overrides: Mapping[str, Any]) -> Result:
 def _run(scene: str, overrides: Mapping[str, Any]) -> Result:
     try:
         simulation = Simulation(scene_from_text(scene, origin="of the sweep", overrides=overrides))
+        _KEPT[:] = [simulation]
         results = list(simulation.play())
     except (GdfeError, ValueError, ArithmeticError) as error:
         return {"status": "failed", "error": f"{type(error).__name__}: {error}"}

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps a second of environments of Gymnasium under random actions: one, two in threads, two in processes.
+
+``python -m benchmarks.environments [--out FILE]`` prints the table of docs/benchmark.md. Each run is in a process of
+its own with one thread for each environment. Two environments step together, as `make_vector_env` has them do: each
+step waits for the slower one.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from enum import Enum
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from benchmarks.markdown import markdown_table
+from benchmarks.peers.peer import worker_environment
+from benchmarks.replay import figures
+from benchmarks.report import options, write_report
+from gdfe_ros.scene import load_scene
+from gdfe_ros.testing import make_env, make_vector_env
+
+SCENES = (
+    "bending_tube", "crawler", "finger_press", "gripper", "pneunet", "shape_memory_strip", "soft_pinch", "swinging_arm",
+    "tendon_finger", "three_chamber_arm",
+)  # fmt: skip
+"""Shipped scenes that have actuators with ranges, and probes."""
+STEPS, LONGEST = 100, 15.0
+"""Steps of a run, and the time [s] after which it makes no further one."""
+RESETS = 5
+"""Resets after the steps, of which the median counts."""
+PROBED = 5
+SEED = 0
+TIMEOUT = 600.0
+_ENDLESS = 10**9
+
+
+class Way(str, Enum):
+    """How environments are stepped."""
+
+    ALONE = "1"
+    THREADS = "2 in threads"
+    PROCESSES = "2 in processes"
+
+
+def measure(scene: str) -> dict[str, Any]:
+    """Run a scene each way.
+
+    Raises:
+        subprocess.CalledProcessError: a run failed.
+    """
+    runs = {}
+    for way in Way:
+        command = [sys.executable, "-m", "benchmarks.environments", scene, way.value]
+        done = subprocess.run(
+            command, env=worker_environment(1), stdout=subprocess.PIPE, text=True, timeout=TIMEOUT, check=True
+        )
+        runs[way] = json.loads(done.stdout)
+    return {
+        "scene": scene,
+        "cells": len(load_scene(scene).mesh.cells),
+        "rates": {way.value: run["rate"] for way, run in runs.items()},
+        **{key: runs[Way.ALONE][key] for key in ("steps", "converged", "reset")},
+    }
+
+
+def environment_table(report: Sequence[dict[str, Any]]) -> str:
+    """Return the rates as a Markdown table."""
+    rows = [
+        (item["scene"], f"{item['cells']}", *(f"{item['rates'][way.value]:.3g}" for way in Way),
+         f"{item['converged']} of {item['steps']}", f"{item['reset']:.1f}")
+        for item in report
+    ]  # fmt: skip
+    heads = ("scene", "cells", *(f"{way.value}, steps/s" for way in Way), "steps converged", "reset, in mean steps")
+    return markdown_table(heads, rows)
+
+
+def _run(scene: str, way: Way) -> dict[str, float]:
+    """Make steps one way in this process."""
+    if way is Way.PROCESSES:
+        vector = make_vector_env(scene, 2, steps=_ENDLESS)
+        try:
+            vector.reset(seed=[SEED, SEED + 1])
+            vector.action_space.seed(SEED)
+            return _rate(lambda: vector.step(vector.action_space.sample()), 2)
+        finally:
+            vector.close()
+    envs = [make_env(scene, steps=_ENDLESS) for _ in range(1 if way is Way.ALONE else 2)]
+    for place, env in enumerate(envs):
+        env.reset(seed=SEED + place)
+        env.action_space.seed(SEED + place)
+    converged: list[bool] = []
+
+    def step(env: Any) -> None:
+        converged.append(env.step(env.action_space.sample())[4]["converged"])
+
+    with ThreadPoolExecutor(len(envs)) as pool:
+        found = _rate(lambda: list(pool.map(step, envs)), len(envs))
+    resets = [_seconds(envs[0].reset) for _ in range(RESETS)]
+    return found | {"converged": sum(converged), "reset": median(resets) * found["rate"] / len(envs)}
+
+
+def _rate(step: Callable[[], object], count: int) -> dict[str, float]:
+    """Return the steps made a second by ``count`` environments together, after one step to warm up."""
+    step()
+    steps, begun = 1, perf_counter()
+    while steps < STEPS and perf_counter() < begun + LONGEST:
+        step()
+        steps += 1
+    return {"rate": count * (steps - 1) / (perf_counter() - begun), "steps": steps}
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    begun = perf_counter()
+    work()
+    return perf_counter() - begun
+
+
+def probe() -> dict[str, float]:
+    """Make the first random steps of every scene."""
+    found: dict[str, float] = {}
+    for scene in SCENES:
+        env = make_env(scene)
+        env.reset(seed=SEED)
+        env.action_space.seed(SEED)
+        results = (_result(env) for _ in range(PROBED))
+        found |= figures(scene, results, env.simulation)
+    return found
+
+
+def _result(env: Any) -> Any:
+    env.step(np.asarray(env.action_space.sample()))
+    return env.simulation.result
+
+
+def main() -> None:
+    """Measure, keep, print."""
+    given = options("benchmarks.environments", "Environments of Gymnasium.", "environments").parse_args()
+    report = [measure(scene) for scene in SCENES]
+    write_report(given.out, report, probe())
+    print(environment_table(report))
+
+
+if __name__ == "__main__":
+    if len(sys.argv) == 3 and not sys.argv[1].startswith("-"):
+        print(json.dumps(_run(sys.argv[1], Way(sys.argv[2]))))
+    else:
+        main()

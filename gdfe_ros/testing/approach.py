@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps towards commands, each with a change that converges."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.simulation import Command, Simulation
+from gdfe_ros.solver.result import StepResult
+
+_SHARES = (1.0, 0.125, 0.0)
+"""Shares of the allowed change, tried in this order until a step converges. At a loss of stability the whole change
+often converges where smaller ones do not, because it leads beyond; many shares would mostly repeat the failure."""
+_BUDGET = 400
+"""Limit of iterations of a step without dynamics, after which a smaller share is tried; most steps need 20 to 150."""
+
+
+class Approach:
+    """Moves the commands of a simulation's actuators towards wanted ones, step by step.
+
+    In a step each command changes by at most its reach; if the step does not converge, by an eighth of the change; if
+    that does not converge either, the commands are held.
+
+    Args:
+        simulation: that is stepped.
+        reach: (actuators,) largest change of each command in a step, in the unit of its mode; infinite: no limit.
+    """
+
+    def __init__(self, simulation: Simulation, reach: NDArray[np.float64]) -> None:
+        self._simulation, self._reach = simulation, reach
+        self._names = simulation.actuator_names
+        ranges = [(actuator.low, actuator.high) for actuator in simulation.scene.actuators]
+        self._low, self._high = np.array(ranges, dtype=np.float64).T
+
+    @property
+    def applied(self) -> NDArray[np.float64]:
+        """Commands of the last step, (actuators,)."""
+        return np.array([self._simulation.commands[name] for name in self._names], dtype=np.float64)
+
+    def step(self, wanted: NDArray[np.float64], dt: float, *, whole: bool = False) -> StepResult:
+        """Step towards the commands ``wanted`` (actuators,) for ``dt`` [s].
+
+        Args:
+            wanted: in the units of the modes; the applied ones stay within the actuators' ranges.
+            dt: simulation time of the step [s].
+            whole: try only the whole change.
+
+        Returns:
+            The first result that converged, or else the last one.
+        """
+        simulation, present = self._simulation, self.applied
+        before = simulation.snapshot()
+        change = np.clip(wanted - present, -self._reach, self._reach)
+        for share in _SHARES[: 1 if whole else None]:
+            if share < 1.0:
+                simulation.restore(before)
+            values = np.clip(present + share * change, self._low, self._high).tolist()
+            command = Command(actuators=dict(zip(self._names, values, strict=True)))
+            # No limit of iterations for held commands, nor for a scene with dynamics.
+            budget = _BUDGET if share and not simulation.scene.dynamics else None
+            result = simulation.step(command, dt=dt, cut_after=budget)
+            if result.converged:
+                break
+        return result
