@@ -35,6 +35,8 @@ class Limits:
         self.low = np.maximum([each.low for each in actuators], np.where(pulls, 0.0, -np.inf))
         self.high = np.array([each.high for each in actuators])
         self.rates = np.array([each.rate for each in actuators])
+        units = [each.mode.unit for each in actuators]
+        self._alike = np.array([[unit == other for other in units] for unit in units])
 
     @classmethod
     def of_scene(cls, scene: Scene, names: Sequence[str]) -> Limits:
@@ -50,6 +52,13 @@ class Limits:
         if not names:
             raise CommandError(f"inverse control needs an actuator; actuators of {scene.name!r}: {', '.join(known)}")
         return cls([known[name] for name in names])
+
+    def costs(self, rows: Array) -> Array:
+        """Return the cost (n,) of a change of each command: what the strongest of its unit moves by it, of rows (m, n).
+
+        A command that hardly moves anything is therefore left where it is.
+        """
+        return np.where(self._alike, np.linalg.norm(rows, axis=0), 0.0).max(axis=1)
 
     def room(self, now: Array, dt: float | None) -> tuple[Array, Array]:
         """Return the least and the largest change (n,) from commands ``now`` (n,) in ``dt`` [s]; None: in any time."""
