@@ -62,7 +62,7 @@ class TipFollower(Node):
         self._pose: PoseStamped | None = None
         self._joints: JointState | None = None
         self._goal: NDArray[np.float64] | None = None
-        self._last = 0
+        self._last: int | None = None
         self._commands = self.create_publisher(JointState, f"{name}/actuation", 10)
         self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
         self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _STATES)
@@ -92,7 +92,7 @@ class TipFollower(Node):
             return
         position = message.pose.position
         self._goal = np.array([[position.x, position.y, position.z]])
-        self._last = 0  # this goal is answered, whether or not the state is new
+        self._last = None  # this goal is answered, whether or not the state is new
         self._answer()
 
     def _answer(self) -> None:
@@ -102,7 +102,7 @@ class TipFollower(Node):
         stamp = _nanoseconds(self._pose)
         if stamp != _nanoseconds(self._joints) or stamp == self._last:
             return
-        dt, self._last = 1e-9 * (stamp - self._last) if self._last else _PERIOD, stamp
+        dt, self._last = _PERIOD if self._last is None else 1e-9 * (stamp - self._last), stamp
         position, applied = self._pose.pose.position, self._applied()
         try:
             if self._control is None:

@@ -474,3 +474,17 @@ def _moduli(page: Any) -> dict[str, float]:
     from gdfe_ros.node.remodelling import moduli_of
 
     return moduli_of(page.session.scene)
+
+
+def test_a_dragged_probe_is_followed_by_the_actuators(live: Callable[..., Any]) -> None:
+    """Drag a probe down: tendons that pull it there are found and commanded; far away, the viewer is told it is far."""
+    page = live()
+    viewer, simulation = page.look(), page.session.simulation
+    place = np.array(viewer.nodes["/probes/goals/middle"]["position"])
+    scale = 10.0 ** round(-np.log10(simulation.mesh.size))
+    goal = simulation.probe_positions()["middle"] + np.array([0.0, 0.0, -5e-5])
+    viewer.drag_probe("middle", scale * goal)
+    viewer.wait(lambda: simulation.commands["lower"] > 0.0, "a tendon that pulls")
+    viewer.wait(lambda: abs(simulation.probe_positions()["middle"][2] - goal[2]) < 2e-5, "the goal")
+    viewer.drag_probe("middle", place + np.array([5.0, 0.0, 0.0]))
+    viewer.wait(lambda: any("nearest point so far" in note for note in viewer.notes), "a note")
