@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ class Leading:
     """Turns goals of a probe into orders for the actuators, one for each state that is shown.
 
     The model is solved once, in a thread of its own, when a viewer first drags the probe. A goal is followed until the
-    commands have come to rest, or until somebody commands an actuator.
+    commands have come to rest, or until somebody else commands an actuator.
 
     Args:
         session: the run.
@@ -44,22 +44,18 @@ class Leading:
         self._goal: NDArray[np.float64] | None = None
         self._control = None
         self._view: View | None = None
+        self._own: list[dict[str, float]] = []
 
     def aim(self, probe: str, goal: NDArray[np.float64]) -> None:
         """Lead a probe to a goal (3,) [m]."""
         with self._lock:
-            self._goal = np.array(goal, dtype=np.float64)
+            self._goal, self._own = np.array(goal, dtype=np.float64), []
             if probe != self._probe:
                 self._probe, self._control = probe, None
             if self._control is None:
                 self._make()
                 return
         self.take(self._view)
-
-    def leave(self) -> None:
-        """Lead no further: somebody else commands."""
-        with self._lock:
-            self._goal = None
 
     def take(self, view: View | None) -> None:
         """Answer a state with the next commands."""
@@ -68,6 +64,9 @@ class Leading:
             if self._goal is None or self._control is None or self._view is None:
                 return
             before = {name: self._session.commands[name] for name in self._control.names}
+            if self._own and not any(_same(before, each) for each in self._own):
+                self._goal = None  # somebody else commands
+                return
             place = self._session.scene.probes[self._probe].at(np.asarray(self._view.positions, dtype=np.float64))
             self._control.observe(place, before)
             found = self._control.command([self._goal], INTERVAL)
@@ -77,10 +76,12 @@ class Leading:
                 if found.message:
                     self._say(found.message)
                 return
+            self._own = [before, dict(found.commands)]
         try:
             self._session.command("actuation", ActuatorOrder(found.commands))
         except GdfeError as error:
-            self.leave()
+            with self._lock:
+                self._goal = None
             self._say(str(error))
 
     def _make(self) -> None:
@@ -109,3 +110,8 @@ class Leading:
             if probe == self._probe:
                 self._control, self._goal = control, self._goal if control else None
         self.take(None)
+
+
+def _same(commands: Mapping[str, float], others: Mapping[str, float]) -> bool:
+    """Tell whether commands are the same up to the rounding of a slider."""
+    return all(abs(value - others[name]) <= STILL * max(abs(value), 1e-12) for name, value in commands.items())

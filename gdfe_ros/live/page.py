@@ -123,7 +123,8 @@ class Page:
         self._history.add(view)
         self._status.add(view)
         self._view = view
-        self._leading.take(view)
+        if self._leading is not None:
+            self._leading.take(view)
         self._changed.set()
 
     def say(self, text: str) -> None:

@@ -31,7 +31,7 @@ from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.simulation import Simulation
+from gdfe_ros.simulation import Command, Simulation
 
 
 def test_a_slider_moves_the_body(live: Callable[..., Any]) -> None:
@@ -477,14 +477,14 @@ def _moduli(page: Any) -> dict[str, float]:
 
 
 def test_a_dragged_probe_is_followed_by_the_actuators(live: Callable[..., Any]) -> None:
-    """Drag a probe down: tendons that pull it there are found and commanded; far away, the viewer is told it is far."""
+    """Drag a probe to where a tendon of 1 N holds it: that tendon is found; far away, the viewer is told it is far."""
     page = live()
     viewer, simulation = page.look(), page.session.simulation
-    place = np.array(viewer.nodes["/probes/goals/middle"]["position"])
-    scale = 10.0 ** round(-np.log10(simulation.mesh.size))
-    goal = simulation.probe_positions()["middle"] + np.array([0.0, 0.0, -5e-5])
+    other = Simulation(simulation.scene)
+    other.step(Command(actuators={"lower": 1.0}))
+    goal, scale = other.probe_positions()["middle"], 10.0 ** round(-np.log10(simulation.mesh.size))
     viewer.drag_probe("middle", scale * goal)
-    viewer.wait(lambda: simulation.commands["lower"] > 0.0, "a tendon that pulls")
-    viewer.wait(lambda: abs(simulation.probe_positions()["middle"][2] - goal[2]) < 2e-5, "the goal")
-    viewer.drag_probe("middle", place + np.array([5.0, 0.0, 0.0]))
+    viewer.wait(lambda: abs(simulation.commands["lower"] - 1.0) < 0.1, "the tendon")
+    assert np.linalg.norm(simulation.probe_positions()["middle"] - goal) < 2e-5
+    viewer.drag_probe("middle", scale * goal + np.array([5.0, 0.0, 0.0]))
     viewer.wait(lambda: any("nearest point so far" in note for note in viewer.notes), "a note")
