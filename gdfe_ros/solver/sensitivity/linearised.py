@@ -78,7 +78,7 @@ class Linearised:
     """
 
     def __init__(self, equilibrium: EnergyEquilibrium, level: TangentLevel, start: State, end: State) -> None:
-        self._level, self.end, self.handles = level, end, equilibrium.handles
+        self._level, self._start, self.end, self.handles = level, start, end, equilibrium.handles
         self.interrupted: Callable[[], bool] | None = None
         self.body, self.actuation = equilibrium.body, equilibrium.actuation
         solve = Solve.at(equilibrium.model, end)
@@ -86,9 +86,7 @@ class Linearised:
         self._watch, self._unknowns = task.problem.watch, self.body.unknowns
         work = equilibrium.whole.workspace
         self.x, self.u, self.frame = work.x.copy(), work.u.copy(), task.problem.frame
-        for term in self.actuation.terms:
-            term.aim(end.poses, start)
-            term.resume(end.commands, start.terms[term.name], end.terms[term.name], self.x)
+        self._resume_terms()
         self._sizes = [len(term.multipliers) for term in self.actuation.terms]
         self.multipliers = self.held()
         self._weights = self._joined(lambda term: term.per_metre)
@@ -109,6 +107,18 @@ class Linearised:
         self._soften(equilibrium)
         self.forces = self.element_forces(self.table) + self.term_forces(self.x)
         self._turning = self._turned_stiffness()
+
+    def resume(self) -> None:
+        """Set all terms to the end again, after other solves have used them."""
+        self.interrupted = None
+        self._resume_terms()
+        self.restore()
+
+    def _resume_terms(self) -> None:
+        start, end = self._start, self.end
+        for term in self.actuation.terms:
+            term.aim(end.poses, start)
+            term.resume(end.commands, start.terms[term.name], end.terms[term.name], self.x)
 
     def term_forces(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of all terms beside the elements."""

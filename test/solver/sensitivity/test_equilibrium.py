@@ -12,6 +12,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.tangent.level import TangentLevel
 
 NEAR = 1e-4
 """Of a derivative, by which it may differ from a difference."""
@@ -251,3 +252,61 @@ def test_asking_leaves_the_state() -> None:
     for simulation in (asked, plain):
         simulation.step(Command(loads={"push": 1.5}))
     np.testing.assert_array_equal(asked.positions, plain.positions)
+
+
+@pytest.mark.parametrize(
+    ("text", "command", "most"),
+    [
+        (BAR, Command(), 5),
+        (with_actuator(f"{{cable: {{points: {CABLE}, command: tension}}}}"), Command(actuators={"a": 1.0}), 5),
+        (with_actuator(f"{{cable: {{points: {CABLE}, command: shortening}}}}"), Command(actuators={"a": 2e-3}), 9),
+    ],
+    ids=["loads", "tension", "shortening"],
+)
+def test_a_warm_column_needs_a_few_solves_and_no_factor(
+    text: str, command: Command, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Count factors, solves with them, and the solver's iterations: one factor a state, none of the latter."""
+    simulation, counts = solved(text, command), {"take": 0, "solve": 0}
+    for name in counts:
+
+        def counted(self: TangentLevel, *given: Any, _name: str = name, _own: Any = getattr(TangentLevel, name)) -> Any:
+            counts[_name] += 1
+            return _own(self, *given)
+
+        monkeypatch.setattr(TangentLevel, name, counted)
+    seen_by_solver: list[Any] = []
+    simulation.observe_energy(lambda *iteration: seen_by_solver.append(iteration))
+    names = [name for name in simulation.parameter_names if name.endswith((".young", "weight", "push", ".a"))]
+    cold = simulation.sensitivities(None, names).matrix
+    assert counts["take"] == 1
+    before = counts["solve"]
+    simulation.jacobian() if simulation.actuator_names else None  # other solves with the same terms in between
+    factors = counts["take"]
+    seen_by_solver.clear()
+    counts["solve"] = 0
+    warm = simulation.sensitivities(None, names).matrix
+    assert counts["take"] == factors
+    assert counts["solve"] == before <= most * len(names)
+    assert not seen_by_solver
+    np.testing.assert_array_equal(warm, cold)
+
+
+def test_a_body_that_touches_itself_is_refused() -> None:
+    """Close a gap between two blocks of one body: one clear error, and the state is as before."""
+    text = """
+name: jaws
+mesh:
+  bar: {size: [0.04, 0.01, 0.03], cells: [8, 2, 6], cut: [{box: {x: [0.01, 0.04], y: [-1, 1], z: [-0.005, 0.005]}}]}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.3}}
+regions: [{material: soft}]
+handles: {base: {where: {face: x-}, fixed: true}}
+loads: {close: {surface: {where: {face: z+}, force: [0, 0, -1.2]}}}
+self_contact: {friction: 0.0}
+probes: {tip: [0.04, 0, 0.015]}
+"""
+    simulation = solved(text, Command())
+    before = simulation.positions.copy()
+    with pytest.raises(GdfeError, match="no derivative: the body touches itself, which derivatives do not take in"):
+        simulation.sensitivities(None, ["loads.close"])
+    np.testing.assert_array_equal(simulation.positions, before)
