@@ -28,8 +28,8 @@ from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
 DAMPING = 1e-3
-"""Weight of a change of the commands, over what the strongest actuator of its unit moves by it: a direction in which the
-Jacobian has next to no entry moves commands by at most 500 times the way that is missing."""
+"""Weight of a change of the commands, over what the strongest actuator of its unit moves by it. Where the Jacobian is
+nearly singular, commands change by at most 500 times what the strongest actuator would need."""
 BASELINE = 3.0
 """Motion over the tolerance from which on a measurement corrects the Jacobian: noise is then a third of it at most."""
 

@@ -19,7 +19,7 @@ def test_the_arm_is_an_arc_of_constant_length_in_a_turned_frame() -> None:
     ratios, angles = turned(data["axial"], data["lateral"], data["tilt"], LENGTH)
     assert abs(np.mean(ratios[1:]) - 1.0) < 0.04
     assert np.abs(ratios - 1.0).max() < 0.11
-    assert 17.0 < np.rad2deg(angles).min()
+    assert np.rad2deg(angles).min() > 17.0
     assert np.rad2deg(angles).max() < 21.0
 
 
@@ -37,6 +37,7 @@ def test_a_modulus_comes_back_from_its_own_curve() -> None:
     data = recorded()
     start = np.array([[0.0, 0.0, 0.0]])
     curve = np.vstack([start, np.column_stack([0.5 * data["pressure"], data["total"], data["tilt"]])])
+    curve = np.vstack([curve, 1.1 * curve[-1]])  # a fit that is off by a rounding must not leave the curve
     modulus, ratios = fitted(curve)
     np.testing.assert_allclose(modulus, 2.0, rtol=1e-3)
     np.testing.assert_allclose(ratios, 1.0, rtol=1e-3)

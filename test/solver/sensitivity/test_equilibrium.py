@@ -268,20 +268,24 @@ def test_a_warm_column_needs_a_few_solves_and_no_factor(
 ) -> None:
     """Count factors, solves with them, and the solver's iterations: one factor a state, none of the latter."""
     simulation, counts = solved(text, command), {"take": 0, "solve": 0}
+
+    def counted(name: str, own: Any) -> Any:
+        def call(*given: Any, **more: Any) -> Any:
+            counts[name] += 1
+            return own(*given, **more)
+
+        return call
+
     for name in counts:
-
-        def counted(self: TangentLevel, *given: Any, _name: str = name, _own: Any = getattr(TangentLevel, name)) -> Any:
-            counts[_name] += 1
-            return _own(self, *given)
-
-        monkeypatch.setattr(TangentLevel, name, counted)
+        monkeypatch.setattr(TangentLevel, name, counted(name, getattr(TangentLevel, name)))
     seen_by_solver: list[Any] = []
     simulation.observe_energy(lambda *iteration: seen_by_solver.append(iteration))
     names = [name for name in simulation.parameter_names if name.endswith((".young", "weight", "push", ".a"))]
     cold = simulation.sensitivities(None, names).matrix
     assert counts["take"] == 1
     before = counts["solve"]
-    simulation.jacobian() if simulation.actuator_names else None  # other solves with the same terms in between
+    if simulation.actuator_names:
+        simulation.jacobian()  # other solves with the same terms in between
     factors = counts["take"]
     seen_by_solver.clear()
     counts["solve"] = 0
@@ -293,20 +297,22 @@ def test_a_warm_column_needs_a_few_solves_and_no_factor(
 
 
 def test_a_body_that_touches_itself_is_refused() -> None:
-    """Close a gap between two blocks of one body: one clear error, and the state is as before."""
+    """Press a block onto another of the same scene: one clear error, and the state is as before."""
     text = """
-name: jaws
-mesh:
-  bar: {size: [0.04, 0.01, 0.03], cells: [8, 2, 6], cut: [{box: {x: [0.01, 0.04], y: [-1, 1], z: [-0.005, 0.005]}}]}
+name: blocks
+meshes:
+  lower: {bar: {size: [0.02, 0.02, 0.01], cells: [3, 3, 2]}}
+  upper: {bar: {size: [0.012, 0.012, 0.01], cells: [2, 2, 2]}, at: [0.004, 0, 0.0105]}
 materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.3}}
 regions: [{material: soft}]
-handles: {base: {where: {face: x-}, fixed: true}}
-loads: {close: {surface: {where: {face: z+}, force: [0, 0, -1.2]}}}
+handles: {floor: {where: {mesh: lower, face: z-}, fixed: true}, lid: {where: {mesh: upper, face: z+}}}
 self_contact: {friction: 0.0}
-probes: {tip: [0.04, 0, 0.015]}
+probes: {corner: {mesh: lower, at: [0, 0, 0.005]}}
 """
-    simulation = solved(text, Command())
+    apart = solved(text, Command())
+    assert np.isfinite(apart.sensitivities(None, ["handles.lid.z"]).matrix).all()
+    simulation = solved(text, Command(handles={"lid": Pose((0.0, 0.0, -1e-3))}))
     before = simulation.positions.copy()
     with pytest.raises(GdfeError, match="no derivative: the body touches itself, which derivatives do not take in"):
-        simulation.sensitivities(None, ["loads.close"])
+        simulation.sensitivities(None, ["handles.lid.z"])
     np.testing.assert_array_equal(simulation.positions, before)
