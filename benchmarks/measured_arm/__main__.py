@@ -30,7 +30,12 @@ FITTED = 200.0 * MBAR
 YOUNG = 263824.0
 MATERIAL = {"law": "neo_hookean", "young": YOUNG, "poisson": 0.45, "density": 1.0}
 """The authors' modulus; hardly any weight, so that pressure over modulus is all that counts."""
-MODELS = {"no fibres": 0.0, "inextensible rings every 6.8 mm": 6.8e-3}
+MODELS = {
+    "no fibres": (Section(), 0.0),
+    "inextensible rings every 6.8 mm": (Section(), 6.8e-3),
+    "rings, and partitions of 5 mm": (Section(partition=5e-3), 6.8e-3),
+}
+"""Of each model its section, and the spacing of its rings [m]. The thickness of the partitions is not published."""
 STEP = 20.0 * MBAR
 
 
@@ -82,8 +87,8 @@ def models(folder: Path) -> Table:
     for column in ("E [kPa]", "last equilibrium [mbar]", "rms, fitted", *(f"{p / MBAR:.0f}" for p in data["pressure"])):
         table.add_column(column, justify="right")
     low = data["pressure"] <= FITTED
-    for name, hoops in MODELS.items():
-        curve = tips(arm_scene(folder, Section(), MATERIAL, hoops=hoops), step=STEP, most=400.0 * MBAR)
+    for name, (section, hoops) in MODELS.items():
+        curve = tips(arm_scene(folder, section, MATERIAL, hoops=hoops), step=STEP, most=400.0 * MBAR)
         modulus, ratios = fitted(curve)
         rms = float(np.sqrt(np.mean((ratios[low] - 1.0) ** 2)))
         own = [f"{1e-3 * YOUNG * modulus:.0f}", f"{modulus * curve[-1, 0] / MBAR:.0f}", f"{100.0 * rms:.0f} %"]

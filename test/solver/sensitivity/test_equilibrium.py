@@ -259,7 +259,7 @@ def test_asking_leaves_the_state() -> None:
     [
         (BAR, Command(), 5),
         (with_actuator(f"{{cable: {{points: {CABLE}, command: tension}}}}"), Command(actuators={"a": 1.0}), 5),
-        (with_actuator(f"{{cable: {{points: {CABLE}, command: shortening}}}}"), Command(actuators={"a": 2e-3}), 9),
+        (with_actuator(f"{{cable: {{points: {CABLE}, command: shortening}}}}"), Command(actuators={"a": 2e-3}), 5),
     ],
     ids=["loads", "tension", "shortening"],
 )
@@ -291,7 +291,7 @@ def test_a_warm_column_needs_a_few_solves_and_no_factor(
     counts["solve"] = 0
     warm = simulation.sensitivities(None, names).matrix
     assert counts["take"] == factors
-    assert counts["solve"] == before <= most * len(names)
+    assert counts["solve"] <= min(before, most * len(names))
     assert not seen_by_solver
     np.testing.assert_array_equal(warm, cold)
 
