@@ -13,12 +13,14 @@ leaves no offset; at the end of a range nothing adds up.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gdfe_ros.control.inverse import Reach, require_equilibria, require_positive
+from gdfe_ros.control.inverse import ENOUGH, LONGER, SHORTER, Reach, require_equilibria, require_positive
 from gdfe_ros.control.limits import Limits
 from gdfe_ros.control.programme import least_squares
 from gdfe_ros.control.stack import Stack
@@ -32,6 +34,18 @@ DAMPING = 1e-3
 nearly singular, commands change by at most 500 times what the strongest actuator would need."""
 BASELINE = 3.0
 """Motion over the tolerance from which on a measurement corrects the Jacobian: noise is then a third of it at most."""
+MOST_SENT = 100
+"""Commands that are remembered until they are measured."""
+
+
+class _Sent(NamedTuple):
+    """A command (n,), the goals (t, 3) it was for, the distance from them before, and how much of it was to be left."""
+
+    commands: Array
+    goals: Array
+    before: float
+    gain: float
+    way: float
 
 
 class FeedbackControl:
@@ -82,6 +96,7 @@ class FeedbackControl:
         states = simulation.actuator_states()
         self._sent = np.array([states[name].command for name in self.names])
         self._known = self._base = self._sent, self._stack.values()
+        self._trust, self._aims = 1.0, deque(maxlen=MOST_SENT)
 
     @property
     def targets(self) -> tuple[Aim, ...]:
@@ -114,6 +129,7 @@ class FeedbackControl:
                 raise CommandError(f"no finite command in force of {', '.join(missing)}; give one of each actuator")
             given = np.array([commands[name] for name in self.names])
         self._known = given, measured
+        self._judge(given, measured)
         change, moved = given - self._base[0], self._stack.errors(measured, self._base[1])
         foretold, scaled = self._rows @ change, self._costs * change
         if max(np.linalg.norm(moved), np.linalg.norm(foretold)) < BASELINE or not change.any():
@@ -137,11 +153,13 @@ class FeedbackControl:
         error, way = stack.errors(wanted, values), stack.length(wanted, values)
         low, high = self._limits.room(self._sent, dt)
         behind = self._sent - commands
-        share = 1.0 / max(way, 1.0)
+        share = min(1.0, self._trust / max(way, 1e-300))
         given = {"least": DAMPING, "costs": self._limits.costs(self._rows)}
         change = least_squares(self._rows, share * error, low + behind, high + behind, **given)
         self._sent = np.clip(self._limits.changed(commands, change), self._sent + low, self._sent + high)
         left = error - self._rows @ (self._sent - commands)
+        gain = float(np.linalg.norm(error) - np.linalg.norm(left))
+        self._aims.append(_Sent(self._sent, wanted, float(np.linalg.norm(error)), gain, way))
         return Reach(
             commands=self.sent,
             distances=stack.distances(error),
@@ -149,3 +167,16 @@ class FeedbackControl:
             message=stack.message(left, values, self._limits.ended(self._sent)),
             tries=1,
         )
+
+    def _judge(self, commands: Array, values: Array) -> None:
+        """Shorten the longest change where a command did not lead nearer by a quarter of what was foretold."""
+        while self._aims:
+            aim = self._aims.popleft()
+            if not np.array_equal(aim.commands, commands):
+                continue
+            after = float(np.linalg.norm(self._stack.errors(aim.goals, values)))
+            if aim.gain < BASELINE or aim.before - after > ENOUGH * aim.gain:
+                self._trust = min(1.0, LONGER * self._trust)
+            else:
+                self._trust = SHORTER * min(self._trust, aim.way)
+            return

@@ -112,9 +112,9 @@ class TipFollower(Node):
         except GdfeError as error:
             self.get_logger().error(str(error))
             return
-        if found.message != self.message:
-            self.message = found.message
+        if bool(found.message) != bool(self.message):
             self.get_logger().info(found.message or "the goal can be reached")
+        self.message = found.message
         actuators = {actuator.name: actuator for actuator in self._scene.actuators}
         self._commands.publish(actuation(actuators, found.commands))
 
