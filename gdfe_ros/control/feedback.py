@@ -13,9 +13,7 @@ leaves no offset; at the end of a range nothing adds up.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,18 +32,8 @@ DAMPING = 1e-3
 nearly singular, commands change by at most 500 times what the strongest actuator would need."""
 BASELINE = 3.0
 """Motion over the tolerance from which on a measurement corrects the Jacobian: noise is then a third of it at most."""
-MOST_SENT = 100
-"""Commands that are remembered until they are measured."""
-
-
-class _Sent(NamedTuple):
-    """A command (n,), the goals (t, 3) it was for, the distance from them before, and how much of it was to be left."""
-
-    commands: Array
-    goals: Array
-    before: float
-    gain: float
-    way: float
+WITHIN = 0.5
+"""Share of the distance that a change makes up for from which on its goal counts as within reach."""
 
 
 class FeedbackControl:
@@ -96,7 +84,7 @@ class FeedbackControl:
         states = simulation.actuator_states()
         self._sent = np.array([states[name].command for name in self.names])
         self._known = self._base = self._sent, self._stack.values()
-        self._trust, self._aims = 1.0, deque(maxlen=MOST_SENT)
+        self._trust, self._goals = 1.0, self._known[1]
 
     @property
     def targets(self) -> tuple[Aim, ...]:
@@ -129,9 +117,9 @@ class FeedbackControl:
                 raise CommandError(f"no finite command in force of {', '.join(missing)}; give one of each actuator")
             given = np.array([commands[name] for name in self.names])
         self._known = given, measured
-        self._judge(given, measured)
         change, moved = given - self._base[0], self._stack.errors(measured, self._base[1])
         foretold, scaled = self._rows @ change, self._costs * change
+        self._judge(measured, foretold)
         if max(np.linalg.norm(moved), np.linalg.norm(foretold)) < BASELINE or not change.any():
             return  # within the noise: later measurements tell more of the same change
         by_change = self._costs * scaled / float(scaled @ scaled)
@@ -149,7 +137,7 @@ class FeedbackControl:
         """
         wanted, stack = self._stack.checked(goals), self._stack
         require_positive("the time of a command", dt, "s")
-        commands, values = self._known
+        self._goals, (commands, values) = wanted, self._known
         error, way = stack.errors(wanted, values), stack.length(wanted, values)
         low, high = self._limits.room(self._sent, dt)
         behind = self._sent - commands
@@ -158,8 +146,6 @@ class FeedbackControl:
         change = least_squares(self._rows, share * error, low + behind, high + behind, **given)
         self._sent = np.clip(self._limits.changed(commands, change), self._sent + low, self._sent + high)
         left = error - self._rows @ (self._sent - commands)
-        gain = float(np.linalg.norm(error) - np.linalg.norm(left))
-        self._aims.append(_Sent(self._sent, wanted, float(np.linalg.norm(error)), gain, way))
         return Reach(
             commands=self.sent,
             distances=stack.distances(error),
@@ -168,15 +154,17 @@ class FeedbackControl:
             tries=1,
         )
 
-    def _judge(self, commands: Array, values: Array) -> None:
-        """Shorten the longest change where a command did not lead nearer by a quarter of what was foretold."""
-        while self._aims:
-            aim = self._aims.popleft()
-            if not np.array_equal(aim.commands, commands):
-                continue
-            after = float(np.linalg.norm(self._stack.errors(aim.goals, values)))
-            if aim.gain < BASELINE or aim.before - after > ENOUGH * aim.gain:
-                self._trust = min(1.0, LONGER * self._trust)
-            else:
-                self._trust = SHORTER * min(self._trust, aim.way)
-            return
+    def _judge(self, measured: Array, foretold: Array) -> None:
+        """Shorten the longest change where the last one led nearer by less than a quarter of what was foretold (m,).
+
+        That is asked only where most of the distance was to be left: near the nearest point to a goal out of reach,
+        where long changes would go round it. Within reach, errors of the Jacobian are left to learning.
+        """
+        before, stack = self._base[1], self._stack
+        error, after = stack.errors(self._goals, before), stack.errors(self._goals, measured)
+        length = np.linalg.norm(error)
+        gain = length - np.linalg.norm(error - foretold)
+        if not BASELINE < gain < WITHIN * length or length - np.linalg.norm(after) > ENOUGH * gain:
+            self._trust = min(1.0, LONGER * self._trust)
+        else:
+            self._trust = SHORTER * min(self._trust, stack.length(self._goals, before))

@@ -34,6 +34,8 @@ _EFFORTS = (Mode.TENSION, Mode.PRESSURE)
 """Modes whose command is found in ``effort`` of joint states; the others' in ``position``."""
 _PERIOD = 0.02
 """Time of a command [s] until two states tell it."""
+_REST = 1e-4
+"""Relative change of the commands below which they have come to rest."""
 _ENOUGH = 1e6
 """Time [s] in which any rate lets the model come to the commands in force."""
 
@@ -63,6 +65,7 @@ class TipFollower(Node):
         self._joints: JointState | None = None
         self._goal: NDArray[np.float64] | None = None
         self._last: int | None = None
+        self._told = False
         self._commands = self.create_publisher(JointState, f"{name}/actuation", 10)
         self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
         self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _STATES)
@@ -92,7 +95,7 @@ class TipFollower(Node):
             return
         position = message.pose.position
         self._goal = np.array([[position.x, position.y, position.z]])
-        self._last = None  # this goal is answered, whether or not the state is new
+        self._told, self._last = False, None  # this goal is answered, whether or not the state is new
         self._answer()
 
     def _answer(self) -> None:
@@ -112,9 +115,11 @@ class TipFollower(Node):
         except GdfeError as error:
             self.get_logger().error(str(error))
             return
-        if bool(found.message) != bool(self.message):
-            self.get_logger().info(found.message or "the goal can be reached")
         self.message = found.message
+        rests = all(np.isclose(found.commands[name], applied[name], rtol=_REST, atol=0.0) for name in found.commands)
+        if (found.reached or rests) and not self._told:
+            self._told = True
+            self.get_logger().info("the goal is reached" if found.reached else found.message)
         actuators = {actuator.name: actuator for actuator in self._scene.actuators}
         self._commands.publish(actuation(actuators, found.commands))
 
