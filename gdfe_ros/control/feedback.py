@@ -48,6 +48,8 @@ class FeedbackControl:
         actuators: names; None takes all.
         tolerance: distance [m] at which a goal counts as reached, at least the noise of the measurements; motions below
             three times of it correct nothing.
+        slew: least time [s] in which a command crosses its range; not below that of the robot, which would else follow
+            one actuator more than the other (a node's ``slew_time``).
         learning: share of what a change did otherwise than foretold that corrects the Jacobian, from 0 to 1.
 
     Raises:
@@ -69,14 +71,17 @@ class FeedbackControl:
         actuators: Sequence[str] | None = None,
         tolerance: float = 1e-5,
         learning: float = 0.6,
+        slew: float = 0.0,
     ) -> None:
         require_equilibria(simulation.scene)
         require_positive("the tolerance of feedback control", tolerance, "m")
         if not 0.0 <= learning <= 1.0:
             raise CommandError(f"learning must be from 0 to 1, got {learning!r}")
+        if not 0.0 <= slew < np.inf:
+            raise CommandError(f"slew must be a finite time [s], not negative, got {slew!r}")
         self._stack = Stack(simulation, targets, tolerance)
         self.names = tuple(simulation.actuator_names if actuators is None else actuators)
-        self._limits = Limits.of_scene(simulation.scene, self.names)
+        self._limits = Limits.of_scene(simulation.scene, self.names, slew=slew)
         if not simulation.settled:
             simulation.step()
         self._rows, self._learning = self._stack.jacobian(self.names), learning

@@ -36,6 +36,8 @@ _PERIOD = 0.02
 """Time of a command [s] until two states tell it."""
 _REST = 1e-4
 """Relative change of the commands below which they have come to rest."""
+_LONG = 300
+"""Answers after which it is told how near the goal is, whether or not the commands rest."""
 _ENOUGH = 1e6
 """Time [s] in which any rate lets the model come to the commands in force."""
 
@@ -46,7 +48,8 @@ class TipFollower(Node):
     The model is the scene that the simulation publishes, without dynamics. It is solved once, for its Jacobian; from
     then on measurements correct it (`FeedbackControl`).
 
-    Parameters: ``simulation`` (full name of the node), ``probe``, ``tolerance`` [m], ``learning`` (0 to 1).
+    Parameters: ``simulation`` (full name of the node), ``probe``, ``tolerance`` [m], ``learning`` (0 to 1), ``slew_time``
+    (least time [s] in which a command crosses its range, not below that of the simulation, half a second).
 
     Attributes:
         message: why the last goal cannot be reached; empty where it can.
@@ -57,6 +60,7 @@ class TipFollower(Node):
         name = self.declare_parameter("simulation", "/gdfe_sim").value
         self._probe = self.declare_parameter("probe", "tip").value
         self._tolerance = float(self.declare_parameter("tolerance", 1e-5).value)
+        self._slew = float(self.declare_parameter("slew_time", 2.0).value)
         self._learning = float(self.declare_parameter("learning", 0.6).value)
         self.message = ""
         self._scene: Scene | None = None
@@ -65,7 +69,7 @@ class TipFollower(Node):
         self._joints: JointState | None = None
         self._goal: NDArray[np.float64] | None = None
         self._last: int | None = None
-        self._told = False
+        self._told, self._answers = False, 0
         self._commands = self.create_publisher(JointState, f"{name}/actuation", 10)
         self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
         self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _STATES)
@@ -95,7 +99,7 @@ class TipFollower(Node):
             return
         position = message.pose.position
         self._goal = np.array([[position.x, position.y, position.z]])
-        self._told, self._last = False, None  # this goal is answered, whether or not the state is new
+        self._told, self._answers, self._last = False, 0, None  # this goal is answered, whether or not the state is new
         self._answer()
 
     def _answer(self) -> None:
@@ -117,9 +121,10 @@ class TipFollower(Node):
             return
         self.message = found.message
         rests = all(np.isclose(found.commands[name], applied[name], rtol=_REST, atol=0.0) for name in found.commands)
-        if (found.reached or rests) and not self._told:
+        self._answers += 1
+        if (found.reached or rests or self._answers > _LONG) and not self._told:
             self._told = True
-            self.get_logger().info("the goal is reached" if found.reached else found.message)
+            self.get_logger().info("the goal is reached" if found.reached else found.message or "on the way")
         actuators = {actuator.name: actuator for actuator in self._scene.actuators}
         self._commands.publish(actuation(actuators, found.commands))
 
@@ -127,7 +132,7 @@ class TipFollower(Node):
         """Return the control, with the model at the commands in force."""
         model = Simulation(self._scene)
         model.step(Command(actuators=applied), dt=_ENOUGH)
-        given = {"tolerance": self._tolerance, "learning": self._learning}
+        given = {"tolerance": self._tolerance, "learning": self._learning, "slew": self._slew}
         return FeedbackControl(model, [Target(probe=self._probe)], **given)
 
     def _applied(self) -> dict[str, float]:

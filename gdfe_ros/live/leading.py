@@ -22,6 +22,8 @@ INTERVAL = 0.02
 """Time of a command [s], for actuators with rates."""
 ENOUGH = 1e6
 """Time [s] in which any rate lets the model come to the commands in force."""
+SLEW = 1.0
+"""Least time [s] in which a command crosses its range; a node under the wall clock takes half a second."""
 LEARNING = 0.6
 """Of the control, for equilibria; a body in motion may still swing when it is seen, and teaches nothing."""
 
@@ -102,7 +104,8 @@ class Leading:
             commands = {name: value for name, value in session.commands.items() if name in actuators}
             model.step(Command(actuators=commands, handles=handles), dt=ENOUGH)
             learning = LEARNING if scene.dynamics is None else 0.0
-            control = FeedbackControl(model, [Target(probe=probe)], tolerance=1e-4 * scene.mesh.size, learning=learning)
+            given = {"tolerance": 1e-4 * scene.mesh.size, "learning": learning, "slew": SLEW}
+            control = FeedbackControl(model, [Target(probe=probe)], **given)
         except GdfeError as error:
             self._say(f"{probe} cannot be led: {error}")
         with self._lock:

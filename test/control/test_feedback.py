@@ -56,6 +56,17 @@ def test_commands_keep_to_rates() -> None:
     assert sent == pytest.approx([1.1, 1.2, 1.3], rel=1e-9)
 
 
+def test_a_slew_time_limits_every_command() -> None:
+    """Let commands take two seconds over their ranges: one of 20 ms changes by a hundredth of the range at most."""
+    simulation = robot(FINGER)
+    control = FeedbackControl(simulation, [TIP], slew=2.0)
+    found = control.command(measured(FINGER, simulation) + np.array([0.0, 0.0, 0.02]), 0.02).commands
+    changes = [abs(found[name] - FINGER.middle[name]) / most for name, most in (("flexor", 20.0), ("extensor", 40.0))]
+    assert max(changes) == pytest.approx(0.01, rel=1e-9)
+    with pytest.raises(CommandError, match="slew must be a finite time"):
+        FeedbackControl(simulation, [TIP], slew=-1.0)
+
+
 def test_motions_within_the_tolerance_teach_nothing() -> None:
     """Tell noise of a tenth of the tolerance: the Jacobian is the model's, to the bit."""
     simulation, random = robot(FINGER), np.random.default_rng(0)
