@@ -48,8 +48,8 @@ class TipFollower(Node):
     The model is the scene that the simulation publishes, without dynamics. It is solved once, for its Jacobian; from
     then on measurements correct it (`FeedbackControl`).
 
-    Parameters: ``simulation`` (full name of the node), ``probe``, ``tolerance`` [m], ``learning`` (0 to 1), ``slew_time``
-    (least time [s] in which a command crosses its range, not below that of the simulation, half a second).
+    Parameters: ``simulation`` (full name of the node), ``probe``, ``tolerance`` [m], ``learning`` (0 to 1) and
+    ``slew_time``, the least time [s] in which a command crosses its range, not below that of the simulation.
 
     Attributes:
         message: why the last goal cannot be reached; empty where it can.
