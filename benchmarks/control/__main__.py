@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse control on circles: time of a move, and how far from the circle a plant goes that is told the commands alone.
+"""Inverse control on circles: open loop, open loop in real time, and closed loop with a wrong modulus.
 
-``python -m benchmarks.control`` prints a table. Times are those of the processor, one thread. The plant is a
-simulation of its own with the model's modulus.
+``python -m benchmarks.control`` prints a table a loop. Errors are those of a plant, a simulation of its own that
+gets the commands alone. In real time the goals go on with the wall clock, whether or not the model is ready.
 """
 
 from __future__ import annotations
@@ -10,81 +10,23 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from gdfe_ros import Command, Simulation, load_scene
-from gdfe_ros.control import InverseControl, Target
+from benchmarks.control.circles import CIRCLES, Circle, measured, robot
+from gdfe_ros import Command, Simulation
+from gdfe_ros.control import FeedbackControl, InverseControl, RealTimeControl
 
 RATE = 50.0
-"""Moves a second."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Circle:
-    """A circle inside a robot's workspace.
-
-    Attributes:
-        scene: its name.
-        middle: commands at its middle.
-        targets: what is led.
-        first, second: coordinates of the circle, each as target and axis.
-        radius: [m].
-    """
-
-    scene: str
-    middle: Mapping[str, float]
-    targets: Sequence[Target]
-    first: tuple[int, int]
-    second: tuple[int, int]
-    radius: float
-
-    def goals(self, middle: np.ndarray, turn: float) -> np.ndarray:
-        """Return goals (t, 3) [m] after a share of a ``turn``, around ``middle`` (t, 3) [m]."""
-        goals, angle = middle.copy(), 2.0 * np.pi * turn
-        goals[self.first] += self.radius * np.cos(angle)
-        goals[self.second] += self.radius * np.sin(angle)
-        return goals
-
-    def distance(self, simulation: Simulation, goals: np.ndarray) -> float:
-        """Return how far [m] a simulation is from goals (t, 3) [m]."""
-        places, parts = simulation.probe_positions(), []
-        for target, goal in zip(self.targets, goals, strict=True):
-            parts.append((places[target.probe] - goal)[list(target.axes)])
-        return float(np.linalg.norm(np.concatenate(parts)))
-
-
-CIRCLES = (
-    Circle(
-        scene="tendon_finger",
-        middle={"flexor": 5.0, "extensor": 15.0},
-        targets=[Target(probe="tip", axes=(0, 2))],
-        first=(0, 0),
-        second=(0, 2),
-        radius=5e-4,
-    ),
-    Circle(
-        scene="three_chamber_arm",
-        middle={"left": 12e3, "right": 12e3, "upper": 12e3},
-        targets=[Target(probe="tip", axes=(1, 2))],
-        first=(0, 1),
-        second=(0, 2),
-        radius=5e-3,
-    ),
-    Circle(
-        scene="gripper",
-        middle={"left": 3e-3, "right": 3e-3, "upper": 2e-3},
-        targets=[Target(probe="left_tip", axes=(1,)), Target(probe="right_tip", axes=(1,))],
-        first=(0, 1),
-        second=(1, 1),
-        radius=3e-3,
-    ),
-)
-"""The gripper's fingers have a tendon each: the circle is that of two of them, one a coordinate."""
+"""Commands a second."""
+WRONG = (0.7, 1.3)
+"""Moduli of the plant over those of the model, closed loop."""
+APPROACH = 40
+"""Commands before the circle begins, closed loop."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,63 +34,110 @@ class Followed:
     """How a circle was followed.
 
     Attributes:
-        times: processor time [s] of each move.
-        errors: distance [m] of the plant from the circle after each move.
+        times: [s] of each command: processor time, or wall time in real time.
+        errors: distance [m] of the plant from the circle after each command.
         radius: [m].
+        solves: equilibria of the model for each command.
     """
 
     times: Sequence[float]
     errors: Sequence[float]
     radius: float
+    solves: float = 1.0
+
+    @property
+    def error(self) -> float:
+        """Mean error over the radius."""
+        return float(np.mean(self.errors)) / self.radius
 
     def row(self) -> list[str]:
-        """Return median and 95th percentile [ms], and mean and largest error over the radius [%]."""
+        """Return median, 95th percentile and maximum [ms], mean and largest error over the radius [%]."""
         times, errors = 1e3 * np.array(self.times), 100.0 * np.array(self.errors) / self.radius
-        numbers = statistics.median(times), np.percentile(times, 95), errors.mean(), errors.max()
+        numbers = statistics.median(times), np.percentile(times, 95), max(times), errors.mean(), errors.max()
         return [f"{number:.2f}" for number in numbers]
 
 
-def follow(circle: Circle, *, rounds: int, period: float) -> Followed:
-    """Lead a model round a circle, and a plant by the commands that come of it.
-
-    Args:
-        circle: what to follow.
-        rounds: how often.
-        period: time of a round [s].
-    """
-    scene, moves = load_scene(circle.scene), round(period * RATE)
-    model, plant = Simulation(scene), Simulation(scene)
-    for simulation in (model, plant):
-        simulation.step(Command(actuators=circle.middle))
-    places = model.probe_positions()
-    middle = np.array([places[target.probe] for target in circle.targets])
-    control = InverseControl(model, circle.targets)
-    found = control.reach(circle.goals(middle, 0.0))
-    if not found.reached:
-        raise RuntimeError(f"{circle.scene}: the circle begins out of reach: {found.message}")
+def open_loop(circle: Circle, *, moves: int, rounds: float) -> Followed:
+    """Lead a model round a circle by `InverseControl.move`, and a plant by the commands that come of it."""
+    model, plant = robot(circle), robot(circle)
+    middle, control = measured(circle, model), InverseControl(model, circle.targets)
+    _begin(control, circle, middle)
     times, errors = [], []
-    for number in range(rounds * moves):
+    for number in range(round(rounds * moves)):
         goals, before = circle.goals(middle, (number + 1) / moves), time.process_time()
         found = control.move(goals, 1.0 / RATE)
         times.append(time.process_time() - before)
-        plant.step(Command(actuators=found.commands))
-        errors.append(circle.distance(plant, goals))
+        errors.append(_error(circle, plant, found.commands, goals))
     return Followed(times=times, errors=errors, radius=circle.radius)
 
 
+def real_time(circle: Circle, *, moves: int, rounds: float) -> Followed:
+    """Give commands by the wall clock with `RealTimeControl`; the plant follows afterwards."""
+    model = robot(circle)
+    middle = measured(circle, model)
+    _begin(InverseControl(model, circle.targets), circle, middle)
+    times, given = [], []
+    with RealTimeControl(model, circle.targets) as control:
+        began, count = time.perf_counter(), round(rounds * moves)
+        for number in range(count):
+            time.sleep(max(0.0, began + number / RATE - time.perf_counter()))
+            goals, before = circle.goals(middle, (number + 1) / moves), time.perf_counter()
+            given.append((goals, control.command(goals, 1.0 / RATE).commands))
+            times.append(time.perf_counter() - before)
+    plant = robot(circle)
+    errors = [_error(circle, plant, commands, goals) for goals, commands in given]
+    return Followed(times=times, errors=errors, radius=circle.radius, solves=control.solves / count)
+
+
+def closed_loop(circle: Circle, modulus: float, *, moves: int, rounds: float) -> Followed:
+    """Lead a plant with other moduli round the model's circle by `FeedbackControl`."""
+    model, plant = robot(circle), robot(circle, modulus)
+    middle, control = measured(circle, model), FeedbackControl(model, circle.targets)
+    times, errors = [], []
+    for number in range(-APPROACH, round(rounds * moves)):
+        goals, before = circle.goals(middle, max(number + 1, 0) / moves), time.process_time()
+        control.observe(measured(circle, plant))
+        found = control.command(goals, 1.0 / RATE)
+        times.append(time.process_time() - before)
+        errors.append(_error(circle, plant, found.commands, goals))
+    return Followed(times=times[APPROACH:], errors=errors[APPROACH:], radius=circle.radius)
+
+
+def _begin(control: InverseControl, circle: Circle, middle: np.ndarray) -> None:
+    found = control.reach(circle.goals(middle, 0.0))
+    if not found.reached:
+        raise RuntimeError(f"{circle.scene}: the circle begins out of reach: {found.message}")
+
+
+def _error(circle: Circle, plant: Simulation, commands: dict[str, float], goals: np.ndarray) -> float:
+    """Step a plant to commands and return its distance [m] from goals."""
+    plant.step(Command(actuators=commands))
+    return circle.distance(plant, goals)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description="Inverse control on circles.")
-    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("loops", nargs="*", default=[], help="open, real, closed; none: all")
+    parser.add_argument("--rounds", type=float, default=2)
     parser.add_argument("--period", type=float, default=2.0, help="of a round [s]")
+    parser.add_argument("--robots", nargs="+", default=[circle.scene for circle in CIRCLES])
     given = parser.parse_args(arguments)
-    table = Table(title=f"circles of {given.period:g} s, {given.rounds} rounds, {RATE:g} moves a second")
-    for column in ("robot", "radius [mm]", "move [ms]", "95 % [ms]", "mean error [%]", "largest [%]"):
-        table.add_column(column, justify="left" if column == "robot" else "right")
-    for circle in CIRCLES:
-        found = follow(circle, rounds=given.rounds, period=given.period)
-        table.add_row(circle.scene, f"{1e3 * circle.radius:g}", *found.row())
-    Console(width=110).print(table)
+    moves = round(given.period * RATE)
+    loops = {"open": (open_loop, ""), "real": (real_time, "")}
+    loops |= {f"closed, modulus {wrong:g}": (closed_loop, wrong) for wrong in WRONG}
+    for title, (loop, wrong) in loops.items():
+        if given.loops and not any(title.startswith(each) for each in given.loops):
+            continue
+        table = Table(title=f"{title} loop, circles of {given.period:g} s, {RATE:g} commands a second")
+        for column in ("robot", "radius [mm]", "[ms]", "95 % [ms]", "max [ms]", "mean [%]", "max [%]", "solves"):
+            table.add_column(column, justify="left" if column == "robot" else "right")
+        for circle in CIRCLES:
+            if circle.scene in given.robots:
+                more = (wrong,) if wrong else ()
+                found = loop(circle, *more, moves=moves, rounds=given.rounds)
+                table.add_row(circle.scene, f"{1e3 * circle.radius:g}", *found.row(), f"{found.solves:.2f}")
+        Console(width=110).print(table)
     return 0
 
 

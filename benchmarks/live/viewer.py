@@ -91,6 +91,12 @@ class Viewer:
         place, turn = [float(value) for value in position], [float(value) for value in wxyz]
         self._send("TransformControlsUpdateMessage", name=f"/handles/{handle}", position=place, wxyz=turn, owner="")
 
+    def drag_probe(self, probe: str, position: Any) -> None:
+        """Drag the control of a probe to a place in the units of the picture."""
+        place = [float(value) for value in position]
+        name, turn = f"/probes/goals/{probe}", [1.0, 0.0, 0.0, 0.0]
+        self._send("TransformControlsUpdateMessage", name=name, position=place, wxyz=turn, owner="")
+
     def place(self, handle: str) -> tuple[float, float, float]:
         """Give where the control of a handle is, in the units of the picture."""
         return tuple(self.nodes[f"/handles/{handle}"]["position"])

@@ -1,7 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Inverse control: from where probes are to be, and how hard contacts are to press, to commands of actuators."""
 
+from gdfe_ros.control.feedback import FeedbackControl
 from gdfe_ros.control.inverse import InverseControl, Reach
+from gdfe_ros.control.real_time import RealTimeControl
 from gdfe_ros.control.targets import ForceTarget, OrientationTarget, Target
 
-__all__ = ["ForceTarget", "InverseControl", "OrientationTarget", "Reach", "Target"]
+__all__ = [
+    "FeedbackControl",
+    "ForceTarget",
+    "InverseControl",
+    "OrientationTarget",
+    "Reach",
+    "RealTimeControl",
+    "Target",
+]

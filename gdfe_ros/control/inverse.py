@@ -28,7 +28,7 @@ from gdfe_ros.simulation import Command, Simulation
 
 Array = NDArray[np.float64]
 LEAST = 1e-4
-"""Weight of a change of the commands itself, over what it moves."""
+"""Weight of a change of the commands itself, over what the strongest actuator of its unit moves by it."""
 SHORTER, LONGER = 0.25, 2.0
 """By how much the longest change shrinks where one did not lead nearer, and grows again where one did."""
 MOST_TRIES = 60
@@ -87,8 +87,8 @@ class InverseControl:
         tolerance: float = 1e-5,
     ) -> None:
         scene = simulation.scene
-        _require_equilibria(scene)
-        _require_positive("the tolerance of inverse control", tolerance, "m")
+        require_equilibria(scene)
+        require_positive("the tolerance of inverse control", tolerance, "m")
         self._stack = Stack(simulation, targets, tolerance)
         self.names = tuple(simulation.actuator_names if actuators is None else actuators)
         self._limits = Limits.of_scene(scene, self.names)
@@ -114,7 +114,7 @@ class InverseControl:
         """
         wanted, tries, stuck = self._stack.checked(goals), 0, False
         with self._all_or_nothing():
-            error = self._stack.errors(wanted)
+            error = self._errors(wanted)
             while tries < MOST_TRIES and not stuck and not self._stack.reached(error):
                 moved, error, spent = self._nearer(wanted, error)
                 tries, stuck = tries + spent, not moved
@@ -132,9 +132,9 @@ class InverseControl:
             GdfeError: the present state has no derivative; the state is unchanged.
         """
         wanted, tries = self._stack.checked(goals), 0
-        _require_positive("the time of a move", dt, "s")
+        require_positive("the time of a move", dt, "s")
         with self._all_or_nothing():
-            error = self._stack.errors(wanted)
+            error = self._errors(wanted)
             if not self._stack.reached(error):
                 _, error, tries = self._nearer(wanted, error, dt)
         return self._told(error, tries)
@@ -158,15 +158,17 @@ class InverseControl:
         as rates want.
         """
         stack, now, tries = self._stack, self._now(), 0
-        here, rows = self.simulation.snapshot(), self._jacobian.at(now, stack.values())
-        length, way = float(np.linalg.norm(error)), stack.length(wanted, error)
+        here, values = self.simulation.snapshot(), stack.values()
+        rows = self._jacobian.at(now, values)
+        length, way = float(np.linalg.norm(error)), stack.length(wanted, values)
         while tries < MOST_TRIES:
             tries, share = tries + 1, min(1.0, self._trust / way)
-            change = least_squares(rows, share * error, *self._limits.room(now, dt), least=LEAST)
+            given = {"least": LEAST, "costs": self._limits.costs(rows)}
+            change = least_squares(rows, share * error, *self._limits.room(now, dt), **given)
             gain = length - float(np.linalg.norm(error - rows @ change))
             worth = np.linalg.norm(rows @ change) >= STANDSTILL and gain >= FAINT
             if worth and self._went(now, change, dt):
-                after = self._stack.errors(wanted)
+                after = self._errors(wanted)
                 if length - float(np.linalg.norm(after)) > ENOUGH * gain:
                     self._trust = min(1.0, LONGER * self._trust)
                     self._jacobian.learn(error - after, self._now(), stack.values())
@@ -189,6 +191,10 @@ class InverseControl:
         time = self._limits.time(change) if dt is None else dt
         return self.simulation.step(Command(actuators=commands), dt=time).converged
 
+    def _errors(self, wanted: Array) -> Array:
+        """Return the model's errors (m,) from goals (t, 3)."""
+        return self._stack.errors(wanted, self._stack.values())
+
     def _now(self) -> Array:
         """Return the commands (n,) in force; rates may have kept others back."""
         states = self.simulation.actuator_states()
@@ -204,18 +210,18 @@ class InverseControl:
             commands=dict(zip(self.names, now.tolist(), strict=True)),
             distances=self._stack.distances(error),
             reached=self._stack.reached(error),
-            message=self._stack.message(error, self._limits.ended(now)),
+            message=self._stack.message(error, self._stack.values(), self._limits.ended(now)),
             tries=tries,
         )
 
 
-def _require_equilibria(scene: Scene) -> None:
+def require_equilibria(scene: Scene) -> None:
     """Refuse a scene in motion."""
     if scene.dynamics is not None:
         raise CommandError("inverse control goes from equilibrium to equilibrium; remedy: a scene without dynamics")
 
 
-def _require_positive(what: str, value: float, unit: str) -> None:
+def require_positive(what: str, value: float, unit: str) -> None:
     """Refuse a value that is not a positive, finite number."""
     if not 0.0 < value < np.inf:
         raise CommandError(f"{what} must be positive and finite [{unit}], got {value!r}")

@@ -22,6 +22,7 @@ class Limits:
 
     Args:
         actuators: (n,) whose commands they are.
+        slew: least time [s] in which a command crosses its range.
 
     Attributes:
         low: (n,) least commands; of a tension at least zero.
@@ -29,15 +30,19 @@ class Limits:
         rates: (n,) largest changes in a second.
     """
 
-    def __init__(self, actuators: Sequence[Actuator]) -> None:
+    def __init__(self, actuators: Sequence[Actuator], *, slew: float = 0.0) -> None:
         self._names = [each.name for each in actuators]
         pulls = [isinstance(each, Cable) and each.mode is Mode.TENSION for each in actuators]
         self.low = np.maximum([each.low for each in actuators], np.where(pulls, 0.0, -np.inf))
         self.high = np.array([each.high for each in actuators])
         self.rates = np.array([each.rate for each in actuators])
+        if slew > 0.0:
+            self.rates = np.minimum(self.rates, (self.high - self.low) / slew)
+        units = [each.mode.unit for each in actuators]
+        self._alike = np.array([[unit == other for other in units] for unit in units])
 
     @classmethod
-    def of_scene(cls, scene: Scene, names: Sequence[str]) -> Limits:
+    def of_scene(cls, scene: Scene, names: Sequence[str], *, slew: float = 0.0) -> Limits:
         """Return the limits of a scene's actuators.
 
         Raises:
@@ -49,7 +54,14 @@ class Limits:
                 raise CommandError(f"no actuator {name!r} in scene {scene.name!r}; actuators: {', '.join(known)}")
         if not names:
             raise CommandError(f"inverse control needs an actuator; actuators of {scene.name!r}: {', '.join(known)}")
-        return cls([known[name] for name in names])
+        return cls([known[name] for name in names], slew=slew)
+
+    def costs(self, rows: Array) -> Array:
+        """Return the cost (n,) of a change of each command: what the strongest of its unit moves by it, of rows (m, n).
+
+        A command that hardly moves anything is therefore left where it is.
+        """
+        return np.where(self._alike, np.linalg.norm(rows, axis=0), 0.0).max(axis=1)
 
     def room(self, now: Array, dt: float | None) -> tuple[Array, Array]:
         """Return the least and the largest change (n,) from commands ``now`` (n,) in ``dt`` [s]; None: in any time."""

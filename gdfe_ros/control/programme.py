@@ -11,10 +11,12 @@ from gdfe_ros.errors import DependencyError
 Array = NDArray[np.float64]
 
 
-def least_squares(rows: Array, goal: Array, low: Array, high: Array, *, least: float) -> Array:
+def least_squares(
+    rows: Array, goal: Array, low: Array, high: Array, *, least: float, costs: Array | None = None
+) -> Array:
     """Return x (n,) of the least |A x - b|^2 + least^2 |D x|^2 with low <= x <= high, exact to rounding.
 
-    D has the lengths of A's columns: a change costs what it moves, whatever its unit. Bounds hold to the last bit.
+    Bounds hold to the last bit.
 
     Args:
         rows: A (m, n).
@@ -22,6 +24,7 @@ def least_squares(rows: Array, goal: Array, low: Array, high: Array, *, least: f
         low: least x (n,); minus infinity for none.
         high: largest x (n,), not below ``low``; infinity for none.
         least: weight of the change itself; above zero, since other changes may lead to the same goal.
+        costs: D (n,), at least the lengths of A's columns; None: these.
 
     Raises:
         DependencyError: quadprog is not installed.
@@ -30,7 +33,7 @@ def least_squares(rows: Array, goal: Array, low: Array, high: Array, *, least: f
         import quadprog
     except ImportError as error:
         raise DependencyError("inverse control needs quadprog; remedy: pip install gdfe_ros[control]") from error
-    lengths = np.linalg.norm(rows, axis=0)
+    lengths = np.linalg.norm(rows, axis=0) if costs is None else costs
     lengths = np.maximum(lengths, max(float(lengths.max(initial=0.0)) * 1e-9, 1e-300))
     scaled = rows / lengths  # all entries are of the order of one, whatever the units
     size = max(float(np.linalg.norm(goal)), 1e-300)

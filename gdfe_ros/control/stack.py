@@ -48,25 +48,25 @@ class Stack:
         self._scales = [np.sqrt(t.weight) / size for t, size in zip(self.targets, self.tolerances, strict=True)]
         self._ends = np.cumsum([len(target.axes) for target in self.targets])[:-1]
 
-    def checked(self, goals: ArrayLike) -> Array:
-        """Return goals (t, 3), one row for each target.
+    def checked(self, goals: ArrayLike, what: str = "goals") -> Array:
+        """Return goals (t, 3), or ``what`` else has one row for each target.
 
         Raises:
             CommandError: their shape is another, or a value is not finite.
         """
         wanted = np.asarray(goals, dtype=np.float64)
         if wanted.shape != (len(self.targets), 3) or not np.isfinite(wanted).all():
-            raise CommandError(f"goals must be finite and of shape {(len(self.targets), 3)}, got {wanted.tolist()}")
+            raise CommandError(f"{what} must be finite and of shape {(len(self.targets), 3)}, got {wanted.tolist()}")
         return wanted
 
     def values(self) -> Array:
         """Return the present values (t, 3) of the model."""
         return np.array([target.value(self._simulation) for target in self.targets])
 
-    def errors(self, goals: Array) -> Array:
-        """Return the errors (m,) from goals (t, 3)."""
+    def errors(self, goals: Array, values: Array) -> Array:
+        """Return the errors (m,) of values (t, 3) from goals (t, 3)."""
         parts = []
-        for target, scale, goal, value in zip(self.targets, self._scales, goals, self.values(), strict=True):
+        for target, scale, goal, value in zip(self.targets, self._scales, goals, values, strict=True):
             parts.append(scale * target.missing(goal, value)[list(target.axes)])
         return np.concatenate(parts)
 
@@ -93,19 +93,28 @@ class Stack:
         """Tell whether all targets are within their tolerances."""
         return bool((self.distances(error) <= self.tolerances).all())
 
-    def length(self, goals: Array, error: Array) -> float:
-        """Return the way to goals (t, 3), over the longest that one change of the commands asks for."""
-        longest = [target.longest(self._simulation, goal) for target, goal in zip(self.targets, goals, strict=True)]
-        return float((self.distances(error) / longest).max())
+    def length(self, goals: Array, values: Array) -> float:
+        """Return the way from values to goals (t, 3), over the longest that one change of the commands asks for."""
+        longest = [
+            target.longest(self._simulation, goal, value)
+            for target, goal, value in zip(self.targets, goals, values, strict=True)
+        ]
+        return float((self.distances(self.errors(goals, values)) / longest).max())
 
-    def message(self, error: Array, ended: Sequence[str]) -> str:
-        """Say how far from their goals targets are, and what is in the way; ``ended`` are commands at their ends."""
+    def message(self, error: Array, values: Array, ended: Sequence[str]) -> str:
+        """Say how far from their goals targets are, and what is in the way.
+
+        Args:
+            error: (m,) from the goals.
+            values: (t, 3) of the targets.
+            ended: commands at the end of their range.
+        """
         distances = self.distances(error)
         far = [number for number, distance in enumerate(distances) if distance > self.tolerances[number]]
         if not far:
             return ""
         named = [f"{self.targets[i].name} {distances[i]:.3g} {self.targets[i].unit}" for i in far]
         parts = [f"nearest point so far, from the goal: {', '.join(named)}"]
-        parts += [text for i in far if (text := self.targets[i].obstacle(self._simulation))]
+        parts += [text for i in far if (text := self.targets[i].obstacle(values[i]))]
         parts += [f"at the end of their range: {', '.join(ended)}"] if ended else []
         return "; ".join(parts)

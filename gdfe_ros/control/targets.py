@@ -71,8 +71,8 @@ class Aim(ABC):
         """Return its present value (3,)."""
 
     @abstractmethod
-    def longest(self, simulation: Simulation, goal: Array) -> float:
-        """Return the longest way towards a goal (3,) that one change of the commands asks for."""
+    def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
+        """Return the longest way from a value (3,) to a goal (3,) that one change of the commands asks for."""
 
     def missing(self, goal: Array, value: Array) -> Array:
         """Return what is missing (3,) from a value (3,) to a goal (3,)."""
@@ -82,8 +82,8 @@ class Aim(ABC):
         """Return its derivative (3, n) from that of its output (k, n)."""
         return output[:3]
 
-    def obstacle(self, simulation: Simulation) -> str:
-        """Say why no command leads it anywhere; empty where that is not known."""
+    def obstacle(self, value: Array) -> str:
+        """Say why no command leads it anywhere from a value (3,); empty where that is not known."""
         return ""
 
 
@@ -123,7 +123,7 @@ class Target(ProbeTarget):
         """Return where the probe is (3,) [m]."""
         return simulation.probe_positions()[self.probe]
 
-    def longest(self, simulation: Simulation, goal: Array) -> float:
+    def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
         """Return a share of the body's size [m]."""
         return WAY * simulation.mesh.size
 
@@ -153,7 +153,7 @@ class OrientationTarget(ProbeTarget):
         now, rest = self._corners(simulation)
         return Rotation.align_vectors(now, rest)[0].as_rotvec()
 
-    def longest(self, simulation: Simulation, goal: Array) -> float:
+    def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
         """Return a part of a turn [rad]."""
         return TURN
 
@@ -218,10 +218,10 @@ class ForceTarget(Aim):
             simulation.step()
         return simulation.result.reactions[self.contact][:3]
 
-    def longest(self, simulation: Simulation, goal: Array) -> float:
+    def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
         """Return the larger of the goal and the present force [N]."""
-        return max(float(np.linalg.norm(goal)), float(np.linalg.norm(self.value(simulation))), 1e-300)
+        return max(float(np.linalg.norm(goal)), float(np.linalg.norm(value)), 1e-300)
 
-    def obstacle(self, simulation: Simulation) -> str:
+    def obstacle(self, value: Array) -> str:
         """Say that nothing touches."""
-        return "" if self.value(simulation).any() else f"nothing touches {self.contact}: bring the body there first"
+        return "" if value.any() else f"nothing touches {self.contact}: bring the body there first"

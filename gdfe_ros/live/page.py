@@ -14,12 +14,15 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any
 
+import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.field import Range, fields_of, legend
 from gdfe_ros.live.history import History
 from gdfe_ros.live.interface import Session
+from gdfe_ros.live.leading import Leading
 from gdfe_ros.live.panel import Panel
 from gdfe_ros.live.plots import Plots
 from gdfe_ros.live.stage import Stage
@@ -71,6 +74,7 @@ class Page:
         self._changed, self._ending = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work, name=VIEWER, daemon=True)
         self._session: Session | None = None
+        self._leading: Leading | None = None
         self._early = False
         self._stage: Stage | None = None
         self._view: View | None = None
@@ -88,7 +92,7 @@ class Page:
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         gui.set_panel_label(f"gdfe live: {title}")
         self._fields, self._range = fields_of(scene), Range()
-        self._stage = Stage(self._server, scene, dragged=self._lead)
+        self._stage = Stage(self._server, scene, dragged=self._lead, aimed=self._aim)
         self._side = gui.add_panel()
         with self._side.add_tab("State"):
             self._legend, self._state = gui.add_html(""), gui.add_html(waiting(_BUILT))
@@ -108,6 +112,7 @@ class Page:
         self._history = History(session.scene)
         self._status = Status(session)
         self._session = session
+        self._leading = Leading(session, self.say)
         self._panel = Panel(gui, session, say=self.say, guarded=self._guarded)
         self._add_looks()
         self._plots = Plots(gui, self._history, below=self._side)
@@ -118,6 +123,8 @@ class Page:
         self._history.add(view)
         self._status.add(view)
         self._view = view
+        if self._leading is not None:
+            self._leading.take(view)
         self._changed.set()
 
     def say(self, text: str) -> None:
@@ -166,6 +173,10 @@ class Page:
             self._early = True
         else:
             self._guarded(lambda: self._session.command(name, order))
+
+    def _aim(self, probe: str, goal: NDArray[np.float64]) -> None:
+        if self._leading is not None:
+            self._guarded(lambda: self._leading.aim(probe, goal))
 
     def _look_again(self) -> None:
         """Request a new drawing of the present step."""

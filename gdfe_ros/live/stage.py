@@ -29,6 +29,8 @@ from gdfe_ros.scene.scene import Scene
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
 CONTROL = 0.22
 """Length of the arrows of a handle's control, over the body's size."""
+GOAL = 0.14
+"""The same of the control at a probe."""
 _EYE = np.array([-0.55, -1.15, 0.65])
 """Position of the camera relative to the body's centre, over its size."""
 _TRACE = 400
@@ -53,15 +55,21 @@ class Stage:
         server: of the page.
         scene: of the simulation.
         dragged: called with the name and the order of a handle, obstacle or rigid body that a viewer drags.
+        aimed: called with the name of a probe and the place (3,) [m] to which a viewer drags it; its actuators follow.
 
     Attributes:
         surface: of the body.
     """
 
     def __init__(
-        self, server: viser.ViserServer, scene: Scene, *, dragged: Callable[[str, PoseOrder | PutOrder], None]
+        self,
+        server: viser.ViserServer,
+        scene: Scene,
+        *,
+        dragged: Callable[[str, PoseOrder | PutOrder], None],
+        aimed: Callable[[str, NDArray[np.float64]], None],
     ) -> None:
-        self._scene, self._dragged = scene, dragged
+        self._scene, self._dragged, self._aimed = scene, dragged, aimed
         self._scale = scale_of(scene.mesh)
         self._size = scene.mesh.size * self._scale
         self.surface = Surface(scene.mesh, scale=self._scale)
@@ -103,6 +111,8 @@ class Stage:
             self._traces = self._space.add_line_segments(
                 "/probes/traces", np.zeros((1, 2, 3), np.float32), _ORANGE, thickness=2.0, thickness_units="screen"
             )
+        led = scene.probes if scene.actuators else {}
+        self._goals = {name: self._goal(name, point.at(scene.mesh.vertices)[0]) for name, point in led.items()}
 
     def draw(self, positions: NDArray[np.float64], shares: NDArray[np.float64] | None) -> None:
         """Send a frame that stays hidden; `turn` shows it."""
@@ -120,6 +130,9 @@ class Stage:
             points = np.concatenate([point.at(view.positions) for point in self._scene.probes.values()])
             self._probes.points = (self._scale * points).astype(np.float32)
             self._follow(view.record.time, self._scale * points)
+            for name, point in zip(self._scene.probes, points, strict=True):
+                if name in self._goals and monotonic() - self._touched.get(_goal_of(name), -math.inf) > _TOUCHED:
+                    self._goals[name].position = self._scale * point
         self._solids.move(view.poses, view.positions)
         self.lead({name: view.poses[name] for name in self._bodily})
         self._draw_reactions(view)
@@ -183,6 +196,24 @@ class Stage:
 
         return control
 
+    def _goal(self, name: str, place: NDArray[np.float64]) -> viser.TransformControlsHandle:
+        """Add a control at a probe, whose actuators follow where it is dragged."""
+        control = self._space.add_transform_controls(
+            f"/probes/goals/{name}",
+            scale=GOAL * self._size,
+            disable_sliders=True,
+            disable_rotations=True,
+            depth_test=False,
+            position=self._scale * place,
+        )
+
+        @control.on_update
+        async def _(event: viser.TransformControlsEvent) -> None:
+            self._touched[_goal_of(name)] = monotonic()
+            self._aimed(name, np.asarray(event.target.position) / self._scale)
+
+        return control
+
     def _follow(self, time: float, points: NDArray[np.float64]) -> None:
         """Extend the traces to the probes; a reset clears them."""
         for way, point in zip(self._ways.values(), points, strict=True):
@@ -208,6 +239,11 @@ class Stage:
             slips = points["slips"] == 1
             parts = {"sticks": ~slips, "slips": slips}
             self._arrows[CONTACTS].draw({kind: (ends[part], forces[part]) for kind, part in parts.items()})
+
+
+def _goal_of(probe: str) -> str:
+    """Return the name of a probe's control, beside those of handles."""
+    return f"goals/{probe}"
 
 
 def _is_dragged(handle: Handle) -> bool:

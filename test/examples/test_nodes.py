@@ -54,7 +54,7 @@ class Forgetful(TipTracking):
         return not lose
 
 
-@pytest.mark.parametrize("name", ["two_robots", "tip_tracking", "carrying_arm"])
+@pytest.mark.parametrize("name", ["two_robots", "tip_tracking", "tip_follower", "carrying_arm"])
 def test_help_says_what_a_node_is_for(name: str) -> None:
     """Ask each node for help, and give it an argument that it does not know: no node is started."""
     run = partial(subprocess.run, capture_output=True, text=True, timeout=60, check=False)

@@ -31,7 +31,7 @@ from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.scene import scene_from_text
-from gdfe_ros.simulation import Simulation
+from gdfe_ros.simulation import Command, Simulation
 
 
 def test_a_slider_moves_the_body(live: Callable[..., Any]) -> None:
@@ -474,3 +474,17 @@ def _moduli(page: Any) -> dict[str, float]:
     from gdfe_ros.node.remodelling import moduli_of
 
     return moduli_of(page.session.scene)
+
+
+def test_a_dragged_probe_is_followed_by_the_actuators(live: Callable[..., Any]) -> None:
+    """Drag a probe to where tendons of 1 N hold it: it goes there; far away, the viewer is told it is out of reach."""
+    page = live()
+    viewer, simulation = page.look(), page.session.simulation
+    other = Simulation(simulation.scene)
+    other.step(Command(actuators={"lower": 1.0}))
+    goal, scale = other.probe_positions()["middle"], 10.0 ** round(-np.log10(simulation.mesh.size))
+    viewer.drag_probe("middle", scale * goal)
+    viewer.wait(lambda: abs(sum(simulation.commands[name] for name in ("lower", "left")) - 1.0) < 0.05, "the tensions")
+    assert np.linalg.norm(simulation.probe_positions()["middle"] - goal) < 2e-5
+    viewer.drag_probe("middle", scale * goal + np.array([5.0, 0.0, 0.0]))
+    viewer.wait(lambda: any("nearest point so far" in note for note in viewer.notes), "a note")

@@ -29,6 +29,8 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 class Tangents:
     """Linearises solves of one body, with a factor whose symbolic analysis is done once.
 
+    The last linearised solve is kept: further columns of the same state need no new factor.
+
     Args:
         equilibrium: the equilibrium solver.
     """
@@ -36,6 +38,7 @@ class Tangents:
     def __init__(self, equilibrium: EnergyEquilibrium) -> None:
         self._equilibrium = equilibrium
         self._level: TangentLevel | None = None
+        self._last: tuple[State, State, Linearised] | None = None
 
     def at(self, start: State, end: State) -> Linearised:
         """Return the linearised solve that began at ``start`` and ended at ``end``.
@@ -43,8 +46,11 @@ class Tangents:
         Raises:
             GdfeError: the end is no equilibrium, or has no derivative.
         """
+        if self._last is not None and self._last[0] is start and self._last[1] is end:
+            self._last[2].resume()
+            return self._last[2]
         require_differentiable(end)
-        equilibrium = self._equilibrium
+        equilibrium, self._last = self._equilibrium, None
         for contact in equilibrium.actuation.contacts:
             if isinstance(contact, OwnContact) and end.terms[contact.name]["press"].any():
                 raise GdfeError(
@@ -57,7 +63,9 @@ class Tangents:
             elements = WholeStiffness(equilibrium.body, dashpots)
             own = curved(terms, equilibrium.body)
             self._level = TangentLevel(equilibrium.body, equilibrium.matrix.assembled, own, elements=elements)
-        return Linearised(equilibrium, self._level, start, end)
+        made = Linearised(equilibrium, self._level, start, end)
+        self._last = start, end, made
+        return made
 
 
 class EquilibriumColumns:

@@ -10,10 +10,12 @@ hourglass scales is eliminated element by element.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgError
 
 from gdfe_ros.errors import ENDED, GdfeError
 from gdfe_ros.materials.table import MaterialTable
@@ -25,6 +27,7 @@ from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
 from gdfe_ros.solver.equilibrium.solve import Solve
 from gdfe_ros.solver.matrix.unknowns import Frame, gather_rigid_rows, place
 from gdfe_ros.solver.reactions import vertex_forces
+from gdfe_ros.solver.sensitivity.elimination import MOST, Elimination
 from gdfe_ros.solver.sensitivity.krylov import solved
 from gdfe_ros.solver.sensitivity.products import add_products
 from gdfe_ros.solver.sensitivity.softening import slopes
@@ -78,7 +81,7 @@ class Linearised:
     """
 
     def __init__(self, equilibrium: EnergyEquilibrium, level: TangentLevel, start: State, end: State) -> None:
-        self._level, self.end, self.handles = level, end, equilibrium.handles
+        self._level, self._start, self.end, self.handles = level, start, end, equilibrium.handles
         self.interrupted: Callable[[], bool] | None = None
         self.body, self.actuation = equilibrium.body, equilibrium.actuation
         solve = Solve.at(equilibrium.model, end)
@@ -86,9 +89,7 @@ class Linearised:
         self._watch, self._unknowns = task.problem.watch, self.body.unknowns
         work = equilibrium.whole.workspace
         self.x, self.u, self.frame = work.x.copy(), work.u.copy(), task.problem.frame
-        for term in self.actuation.terms:
-            term.aim(end.poses, start)
-            term.resume(end.commands, start.terms[term.name], end.terms[term.name], self.x)
+        self._resume_terms()
         self._sizes = [len(term.multipliers) for term in self.actuation.terms]
         self.multipliers = self.held()
         self._weights = self._joined(lambda term: term.per_metre)
@@ -109,6 +110,18 @@ class Linearised:
         self._soften(equilibrium)
         self.forces = self.element_forces(self.table) + self.term_forces(self.x)
         self._turning = self._turned_stiffness()
+
+    def resume(self) -> None:
+        """Set all terms to the end again, after other solves have used them."""
+        self.interrupted = None
+        self._resume_terms()
+        self.restore()
+
+    def _resume_terms(self) -> None:
+        start, end = self._start, self.end
+        for term in self.actuation.terms:
+            term.aim(end.poses, start)
+            term.resume(end.commands, start.terms[term.name], end.terms[term.name], self.x)
 
     def term_forces(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return dE/dx (n, 3) [N] of all terms beside the elements."""
@@ -189,7 +202,7 @@ class Linearised:
         load[rows - len(turned) :] += turned
         right = np.concatenate([-load, change / self._weights])
         tolerance = STIFF if len(self.multipliers) else SOFT
-        found = solved(self._multiplied, self._preconditioned, right, tolerance=tolerance)
+        found = solved(self._multiplied, self._eliminated, right, tolerance=tolerance)
         unknowns, multipliers = found[:rows], found[rows:] * self._weights
         return Change(unknowns, self.moved(unknowns), multipliers)
 
@@ -263,15 +276,28 @@ class Linearised:
             gradient[3 * len(self._unknowns.free) :] += self._turning @ unknowns[3 * len(self._unknowns.free) :]
         return np.concatenate([gradient, (multipliers - change) / self._weights])
 
+    @cached_property
+    def _eliminated(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+        """The preconditioner: the factor, with a few multipliers eliminated, or with many left where they are."""
+        if not 0 < len(self.multipliers) <= MOST:
+            return self._preconditioned
+        try:
+            return Elimination(self._multiplied, self._factored, 3 * self._unknowns.rows, len(self.multipliers))
+        except LinAlgError:
+            return self._preconditioned
+
+    def _factored(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = np.zeros_like(forces)
+        self._level.solve(np.ascontiguousarray(forces), found)
+        return found
+
     def _preconditioned(self, vector: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = 3 * self._unknowns.rows
         gradient, multipliers = vector[:rows], vector[rows:]
         if len(multipliers):
             forces, _ = self._beside(np.zeros_like(self.x), multipliers * self._weights)
             gradient = gradient - self.gathered(forces)
-        found = np.zeros(rows)
-        self._level.solve(np.ascontiguousarray(gradient), found)
-        return np.concatenate([found, multipliers])
+        return np.concatenate([self._factored(gradient), multipliers])
 
     def _beside(
         self, motion: NDArray[np.float64], multipliers: NDArray[np.float64]

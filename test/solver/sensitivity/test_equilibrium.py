@@ -12,6 +12,7 @@ import pytest
 from gdfe_ros import Command, Pose, Simulation
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene import scene_from_text
+from gdfe_ros.solver.tangent.level import TangentLevel
 
 NEAR = 1e-4
 """Of a derivative, by which it may differ from a difference."""
@@ -252,3 +253,67 @@ def test_asking_leaves_the_state() -> None:
     for simulation in (asked, plain):
         simulation.step(Command(loads={"push": 1.5}))
     np.testing.assert_array_equal(asked.positions, plain.positions)
+
+
+@pytest.mark.parametrize(
+    ("text", "command", "most"),
+    [
+        (BAR, Command(), 5),
+        (with_actuator(f"{{cable: {{points: {CABLE}, command: tension}}}}"), Command(actuators={"a": 1.0}), 5),
+        (with_actuator(f"{{cable: {{points: {CABLE}, command: shortening}}}}"), Command(actuators={"a": 2e-3}), 5),
+    ],
+    ids=["loads", "tension", "shortening"],
+)
+def test_a_warm_column_needs_a_few_solves_and_no_factor(
+    text: str, command: Command, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Count factors, solves with them, and the solver's iterations: one factor a state, none of the latter."""
+    simulation, counts = solved(text, command), {"take": 0, "solve": 0}
+
+    def counted(name: str, own: Any) -> Any:
+        def call(*given: Any, **more: Any) -> Any:
+            counts[name] += 1
+            return own(*given, **more)
+
+        return call
+
+    for name in counts:
+        monkeypatch.setattr(TangentLevel, name, counted(name, getattr(TangentLevel, name)))
+    seen_by_solver: list[Any] = []
+    simulation.observe_energy(lambda *iteration: seen_by_solver.append(iteration))
+    names = [name for name in simulation.parameter_names if name.endswith((".young", "weight", "push", ".a"))]
+    cold = simulation.sensitivities(None, names).matrix
+    assert counts["take"] == 1
+    before = counts["solve"]
+    if simulation.actuator_names:
+        simulation.jacobian()  # other solves with the same terms in between
+    factors = counts["take"]
+    seen_by_solver.clear()
+    counts["solve"] = 0
+    warm = simulation.sensitivities(None, names).matrix
+    assert counts["take"] == factors
+    assert counts["solve"] <= min(before, most * len(names))
+    assert not seen_by_solver
+    np.testing.assert_array_equal(warm, cold)
+
+
+def test_a_body_that_touches_itself_is_refused() -> None:
+    """Press a block onto another of the same scene: one clear error, and the state is as before."""
+    text = """
+name: blocks
+meshes:
+  lower: {bar: {size: [0.02, 0.02, 0.01], cells: [3, 3, 2]}}
+  upper: {bar: {size: [0.012, 0.012, 0.01], cells: [2, 2, 2]}, at: [0.004, 0, 0.0105]}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.3}}
+regions: [{material: soft}]
+handles: {floor: {where: {mesh: lower, face: z-}, fixed: true}, lid: {where: {mesh: upper, face: z+}}}
+self_contact: {friction: 0.0}
+probes: {corner: {mesh: lower, at: [0, 0, 0.005]}}
+"""
+    apart = solved(text, Command())
+    assert np.isfinite(apart.sensitivities(None, ["handles.lid.z"]).matrix).all()
+    simulation = solved(text, Command(handles={"lid": Pose((0.0, 0.0, -1e-3))}))
+    before = simulation.positions.copy()
+    with pytest.raises(GdfeError, match="no derivative: the body touches itself, which derivatives do not take in"):
+        simulation.sensitivities(None, ["handles.lid.z"])
+    np.testing.assert_array_equal(simulation.positions, before)

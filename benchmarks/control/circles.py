@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Circles inside the workspaces of robots, and robots whose moduli differ from the model's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gdfe_ros import Command, Simulation, load_scene
+from gdfe_ros.control import Target
+
+
+@dataclass(frozen=True, kw_only=True)
+class Circle:
+    """A circle inside a robot's workspace.
+
+    Attributes:
+        scene: its name.
+        middle: commands at its middle.
+        targets: what is led.
+        first, second: coordinates of the circle, each as target and axis.
+        radius: [m].
+    """
+
+    scene: str
+    middle: Mapping[str, float]
+    targets: Sequence[Target]
+    first: tuple[int, int]
+    second: tuple[int, int]
+    radius: float
+
+    def goals(self, middle: np.ndarray, turn: float) -> np.ndarray:
+        """Return goals (t, 3) [m] after a share of a ``turn``, around ``middle`` (t, 3) [m]."""
+        goals, angle = middle.copy(), 2.0 * np.pi * turn
+        goals[self.first] += self.radius * np.cos(angle)
+        goals[self.second] += self.radius * np.sin(angle)
+        return goals
+
+    def distance(self, simulation: Simulation, goals: np.ndarray) -> float:
+        """Return how far [m] a simulation is from goals (t, 3) [m]."""
+        places, parts = simulation.probe_positions(), []
+        for target, goal in zip(self.targets, goals, strict=True):
+            parts.append((places[target.probe] - goal)[list(target.axes)])
+        return float(np.linalg.norm(np.concatenate(parts)))
+
+
+CIRCLES = (
+    Circle(
+        scene="tendon_finger",
+        middle={"flexor": 5.0, "extensor": 15.0},
+        targets=[Target(probe="tip", axes=(0, 2))],
+        first=(0, 0),
+        second=(0, 2),
+        radius=5e-4,
+    ),
+    Circle(
+        scene="three_chamber_arm",
+        middle={"left": 12e3, "right": 12e3, "upper": 12e3},
+        targets=[Target(probe="tip", axes=(1, 2))],
+        first=(0, 1),
+        second=(0, 2),
+        radius=5e-3,
+    ),
+    Circle(
+        scene="gripper",
+        middle={"left": 3e-3, "right": 3e-3, "upper": 2e-3},
+        targets=[Target(probe="left_tip", axes=(1,)), Target(probe="right_tip", axes=(1,))],
+        first=(0, 1),
+        second=(1, 1),
+        radius=3e-3,
+    ),
+)
+"""The gripper's fingers have a tendon each: the circle is that of two of them, one a coordinate."""
+
+
+def robot(circle: Circle, modulus: float = 1.0) -> Simulation:
+    """Return the robot of a circle at the middle's commands, with moduli over those of the scene."""
+    materials = load_scene(circle.scene).materials
+    moduli = {f"materials.{name}.young": modulus * material.young for name, material in materials.items()}
+    simulation = Simulation(load_scene(circle.scene, overrides={} if modulus == 1.0 else moduli))
+    simulation.step(Command(actuators=circle.middle))
+    return simulation
+
+
+def measured(circle: Circle, simulation: Simulation) -> np.ndarray:
+    """Return where the targets of a circle are (t, 3) [m]."""
+    places = simulation.probe_positions()
+    return np.array([places[target.probe] for target in circle.targets])

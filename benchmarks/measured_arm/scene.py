@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm as a scene, and its tip under pressure in one chamber."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from benchmarks.measured_arm.section import LENGTH, OUTER, Section
+from gdfe_ros import Command, Simulation
+from gdfe_ros.scene import Scene, scene_from_text
+
+MARKED = 21e-3
+"""Radius of the markers on the end face [m]."""
+PLACE = float(0.6 * OUTER / np.sqrt(2.0))
+"""x and y of a point in the first chamber [m]."""
+
+
+def arm_scene(folder: Path, section: Section, material: dict[str, Any], *, hoops: float = 0.0) -> Scene:
+    """Return the arm, hanging along z, whose first chamber has the actuator ``air``.
+
+    Args:
+        folder: where its mesh is written.
+        section: of the arm.
+        material: its law, as a scene states it.
+        hoops: spacing [m] of inextensible rings around the outer wall; 0 for none.
+    """
+    points, cells = section.hexahedra()
+    file = folder / f"arm_{abs(hash((section, hoops))):x}.vtu"
+    meshio.write(file, meshio.Mesh(points, [("hexahedron", cells)]))
+    marks = {f"mark{k}": _mark(k) for k in range(4)}
+    data = {
+        "name": "measured_arm",
+        "mesh": {"file": str(file)},
+        "materials": {"silicone": material},
+        "regions": [{"material": "silicone"}],
+        "handles": {"base": {"where": {"box": {"z": [-1.0, 1e-6]}}, "fixed": True}},
+        "actuators": {"air": {"chamber": {"near": [PLACE, PLACE, 0.5 * LENGTH], "command": "pressure"}}},
+        "loads": {"weight": {"gravity": [0.0, 0.0, 9.81]}},
+        "probes": marks,
+        "solver": {"tolerance": 1e-4},
+    }
+    for k, z in enumerate(np.arange(0.5 * hoops, LENGTH, hoops) if hoops else []):
+        ring = 0.998 * section.outline()
+        places = np.column_stack([ring, np.full(len(ring), z)])
+        data["actuators"][f"hoop{k}"] = {"cable": {"points": places.tolist(), "command": "shortening"}}
+    return scene_from_text(yaml.safe_dump(data), origin="of the measured arm")
+
+
+def tips(scene: Scene, *, step: float, most: float) -> NDArray[np.float64]:
+    """Return pressure [Pa], total displacement [m] and tilt [rad] of the tip, (k, 3), up to the last equilibrium.
+
+    Args:
+        scene: of the arm.
+        step: of the pressure [Pa].
+        most: largest pressure [Pa].
+    """
+    simulation, found = Simulation(scene), [[0.0, 0.0, 0.0]]
+    simulation.step()
+    rest = _marks(simulation)
+    for pressure in np.arange(step, most + 0.5 * step, step):
+        result = simulation.step(Command(actuators={"air": float(pressure)}))
+        if not result.converged or result.min_det <= 0.0:
+            break
+        now = _marks(simulation)
+        normal = np.cross(now[2] - now[0], now[3] - now[1])
+        tilt = np.arccos(abs(normal[2]) / np.linalg.norm(normal))
+        found.append([pressure, float(np.linalg.norm((now - rest).mean(axis=0))), tilt])
+    return np.array(found)
+
+
+def _marks(simulation: Simulation) -> NDArray[np.float64]:
+    places = simulation.probe_positions()
+    return np.array([places[f"mark{k}"] for k in range(4)])
+
+
+def _mark(k: int) -> list[float]:
+    angle = 0.5 * np.pi * k
+    return [float(MARKED * np.cos(angle)), float(MARKED * np.sin(angle)), LENGTH]

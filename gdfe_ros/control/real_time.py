@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Open loop in real time: a command at once, while the model follows in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gdfe_ros.control.feedback import FeedbackControl
+from gdfe_ros.control.inverse import Reach
+from gdfe_ros.control.targets import Aim
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.simulation import Command, Simulation
+
+PATIENCE = 60.0
+"""Longest wait [s] for the model's present step at the end."""
+
+
+class RealTimeControl:
+    """Gives commands for goals that move on, without waiting for the model's equilibrium.
+
+    A command is computed from the last equilibrium that the model has found, by its Jacobian, in less than a
+    millisecond. The model then solves for the commands that are in force, as fast as it can; what it finds corrects the
+    next command as a measurement would (`FeedbackControl`).
+
+    Args:
+        simulation: the model, without dynamics; between the beginning and `close` only this object steps it.
+        targets: what is to be where; names alone take all axes.
+        actuators: names; None takes all.
+        tolerance: distance [m] at which a goal counts as reached.
+
+    Attributes:
+        solves: equilibria that the model has found.
+        failed: message of the model's last step where it found none; empty where it did. Commands then go on from the
+            last equilibrium.
+
+    Raises:
+        CommandError: no such probe or actuator, dynamics, or a tolerance that is not positive.
+        GdfeError: the model's state has no derivative.
+
+    Example:
+        >>> with RealTimeControl(model, [Target(probe="tip", axes=(0, 2))]) as control:
+        ...     commands = control.command([goal], dt=0.02).commands
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        targets: Sequence[Aim | str],
+        *,
+        actuators: Sequence[str] | None = None,
+        tolerance: float = 1e-5,
+    ) -> None:
+        self._feedback = FeedbackControl(simulation, targets, actuators=actuators, tolerance=tolerance)
+        self._simulation = simulation
+        self.solves, self.failed = 0, ""
+        self._wanted: dict[str, float] | None = None
+        self._changed, self._closed = threading.Condition(), False
+        self._thread = threading.Thread(target=self._solve_on, name="model of real-time control", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> RealTimeControl:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def command(self, goals: ArrayLike, dt: float) -> Reach:
+        """Return the commands of the next ``dt`` [s], towards goals (t, 3) at its end, within ranges and rates.
+
+        Distances and message are as in `FeedbackControl.command`, of the model's last equilibrium.
+
+        Raises:
+            CommandError: goals or time are not allowed; nothing has changed.
+        """
+        with self._changed:
+            found = self._feedback.command(goals, dt)
+            self._wanted = dict(found.commands)
+            self._changed.notify_all()
+        return found
+
+    def close(self) -> None:
+        """End the thread after its present step."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        self._thread.join(PATIENCE)
+
+    def _solve_on(self) -> None:
+        """Bring the model to the last commands, again and again."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closed or self._wanted is not None)
+                if self._closed:
+                    return
+                wanted, self._wanted = self._wanted, None
+            self._followed(wanted)
+
+    def _followed(self, wanted: dict[str, float]) -> None:
+        """Step the model to commands and tell what it finds; go back where it finds no equilibrium."""
+        before = self._simulation.snapshot()
+        try:
+            result = self._simulation.step(
+                Command(actuators=wanted), dt=self._feedback.time_to(wanted, before.commands)
+            )
+            message = "" if result.converged else result.message or "the model's step did not converge"
+        except GdfeError as error:
+            message = str(error)
+        if message:
+            self._simulation.restore(before)
+            with self._changed:
+                self.failed = message
+            return
+        values = np.array([target.value(self._simulation) for target in self._feedback.targets])
+        with self._changed:
+            self._feedback.observe(values, wanted)
+            self.solves, self.failed = self.solves + 1, ""

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A controller node: a goal as a pose in, joint states as commands out, with the robot's own pose fed back.
+
+    python -m gdfe_ros.examples.tip_follower --ros-args -p simulation:=/gdfe_sim -p probe:=tip
+
+beside a ``sim_node``, or beside a robot that publishes and takes the same topics. Send goals to ``~/goal`` [m], in the
+frame of the probe's poses: ``gdfe pub /tip_follower/goal``. Each state of the robot is answered by the next command.
+"""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from gdfe_ros.actuators import Mode
+from gdfe_ros.control import FeedbackControl, Target
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.node.messages import actuation
+from gdfe_ros.node.process import answer_arguments, run
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.scene.scene import Scene
+from gdfe_ros.simulation import Command, Simulation
+
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_EFFORTS = (Mode.TENSION, Mode.PRESSURE)
+"""Modes whose command is found in ``effort`` of joint states; the others' in ``position``."""
+_PERIOD = 0.02
+"""Time of a command [s] until two states tell it."""
+_REST = 1e-4
+"""Relative change of the commands below which they have come to rest."""
+_LONG = 300
+"""Answers after which it is told how near the goal is, whether or not the commands rest."""
+_ENOUGH = 1e6
+"""Time [s] in which any rate lets the model come to the commands in force."""
+
+
+class TipFollower(Node):
+    """Leads a probe to goals.
+
+    The model is the scene that the simulation publishes, without dynamics. It is solved once, for its Jacobian; from
+    then on measurements correct it (`FeedbackControl`).
+
+    Parameters: ``simulation`` (full name of the node), ``probe``, ``tolerance`` [m], ``learning`` (0 to 1) and
+    ``slew_time``, the least time [s] in which a command crosses its range, not below that of the simulation.
+
+    Attributes:
+        message: why the last goal cannot be reached; empty where it can.
+    """
+
+    def __init__(self, interrupted: threading.Event | None = None, **options: object) -> None:
+        super().__init__("tip_follower", **options)
+        name = self.declare_parameter("simulation", "/gdfe_sim").value
+        self._probe = self.declare_parameter("probe", "tip").value
+        self._tolerance = float(self.declare_parameter("tolerance", 1e-5).value)
+        self._slew = float(self.declare_parameter("slew_time", 2.0).value)
+        self._learning = float(self.declare_parameter("learning", 0.6).value)
+        self.message = ""
+        self._scene: Scene | None = None
+        self._control: FeedbackControl | None = None
+        self._pose: PoseStamped | None = None
+        self._joints: JointState | None = None
+        self._goal: NDArray[np.float64] | None = None
+        self._last: int | None = None
+        self._told, self._answers = False, 0
+        self._commands = self.create_publisher(JointState, f"{name}/actuation", 10)
+        self.create_subscription(String, f"{name}/scene", self._take_scene, _LATCHED)
+        self.create_subscription(PoseStamped, f"{name}/probe/{self._probe}", self._take_pose, _STATES)
+        self.create_subscription(JointState, f"{name}/joint_states", self._take_joints, _STATES)
+        self.create_subscription(PoseStamped, "~/goal", self._take_goal, 10)
+
+    def close(self) -> None:
+        """End; nothing is left to do."""
+
+    def _take_scene(self, message: String) -> None:
+        if self._scene is None:
+            self._scene = scene_from_text(message.data, overrides={"dynamics": None})
+            self._answer()
+
+    def _take_pose(self, message: PoseStamped) -> None:
+        self._pose = message
+        self._answer()
+
+    def _take_joints(self, message: JointState) -> None:
+        self._joints = message
+        self._answer()
+
+    def _take_goal(self, message: PoseStamped) -> None:
+        own, frame = self._pose.header.frame_id if self._pose else "", message.header.frame_id
+        if own and frame and frame != own:
+            self.get_logger().error(f"goal in frame {frame!r} is left out; poses of {self._probe} are in {own!r}")
+            return
+        position = message.pose.position
+        self._goal = np.array([[position.x, position.y, position.z]])
+        self._told, self._answers, self._last = False, 0, None  # this goal is answered, whether or not the state is new
+        self._answer()
+
+    def _answer(self) -> None:
+        """Answer a state, once its pose and its joint states are there, with the next command."""
+        if self._scene is None or self._pose is None or self._joints is None or self._goal is None:
+            return
+        stamp = _nanoseconds(self._pose)
+        if stamp != _nanoseconds(self._joints) or stamp == self._last:
+            return
+        dt, self._last = _PERIOD if self._last is None else 1e-9 * (stamp - self._last), stamp
+        position, applied = self._pose.pose.position, self._applied()
+        try:
+            if self._control is None:
+                self._control = self._made(applied)
+            self._control.observe([[position.x, position.y, position.z]], applied)
+            found = self._control.command(self._goal, max(dt, 1e-6))
+        except GdfeError as error:
+            self.get_logger().error(str(error))
+            return
+        self.message = found.message
+        rests = all(np.isclose(found.commands[name], applied[name], rtol=_REST, atol=0.0) for name in found.commands)
+        self._answers += 1
+        if (found.reached or rests or self._answers > _LONG) and not self._told:
+            self._told = True
+            self.get_logger().info("the goal is reached" if found.reached else found.message or "on the way")
+        actuators = {actuator.name: actuator for actuator in self._scene.actuators}
+        self._commands.publish(actuation(actuators, found.commands))
+
+    def _made(self, applied: dict[str, float]) -> FeedbackControl:
+        """Return the control, with the model at the commands in force."""
+        model = Simulation(self._scene)
+        model.step(Command(actuators=applied), dt=_ENOUGH)
+        given = {"tolerance": self._tolerance, "learning": self._learning, "slew": self._slew}
+        return FeedbackControl(model, [Target(probe=self._probe)], **given)
+
+    def _applied(self) -> dict[str, float]:
+        """Return the commands in force."""
+        joints, places = self._joints, {name: place for place, name in enumerate(self._joints.name)}
+        return {
+            actuator.name: (joints.effort if actuator.mode in _EFFORTS else joints.position)[places[actuator.name]]
+            for actuator in self._scene.actuators
+        }
+
+
+def _nanoseconds(message: PoseStamped | JointState) -> int:
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the controller until SIGINT or SIGTERM."""
+    answered = answer_arguments("tip_follower", f"usage: tip_follower [--help] [--ros-args ...]\n\n{__doc__}", args)
+    return run(TipFollower, args) if answered is None else answered
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A probe that a viewer drags: the actuators follow, by inverse control on the states that are shown."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import GdfeError
+from gdfe_ros.live.interface import Session
+from gdfe_ros.live.view import View
+from gdfe_ros.node.orders import ActuatorOrder
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.simulation import Command, Simulation
+
+STILL = 1e-6
+"""Relative change of the commands below which they have come to rest."""
+INTERVAL = 0.02
+"""Time of a command [s], for actuators with rates."""
+ENOUGH = 1e6
+"""Time [s] in which any rate lets the model come to the commands in force."""
+SLEW = 1.0
+"""Least time [s] in which a command crosses its range; a node under the wall clock takes half a second."""
+LEARNING = 0.6
+"""Of the control, for equilibria; a body in motion may still swing when it is seen, and teaches nothing."""
+
+
+class Leading:
+    """Turns goals of a probe into orders for the actuators, one for each state that is shown.
+
+    The model is solved once, in a thread of its own, when a viewer first drags the probe. A goal is followed until the
+    commands have come to rest, or until somebody else commands an actuator.
+
+    Args:
+        session: the run.
+        say: takes a text for the viewers.
+    """
+
+    def __init__(self, session: Session, say: Callable[[str], None]) -> None:
+        self._session, self._say = session, say
+        self._lock = threading.Lock()
+        self._probe = self._making = ""
+        self._goal: NDArray[np.float64] | None = None
+        self._control = None
+        self._view: View | None = None
+        self._own: list[dict[str, float]] = []
+
+    def aim(self, probe: str, goal: NDArray[np.float64]) -> None:
+        """Lead a probe to a goal (3,) [m]."""
+        with self._lock:
+            self._goal, self._own = np.array(goal, dtype=np.float64), []
+            if probe != self._probe:
+                self._probe, self._control = probe, None
+            if self._control is None:
+                self._make()
+                return
+        self.take(self._view)
+
+    def take(self, view: View | None) -> None:
+        """Answer a state with the next commands."""
+        with self._lock:
+            self._view = view or self._view
+            if self._goal is None or self._control is None or self._view is None:
+                return
+            before = {name: self._session.commands[name] for name in self._control.names}
+            if self._own and not any(_same(before, each) for each in self._own):
+                self._goal = None  # somebody else commands
+                return
+            place = self._session.scene.probes[self._probe].at(np.asarray(self._view.positions, dtype=np.float64))
+            self._control.observe(place, before)
+            found = self._control.command([self._goal], INTERVAL)
+            changes = [abs(found.commands[name] - value) / max(abs(value), 1e-12) for name, value in before.items()]
+            if found.reached or max(changes) < STILL:
+                self._goal = None
+                if found.message:
+                    self._say(found.message)
+                return
+            self._own = [before, dict(found.commands)]
+        try:
+            self._session.command("actuation", ActuatorOrder(found.commands))
+        except GdfeError as error:
+            with self._lock:
+                self._goal = None
+            self._say(str(error))
+
+    def _make(self) -> None:
+        """Build the control of the probe in a thread, unless that is under way."""
+        if self._making != self._probe:
+            self._making = self._probe
+            threading.Thread(target=self._made, args=(self._probe,), name="model of a probe", daemon=True).start()
+
+    def _made(self, probe: str) -> None:
+        from gdfe_ros.control import FeedbackControl, Target  # needed here only
+
+        control, session = None, self._session
+        try:
+            scene = session.scene
+            model = Simulation(scene_from_text(scene.source, origin="of the page", overrides={"dynamics": None}))
+            actuators = {each.name for each in scene.actuators}
+            handles = {name: pose for name, pose in session.targets.items() if name in model.rest_command().handles}
+            commands = {name: value for name, value in session.commands.items() if name in actuators}
+            model.step(Command(actuators=commands, handles=handles), dt=ENOUGH)
+            learning = LEARNING if scene.dynamics is None else 0.0
+            given = {"tolerance": 1e-4 * scene.mesh.size, "learning": learning, "slew": SLEW}
+            control = FeedbackControl(model, [Target(probe=probe)], **given)
+        except GdfeError as error:
+            self._say(f"{probe} cannot be led: {error}")
+        with self._lock:
+            self._making = ""
+            if probe == self._probe:
+                self._control, self._goal = control, self._goal if control else None
+        self.take(None)
+
+
+def _same(commands: Mapping[str, float], others: Mapping[str, float]) -> bool:
+    """Tell whether commands are the same up to the rounding of a slider."""
+    return all(abs(value - others[name]) <= STILL * max(abs(value), 1e-12) for name, value in commands.items())

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Block elimination of a few multipliers from the linearised solve: GMRES then needs fewer products a column."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, lu_factor, lu_solve
+
+Array = NDArray[np.float64]
+MOST = 12
+"""Multipliers up to which they are eliminated: each costs a solve with the factor once a state."""
+
+
+class Elimination:
+    """The Schur complement S = D + C K^-1 B of the system K dx + B dm = r, -C dx + D dm = s.
+
+    Args:
+        product: returns the left side of both equations for (dx, dm), each one after the other (r + k,).
+        solve: returns K^-1 of forces (r,).
+        rows: r, number of unknowns.
+        count: k, number of multipliers.
+
+    Raises:
+        LinAlgError: S is singular.
+    """
+
+    def __init__(
+        self, product: Callable[[Array], Array], solve: Callable[[Array], Array], rows: int, count: int
+    ) -> None:
+        self._product, self._solve, self._rows = product, solve, rows
+        self._pushed, complement = np.empty((rows, count)), np.empty((count, count))
+        for j in range(count):
+            one = np.zeros(rows + count)
+            one[rows + j] = 1.0
+            self._pushed[:, j] = solve(product(one)[:rows])
+            one[:rows] = -self._pushed[:, j]
+            complement[:, j] = product(one)[rows:]
+        if not np.isfinite(complement).all():
+            raise LinAlgError("the complement is not finite")
+        self._factor = lu_factor(complement, check_finite=False)
+        if not np.abs(np.diag(self._factor[0])).min() > 1e-14 * np.abs(complement).max():
+            raise LinAlgError("the complement is singular")
+
+    def __call__(self, vector: Array) -> Array:
+        """Return (dx, dm) for a right side (r + k,)."""
+        rows = self._rows
+        alone = np.zeros_like(vector)
+        alone[:rows] = self._solve(vector[:rows])
+        multipliers = lu_solve(self._factor, vector[rows:] - self._product(alone)[rows:], check_finite=False)
+        return np.concatenate([alone[:rows] - self._pushed @ multipliers, multipliers])
