@@ -38,12 +38,14 @@ class Command:
         loads: factor on each named load; 1 before the first command.
         bodies: pose relative to its rest pose to which each named rigid body is teleported before the step, with zero
             velocity; it then moves freely again.
+        joints: position of each named joint of an arm [rad] or [m], which it approaches within its limits.
     """
 
     handles: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, float] = field(default_factory=dict)
     loads: Mapping[str, float] = field(default_factory=dict)
     bodies: Mapping[str, Pose] = field(default_factory=dict)
+    joints: Mapping[str, float] = field(default_factory=dict)
 
 
 class Orders:
@@ -63,6 +65,7 @@ class Orders:
         self._handles = {handle.name: handle for handle in scene.handles}
         self._actuators = {actuator.name: actuator for actuator in scene.actuators}
         self._loads = {load.name: load for load in scene.loads}
+        self._carriers = {arm.handle: arm.name for arm in scene.arms}
 
     def handle(self, name: str) -> Handle:
         """Return the handle of this name.
@@ -111,6 +114,9 @@ class Orders:
         targets = dict(last)
         for name, pose in (command.handles if command else {}).items():
             _require_pose(f"handle {name!r}: the target", pose)
+            if name in self._carriers:
+                arm = self._carriers[name]
+                raise CommandError(f"handle {name!r} is carried by arm {arm!r}; remedy: command the arm's joints")
             if (handle := self.handle(name)).fixed:
                 movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
                 raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")
