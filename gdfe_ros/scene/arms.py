@@ -54,7 +54,7 @@ def build_arms(
     carried: dict[KeyPath, dict[str, Any]] = {}
     for name, (path, model) in arm_models(draft).items() if mesh is not None else ():
         built = _Builder(name, path, model, report)
-        arm = built.arm(mesh, handles, [item for item in draft.handles])
+        arm = built.arm(mesh, handles, list(draft.handles))
         if arm is not None:
             arms.append(arm)
             carried |= built.embedded()
@@ -83,7 +83,7 @@ class _Builder:
             robot = self._read()
             self._require_flange(robot)
             start = self._start(robot)
-            self._surfaces = self._surfaces or self._meshes(robot)
+            self._surfaces = self._surfaces if model.urdf is None else self._meshes(robot)
             turn = Rotation.from_rotvec(np.radians(model.rotation_deg)).as_matrix()
             dynamics = LinkDynamics(robot, Frame(np.array(model.at), turn))
             if handle is None or start is None or model.flange not in robot.links:
@@ -94,8 +94,7 @@ class _Builder:
             shapes = visuals(robot, self._surfaces)
         except (ArmError, MeshError) as error:
             for defect in error.defects:
-                text = defect if isinstance(error, MeshError) or error.heading.startswith("scene") else defect
-                self._report.add((*self._path, key), text, value=NO_VALUE)
+                self._report.add((*self._path, key), defect, value=NO_VALUE)
             return None
         arm = Arm(
             name=self._name,
