@@ -65,7 +65,6 @@ class Orders:
         self._handles = {handle.name: handle for handle in scene.handles}
         self._actuators = {actuator.name: actuator for actuator in scene.actuators}
         self._loads = {load.name: load for load in scene.loads}
-        self._carriers = {arm.handle: arm.name for arm in scene.arms}
 
     def handle(self, name: str) -> Handle:
         """Return the handle of this name.
@@ -114,10 +113,10 @@ class Orders:
         targets = dict(last)
         for name, pose in (command.handles if command else {}).items():
             _require_pose(f"handle {name!r}: the target", pose)
-            if name in self._carriers:
-                arm = self._carriers[name]
-                raise CommandError(f"handle {name!r} is carried by arm {arm!r}; remedy: command the arm's joints")
-            if (handle := self.handle(name)).fixed:
+            if (handle := self.handle(name)).carrier:
+                text = f"handle {name!r} is carried by arm {handle.carrier!r}"
+                raise CommandError(f"{text}; remedy: command the arm's joints")
+            if handle.fixed:
                 movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
                 raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")
             self._require_near(f"{handle.noun} {name!r} is commanded", pose)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators import ActuatorState, Gravity
 from gdfe_ros.arms.carriers import Carriers, JointReading
+from gdfe_ros.arms.dynamics import Frame
 from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
@@ -161,14 +162,14 @@ class Simulation:
             handles=dict.fromkeys(self._movable, Pose()),
             actuators={name: self._neutral[name] for name in self.actuator_names},
             loads={load.name: self._neutral[load.name] for load in self.scene.loads},
-            joints=self._carriers.goals(self._carriers.at_rest()),
+            joints=self._carriers.parts(self._carriers.at_rest(), "goals"),
         )
 
     @property
     def _movable(self) -> list[str]:
         """Names of the handles and obstacles that take commands of their own."""
         handles = [each for each in self.scene.handles if not each.fixed and not isinstance(each, RigidBody)]
-        return [each.name for each in handles if each.name not in self._carriers.carried]
+        return [each.name for each in handles if not each.carrier]
 
     def snapshot(self) -> Snapshot:
         """Return the whole changing state as a value; `restore` goes back to it."""
@@ -355,7 +356,21 @@ class Simulation:
     @property
     def joint_goals(self) -> dict[str, float]:
         """Commanded position of each joint of the arms [rad] or [m]."""
-        return self._carriers.goals(self._joints)
+        return self._carriers.parts(self._joints, "goals")
+
+    @property
+    def joint_positions(self) -> dict[str, float]:
+        """Present position of each joint of the arms [rad] or [m]."""
+        return self._carriers.parts(self._joints, "positions")
+
+    @property
+    def joint_velocities(self) -> dict[str, float]:
+        """Velocity of each joint of the arms over the last step [rad/s] or [m/s]."""
+        return self._carriers.parts(self._joints, "velocities")
+
+    def link_frames(self) -> dict[str, Frame]:
+        """Return the frame of each link of the arms in the world, by name."""
+        return self._carriers.frames(self._joints)
 
     def joint_states(self) -> dict[str, JointReading]:
         """Return position, velocity and effort of each joint of the arms, by name, and which limits cut its motion.
@@ -367,7 +382,9 @@ class Simulation:
             return {}
         summary = self._state.summary
         contacts = self.result.contacts if self.result is not None else {}
-        weights = (self.commands[each.name] * each.acceleration for each in self.scene.loads if isinstance(each, Gravity))
+        weights = (
+            self.commands[each.name] * each.acceleration for each in self.scene.loads if isinstance(each, Gravity)
+        )
         loaded = {"reactions": summary.reactions, "contacts": contacts, "gravity": sum(weights, start=np.zeros(3))}
         return self._carriers.readings(self._joints, self.targets, **loaded, cuts=self._cuts)
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.arms.arm import Arm
-from gdfe_ros.arms.dynamics import Push
+from gdfe_ros.arms.dynamics import Frame, Push
 from gdfe_ros.arms.limits import JointMotion
 from gdfe_ros.command import Command
 from gdfe_ros.constraints.pose import Pose
@@ -72,11 +72,6 @@ class Carriers:
     def __bool__(self) -> bool:
         return bool(self._arms)
 
-    @property
-    def carried(self) -> dict[str, str]:
-        """Names of the arms by the handles that they carry."""
-        return {arm.handle: arm.name for arm in self._arms}
-
     def at_rest(self) -> Motions:
         """Return the joints at rest."""
         return {arm.name: JointMotion.at(arm.start) for arm in self._arms}
@@ -100,16 +95,25 @@ class Carriers:
             arm, i = self._places[name]
             unit, low, high = arm.joints[i].unit, arm.limits.lower[i], arm.limits.upper[i]
             if not is_number(value) or not is_finite(value):
-                raise CommandError(f"joint {name!r}: position {value!r}; allowed: finite numbers, {low:g} to {high:g} {unit}")
+                raise CommandError(
+                    f"joint {name!r}: position {value!r}; allowed: finite numbers, {low:g} to {high:g} {unit}"
+                )
             if not low <= value <= high:
                 remedy = "remedy: a position within them, or `limits` of the arm in the scene"
                 raise CommandError(f"joint {name!r}: position {value!r}; allowed: {low:g} to {high:g} {unit}; {remedy}")
             found[name] = float(value)
         return found
 
-    def goals(self, motions: Motions) -> dict[str, float]:
-        """Return the commanded positions by joint."""
-        return {name: float(motions[arm.name].goals[i]) for name, (arm, i) in self._places.items()}
+    def parts(self, motions: Motions, part: str) -> dict[str, float]:
+        """Return a ``part`` of the motions, e.g. ``positions``, by joint."""
+        return {name: float(getattr(motions[arm.name], part)[i]) for name, (arm, i) in self._places.items()}
+
+    def frames(self, motions: Motions) -> dict[str, Frame]:
+        """Return the frames of all links in the world, by name."""
+        found: dict[str, Frame] = {}
+        for arm in self._arms:
+            found |= arm.dynamics.frames(motions[arm.name].positions)
+        return found
 
     def advance(self, motions: Motions, goals: Mapping[str, float], dt: float, last: Mapping[str, Pose]) -> Moved:
         """Return all arms after a step.

@@ -76,7 +76,9 @@ def _forms(link: str, shape: Geometry, surfaces: Mapping[str, Surface]) -> Itera
                 for points, faces in convex_pieces((vertices * np.array(shape.numbers), triangles)):
                     yield TriangleMesh(_solid(points.tobytes(), faces.tobytes())), shape
             except MeshError as error:
-                raise MeshError(error.heading, [f"link {link!r}, {shape.file}: {text}" for text in error.defects]) from error
+                raise MeshError(
+                    error.heading, [f"link {link!r}, {shape.file}: {text}" for text in error.defects]
+                ) from error
 
 
 @lru_cache(maxsize=64)

@@ -75,7 +75,9 @@ class _Reader:
         for name in self._limits:
             if name not in movable:
                 hint = did_you_mean(name, movable)
-                self._add(f"limits: there is no joint {name!r} that moves; {hint}joints: {', '.join(movable) or 'none'}")
+                self._add(
+                    f"limits: there is no joint {name!r} that moves; {hint}joints: {', '.join(movable) or 'none'}"
+                )
         if self._defects:
             raise ArmError(self._where, self._defects)
         text = ElementTree.tostring(robot, encoding="unicode")
@@ -94,7 +96,7 @@ class _Reader:
     def _link(self, item: Element, colours: Mapping[str | None, Any]) -> Link:
         name = item.get("name", "")
         if not name:
-            self._add("a <link> has no name; remedy: name=\"...\"")
+            self._add('a <link> has no name; remedy: name="..."')
         shapes = {
             tag: tuple(
                 shape
@@ -112,7 +114,7 @@ class _Reader:
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         value = math.nan if mass is None else self._number(mass, "value", f"link {name!r}, <mass>")
         if mass is None or value < 0.0:
-            self._add(f"link {name!r}: its <inertial> has no mass of 0 kg or more; remedy: <mass value=\"1.0\"/>")
+            self._add(f'link {name!r}: its <inertial> has no mass of 0 kg or more; remedy: <mass value="1.0"/>')
         if inertia is None:
             self._add(f"link {name!r}: its <inertial> has no <inertia>; remedy: ixx ixy ixz iyy iyz izz in kg m^2")
             return
@@ -140,7 +142,7 @@ class _Reader:
         given = {"origin": place, "axes": axes, "colour": colour}
         if kind is Kind.MESH:
             if not found.get("filename"):
-                self._add(f"{where}: its <mesh> has no filename; remedy: filename=\"package://.../arm.stl\"")
+                self._add(f'{where}: its <mesh> has no filename; remedy: filename="package://.../arm.stl"')
                 return None
             scale = self._vector(found, "scale", where, (1.0, 1.0, 1.0))
             return Geometry(kind=kind, numbers=scale, file=found.get("filename"), **given)
@@ -167,7 +169,7 @@ class _Reader:
         self._place(item.find("origin"), where)
         axis = item.find("axis")
         if axis is not None and not any(self._vector(axis, "xyz", f"{where}, <axis>", (1.0, 0.0, 0.0))):
-            self._add(f"{where}: its axis is zero; remedy: a direction, e.g. <axis xyz=\"0 0 1\"/>")
+            self._add(f'{where}: its axis is zero; remedy: a direction, e.g. <axis xyz="0 0 1"/>')
         mimic, limits = self._mimic(item.find("mimic"), where), None
         if motion is not Motion.FIXED:
             limits = self._joint_limits(item.find("limit"), name, motion)
@@ -204,7 +206,7 @@ class _Reader:
             if not own[part] > 0.0:
                 own[part] = math.inf if part == "effort" else own[part]
                 if part != "effort":
-                    remedy = "remedy: a limit above 0, or type=\"fixed\""
+                    remedy = 'remedy: a limit above 0, or type="fixed"'
                     self._add(f"{where}: its largest {part} is {own[part]:g}; {remedy}")
         return Limits(**own)
 
@@ -214,7 +216,9 @@ class _Reader:
         source = joints.get(joint.mimic.joint)
         if source is None or not source.moves:
             hint = did_you_mean(joint.mimic.joint, list(joints))
-            self._add(f"joint {joint.name!r} mimics {joint.mimic.joint!r}, which is no joint that moves; {hint}".rstrip("; "))
+            self._add(
+                f"joint {joint.name!r} mimics {joint.mimic.joint!r}, which is no joint that moves; {hint}".rstrip("; ")
+            )
         elif source.mimic is not None:
             text = f"joint {joint.name!r} mimics {source.name!r}, which mimics {source.mimic.joint!r} itself"
             self._add(f"{text}; remedy: let it mimic {source.mimic.joint!r}")
@@ -225,7 +229,9 @@ class _Reader:
             for end in (joint.parent, joint.child):
                 if end and end not in names:
                     hint = did_you_mean(end, sorted(names))
-                    self._add(f"joint {joint.name!r} refers to the link {end!r}, which is not there; {hint}".rstrip("; "))
+                    self._add(
+                        f"joint {joint.name!r} refers to the link {end!r}, which is not there; {hint}".rstrip("; ")
+                    )
         above: dict[str, list[str]] = {}
         for joint in joints:
             above.setdefault(joint.child, []).append(joint.name)
@@ -239,7 +245,9 @@ class _Reader:
         elif not roots:
             self._add("every link is the child of a joint: a closed loop; remedy: remove the joint that closes it")
         elif len(roots) > 1:
-            self._add(f"the links {', '.join(roots)} have no parent; allowed: one, the base; remedy: joints between them")
+            self._add(
+                f"the links {', '.join(roots)} have no parent; allowed: one, the base; remedy: joints between them"
+            )
         elif not any(len(several) > 1 for several in above.values()):
             self._check_cycles(names, joints)
         return roots[0] if roots else ""

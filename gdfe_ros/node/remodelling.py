@@ -47,9 +47,8 @@ def with_moduli(
     if old.scene.dynamics:
         changed.restore(carried(old.snapshot(), changed.snapshot()))
         return changed
-    carried = {arm.handle for arm in old.scene.arms}
-    movable = [handle.name for handle in old.scene.handles if not handle.fixed and handle.name not in carried]
-    handles = {name: old.targets[name] for name in movable}
+    movable = [handle for handle in old.scene.handles if not (handle.fixed or handle.carrier)]
+    handles = {handle.name: old.targets[handle.name] for handle in movable}
     actuators = {name: old.commands[name] for name in old.actuator_names}
     loads = {load.name: old.commands[load.name] for load in old.scene.loads}
     command = Command(handles=handles, actuators=actuators, loads=loads, joints=old.joint_goals)

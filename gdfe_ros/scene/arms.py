@@ -126,7 +126,9 @@ class _Builder:
             try:
                 self._text = model.urdf.read_text(encoding="utf-8")
             except (OSError, UnicodeDecodeError) as error:
-                raise ArmError(where, [f"it cannot be read as text: {error}; remedy: the path of a URDF file"]) from error
+                raise ArmError(
+                    where, [f"it cannot be read as text: {error}; remedy: the path of a URDF file"]
+                ) from error
         limits = {name: item.model_dump(exclude_none=True) for name, item in model.limits.items()}
         robot = parse_urdf(self._text, where=where, prefix=model.prefix, limits=limits)
         joints = {name: self._limited(joint) for name, joint in robot.joints.items()}
@@ -167,7 +169,9 @@ class _Builder:
 
     def _require_flange(self, robot: Description) -> None:
         if self._model.flange not in robot.links:
-            self._report.add((*self._path, "flange"), f"the URDF has no such link{suggest(self._model.flange, robot.links)}")
+            self._report.add(
+                (*self._path, "flange"), f"the URDF has no such link{suggest(self._model.flange, robot.links)}"
+            )
         elif not any(joint.moves for joint in robot.chain(self._model.flange)):
             text = f"no joint moves between {robot.root!r} and this link; remedy: a link beyond the last joint"
             self._report.add((*self._path, "flange"), text)
@@ -179,7 +183,9 @@ class _Builder:
         for name in self._model.start:
             if name not in joints:
                 sound = False
-                self._report.add((*self._path, "start", name), f"there is no such joint{suggest(name, joints)}", value=NO_VALUE)
+                self._report.add(
+                    (*self._path, "start", name), f"there is no such joint{suggest(name, joints)}", value=NO_VALUE
+                )
         for joint in joints.values():
             value, limits = self._model.start.get(joint.name, 0.0), joint.limits
             if not limits.lower <= value <= limits.upper:
@@ -196,7 +202,9 @@ class _Builder:
             return [name for name, link in robot.links.items() if link.collisions and name not in mounted]
         for name in given:
             if name not in robot.links:
-                self._report.add((*self._path, "links"), f"there is no link {name!r}{suggest(name, robot.links)}", value=NO_VALUE)
+                self._report.add(
+                    (*self._path, "links"), f"there is no link {name!r}{suggest(name, robot.links)}", value=NO_VALUE
+                )
             elif not robot.links[name].collisions:
                 text = f"link {name!r} has no <collision>; remedy: leave it out, or give it one"
                 self._report.add((*self._path, "links"), text, value=NO_VALUE)

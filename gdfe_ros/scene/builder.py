@@ -184,7 +184,9 @@ def _joint_tracks(model: ProgramModel, arms: Sequence[Arm] | None, report: Repor
     return {name: tuple(JointPoint(each.time, each.value, each.velocity) for each in points) for name, points in tracks}
 
 
-def _check_times(frames: Sequence[KeyframeModel | PointModel | JointPointModel], duration: float, path: KeyPath, report: Report) -> None:
+def _check_times(
+    frames: Sequence[KeyframeModel | PointModel | JointPointModel], duration: float, path: KeyPath, report: Report
+) -> None:
     for i, frame in enumerate(frames):
         if frame.time > duration:
             report.add((*path, i, "time"), f"allowed are times up to the duration, {duration:g} s")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,8 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     handles = (*handles, *touchable.build_obstacles(draft, mesh, report), *rigid)
     arms, robots = build_arms(draft, mesh, handles, report)
     carried |= robots
+    carriers = {arm.handle: arm.name for arm in arms}
+    handles = tuple(replace(each, carrier=carriers[each.name]) if each.name in carriers else each for each in handles)
     handles = (*handles, *(piece for arm in arms for piece in arm.links))
     actuators = actuation.build_actuators(draft, mesh, report)
     probes = actuation.build_probes(draft, mesh, report)

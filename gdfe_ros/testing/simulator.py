@@ -23,6 +23,7 @@ from std_msgs.msg import Float64MultiArray, Header, String
 from std_srvs.srv import Trigger
 
 from gdfe_ros.actuators import Mode
+from gdfe_ros.arms.carriers import Carriers
 from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
@@ -80,7 +81,7 @@ class Simulator:
         self.scene = load_scene(scene, overrides=overrides)
         self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
         self._actuators = {actuator.name: actuator for actuator in self.scene.actuators}
-        self._orders = Orders(self.scene, self.scene.solver)
+        self._orders, self._carriers = Orders(self.scene, self.scene.solver), Carriers(self.scene.arms)
         self._patience = patience
         namespace = f"/gdfe_test_{os.getpid()}_{next(_numbers)}"
         self.name = f"{namespace}/{NODE_NAME}"
@@ -116,7 +117,7 @@ class Simulator:
             GdfeError: a name is unknown, ``inputs`` were given, or the node ended or did not respond.
         """
         command = command or Command()
-        values = {**command.actuators, **command.loads}
+        values = {**command.actuators, **command.loads, **command.joints}
         named = ((command.handles, self._movable), (values, self._values), (command.bodies, self._puts))
         unknown = sorted(set().union(*(set(given) - set(known) for given, known in named)))
         if unknown or not self._own:
@@ -125,6 +126,7 @@ class Simulator:
         if len(command.bodies) > 1 and not self._inputs():
             raise GdfeError("cannot step: a scene without handles, actuators and loads takes one body in a step")
         poses, values = self._orders.targets(command, self._poses), self._orders.values(command, self._values)
+        values |= self._carriers.checked(command)
         self._orders.places(command)
         try:
             state = self._order(command, poses, values)
@@ -225,6 +227,7 @@ class Simulator:
             for name, actuator in self._actuators.items()
         }
         self._values |= {load.name: LOAD_FACTOR for load in self.scene.loads}
+        self._values |= joint_starts(self.scene.arms)
 
     def _advertise(self) -> None:
         make = partial(self._node.create_publisher, qos_profile=1000)
@@ -235,7 +238,7 @@ class Simulator:
                     self._puts[handle.name] = make(PoseStamped, f"{self.name}/{put_key(handle)}")
             for name, key in self._movable.items():
                 self._targets[name] = make(PoseStamped, f"{self.name}/{key}")
-            if self.scene.actuators or self.scene.loads:
+            if self.scene.actuators or self.scene.loads or self.scene.arms:
                 self._actuation = make(JointState, f"{self.name}/{ACTUATION}")
 
     def _meet(self) -> None:

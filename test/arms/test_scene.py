@@ -100,7 +100,9 @@ def test_an_arm_that_begins_in_an_obstacle_is_named(two_links: Path) -> None:
     """Name the link, the obstacle and the depth."""
     path = two_links.parent / "scene.yaml"
     path.write_text(SCENE.format(urdf="two.urdf") + "obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.02]}}\n")
-    with pytest.raises(SceneError, match="link 'one' begins 0.005 m inside of obstacle 'table'; remedy: another `start`"):
+    with pytest.raises(
+        SceneError, match="link 'one' begins 0.005 m inside of obstacle 'table'; remedy: another `start`"
+    ):
         load_scene(path)
 
 
