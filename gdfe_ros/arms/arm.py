@@ -9,14 +9,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-
 from gdfe_ros.arms.description import Joint
 from gdfe_ros.arms.dynamics import Frame, LinkDynamics
 from gdfe_ros.arms.limits import JointLimits
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.pose import Pose
-from gdfe_ros.constraints.turn import nearest_turn
+from gdfe_ros.constraints.turn import nearest_turn, quaternion_of
 
 Vector = NDArray[np.float64]
 
@@ -92,17 +90,28 @@ class Arm:
             q: positions of the joints (n,) [rad] or [m].
             last: their poses before, whose rotations are continued beyond 180 degrees.
         """
-        frames = self.dynamics.frames(q)
-        carried = [(self.handle, self.flange, self.centre)]
-        carried += [(piece.name, piece.link, np.array(piece.origin)) for piece in self.links]
-        found = {}
-        for name, link, centre in carried:
+        if np.array_equal(q, self.start):
+            return {name: Pose(rotation=_whole_turns(last.get(name))) for name, *_ in self._carried}
+        frames, found = self.dynamics.frames(q), {}
+        for name, link, centre, mounted in self._carried:
+            if mounted:
+                found[name] = Pose()
+                continue
             rest, now = self.rest[link], frames[link]
-            if np.array_equal(rest.origin, now.origin) and np.array_equal(rest.axes, now.axes):
-                turn, shift = np.eye(3), np.zeros(3)
-            else:
-                turn = now.axes @ rest.axes.T
-                shift = now.origin + turn @ (centre - rest.origin) - centre
-            rotation = nearest_turn(Rotation.from_matrix(turn).as_quat(), last.get(name, Pose()))
+            turn = now.axes @ rest.axes.T
+            shift = now.origin + turn @ (centre - rest.origin) - centre
+            rotation = nearest_turn(quaternion_of(turn.tolist()), last.get(name, Pose()))
             found[name] = Pose(tuple(shift.tolist()), rotation)
         return found
+
+    @cached_property
+    def _carried(self) -> list[tuple[str, str, Vector, bool]]:
+        """Name, link and rest centre of the handle and of each piece, and whether no joint moves its link."""
+        mounted = self.dynamics.description.rigid_with(self.dynamics.description.root)
+        pieces = [(piece.name, piece.link, np.array(piece.origin), piece.link in mounted) for piece in self.links]
+        return [(self.handle, self.flange, self.centre, False), *pieces]
+
+
+def _whole_turns(last: Pose | None) -> tuple[float, float, float]:
+    """Return the rotation vector of no turn, or of the whole turns that are nearest to the ``last`` pose's."""
+    return (0.0, 0.0, 0.0) if last is None else nearest_turn((0.0, 0.0, 0.0, 1.0), last)

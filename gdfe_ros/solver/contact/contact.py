@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
@@ -337,11 +336,12 @@ class Contact(ContactTerm):
             return 0.0
         if not isinstance(self._touched, ArmLink):
             return np.inf
-        before, now = Rotation.from_rotvec(self._seen_at.rotation), Rotation.from_rotvec(self._pose.rotation)
-        middle = np.add(self._touched.origin, self._seen_at.translation)
-        farthest = np.sqrt(3.0) * np.abs(positions - middle).max(initial=0.0) * max(1.0, self._points.reach)
-        shift = np.linalg.norm(np.subtract(self._pose.translation, self._seen_at.translation))
-        return float(shift + (now * before.inv()).magnitude() * farthest)
+        seen, now = self._seen_at, self._pose
+        # The angle between two rotations is at most the distance of their rotation vectors.
+        angle, shift = math.dist(seen.rotation, now.rotation), math.dist(seen.translation, now.translation)
+        middle = np.add(self._touched.origin, seen.translation)
+        farthest = math.sqrt(3.0) * float(np.abs(positions - middle).max(initial=0.0)) * max(1.0, self._points.reach)
+        return shift + angle * farthest
 
     def _take_none(self) -> None:
         self._chosen = self._faces = np.zeros(0, dtype=np.int64)
