@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
 from gdfe_ros.arms.description import Joint
 from gdfe_ros.arms.dynamics import Frame, LinkDynamics
 from gdfe_ros.arms.limits import JointLimits
@@ -103,6 +104,15 @@ class Arm:
             rotation = nearest_turn(quaternion_of(turn.tolist()), last.get(name, Pose()))
             found[name] = Pose(tuple(shift.tolist()), rotation)
         return found
+
+    def placed(self, q: Vector) -> Iterator[tuple[Joint, float]]:
+        """Return each commanded joint with its position in ``q`` (n,)."""
+        return zip(self.joints, q.tolist(), strict=True)
+
+    def known_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
+        """Return `poses` of an arm that has not moved since the ``last`` ones, if these are known."""
+        names = [name for name, *_ in self._carried]
+        return {name: last[name] for name in names} if all(name in last for name in names) else self.poses(q, last)
 
     @cached_property
     def _carried(self) -> list[tuple[str, str, Vector, bool]]:

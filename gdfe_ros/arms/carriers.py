@@ -127,6 +127,10 @@ class Carriers:
         found, poses, cuts = {}, {}, {}
         for arm in self._arms:
             before = motions[arm.name]
+            if before.arrived and all(goals.get(joint.name, at) == at for joint, at in arm.placed(before.positions)):
+                found[arm.name] = before
+                poses |= arm.known_poses(before.positions, last)
+                continue
             wanted = before.goals.copy()
             for i, joint in enumerate(arm.joints):
                 wanted[i] = goals.get(joint.name, wanted[i])

@@ -59,8 +59,8 @@ class JointLimits:
 
         u(e) = a (sqrt(h^2 / 4 + 2 |e| / a) - h / 2),  or |e| / h within the last step.
 
-    The velocity of the step is sign(e) u(e), plus the goal's own velocity, limited to +-v_max and to +-a h about that of
-    the last step. The position advances by it times h.
+    The velocity of the step is sign(e) u(e), plus the goal's own velocity, limited to +-v_max and to +-a h about the
+    last one. The position advances by it times h.
 
     Args:
         limits: of each joint.

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.description import Description, Geometry, Joint, Kind, Limits, Link, Mimic, Motion
+from gdfe_ros.arms.tree import mimic_defects, root_of
 from gdfe_ros.errors import ArmError
 from gdfe_ros.spelling import did_you_mean
 
@@ -67,10 +68,9 @@ class _Reader:
         joints = [joint for item in robot.findall("joint") if (joint := self._joint(item)) is not None]
         self._require_unique("link", [link.name for link in links])
         self._require_unique("joint", [joint.name for joint in joints])
-        root = self._root({link.name for link in links}, joints)
         by_name = {joint.name: joint for joint in joints}
-        for joint in joints:
-            self._check_mimic(joint, by_name)
+        root, loops = root_of({link.name for link in links}, joints)
+        self._defects += loops + mimic_defects(by_name)
         movable = [joint.name for joint in joints if joint.moves]
         for name in self._limits:
             if name not in movable:
@@ -209,60 +209,6 @@ class _Reader:
                     remedy = 'remedy: a limit above 0, or type="fixed"'
                     self._add(f"{where}: its largest {part} is {own[part]:g}; {remedy}")
         return Limits(**own)
-
-    def _check_mimic(self, joint: Joint, joints: Mapping[str, Joint]) -> None:
-        if joint.mimic is None:
-            return
-        source = joints.get(joint.mimic.joint)
-        if source is None or not source.moves:
-            hint = did_you_mean(joint.mimic.joint, list(joints))
-            self._add(
-                f"joint {joint.name!r} mimics {joint.mimic.joint!r}, which is no joint that moves; {hint}".rstrip("; ")
-            )
-        elif source.mimic is not None:
-            text = f"joint {joint.name!r} mimics {source.name!r}, which mimics {source.mimic.joint!r} itself"
-            self._add(f"{text}; remedy: let it mimic {source.mimic.joint!r}")
-
-    def _root(self, names: set[str], joints: list[Joint]) -> str:
-        """Return the link without a parent; report what makes the links no tree."""
-        for joint in joints:
-            for end in (joint.parent, joint.child):
-                if end and end not in names:
-                    hint = did_you_mean(end, sorted(names))
-                    self._add(
-                        f"joint {joint.name!r} refers to the link {end!r}, which is not there; {hint}".rstrip("; ")
-                    )
-        above: dict[str, list[str]] = {}
-        for joint in joints:
-            above.setdefault(joint.child, []).append(joint.name)
-        for child, several in above.items():
-            if len(several) > 1:
-                loop = f"link {child!r} is the child of the joints {', '.join(several)}: a closed loop"
-                self._add(f"{loop}; remedy: keep one of them, and let the other joints of the loop mimic it")
-        roots = sorted(names - set(above))
-        if not names:
-            self._add("there is no <link>")
-        elif not roots:
-            self._add("every link is the child of a joint: a closed loop; remedy: remove the joint that closes it")
-        elif len(roots) > 1:
-            self._add(
-                f"the links {', '.join(roots)} have no parent; allowed: one, the base; remedy: joints between them"
-            )
-        elif not any(len(several) > 1 for several in above.values()):
-            self._check_cycles(names, joints)
-        return roots[0] if roots else ""
-
-    def _check_cycles(self, names: set[str], joints: list[Joint]) -> None:
-        parents = {joint.child: joint.parent for joint in joints}
-        for name in sorted(names):
-            link, seen = name, []
-            while link in parents and link not in seen:
-                seen.append(link)
-                link = parents[link]
-            if link in seen:
-                loop = ", ".join(sorted(seen))
-                self._add(f"the links {loop} form a closed loop; remedy: remove the joint that closes it")
-                return
 
     def _place(self, origin: Element | None, where: str) -> tuple[np.ndarray, np.ndarray]:
         if origin is None:

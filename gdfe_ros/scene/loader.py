@@ -75,8 +75,8 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
 
 
 _SECTIONS = (
-    "arms", "meshes", "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses", "probes",
-    "sensors",
+    "arms", "meshes", "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses",
+    "probes", "sensors",
 )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ def test_a_jump_is_a_trapezoid_of_velocity() -> None:
     """Reach a far goal in the time of the trapezoidal profile, d/v + v/a, without passing it."""
     own, motion, times = limits(), JointMotion.at([0.0])._replace(goals=np.array([2.0])), 0
     while not motion.arrived:
-        motion, cut = own.advance(motion, np.array([2.0]), STEP)
+        motion, _ = own.advance(motion, np.array([2.0]), STEP)
         times += 1
         assert abs(motion.velocities[0]) <= 2.0 + 1e-12
         assert abs(motion.accelerations[0]) <= 10.0 + 1e-6 or motion.positions[0] == 2.0

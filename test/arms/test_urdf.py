@@ -32,8 +32,7 @@ def test_a_prefix_names_all_links_and_joints() -> None:
 
 def test_a_mimic_joint_takes_no_commands() -> None:
     """Let one joint follow another."""
-    text = TWO_LINKS.replace('<limit lower="-2" upper="2" velocity="1.5" effort="20"/>',
-                             '<limit lower="-2" upper="2" velocity="1.5" effort="20"/><mimic joint="lift" multiplier="-2"/>')  # fmt: skip
+    text = TWO_LINKS.replace(LIMIT, LIMIT + '<mimic joint="lift" multiplier="-2"/>')
     robot = parse_urdf(text)
     assert [joint.name for joint in robot.commanded] == ["lift"]
     assert robot.joints["bend"].mimic.multiplier == -2.0
@@ -52,8 +51,8 @@ LIMIT = '<limit lower="-2" upper="2" velocity="1.5" effort="20"/>'
         (LIMIT, LIMIT.replace('lower="-2"', 'lower="3"'), "its lower limit 3 is above its upper one, 2"),
         (LIMIT, LIMIT.replace('"1.5"', '"0"'), 'its largest velocity is 0; remedy: a limit above 0, or type="fixed"'),
         ('type="fixed"', 'type="floating"', "its type is 'floating'; allowed: fixed, revolute"),
-        ('<child link="tip"/>', '<child link="tipp"/>', "refers to the link 'tipp', which is not there; did you mean 'tip'?"),
-        ('<child link="tip"/>', '<child link="one"/>', "link 'one' is the child of the joints lift, end: a closed loop"),
+        ('<child link="tip"/>', '<child link="tipp"/>', "the link 'tipp', which is not there; did you mean 'tip'?"),
+        ('<child link="tip"/>', '<child link="one"/>', "is the child of the joints lift, end: a closed loop"),
         ('<parent link="base"/>', '<parent link="tip"/>', "closed loop; remedy"),
         ('<mass value="1.0"/>', '<mass value="-1.0"/>', "link 'two': its <inertial> has no mass of 0 kg or more"),
         ('ixx="0.004"', 'ixx="0.4"', "belong to no rigid body"),

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -89,9 +90,7 @@ def test_a_node_tells_of_the_arm(client: Any, start: Callable, interfaces: Calla
     client.wait(lambda: client.diagnostics().get("commands refused") == "4")
 
 
-def test_a_foreign_client_moves_the_arm(
-    client: Any, start: Callable, interfaces: Callable, held_block: Path
-) -> None:
+def test_a_foreign_client_moves_the_arm(client: Any, start: Callable, interfaces: Callable, held_block: Path) -> None:
     """Send goals as to joint_trajectory_controller: tracked to the tolerance, preempted, cancelled, refused."""
     interfaces("control_msgs")
     from control_msgs.action import FollowJointTrajectory
@@ -111,9 +110,7 @@ def test_a_foreign_client_moves_the_arm(
         names = ["lift", "bend"]
         trajectory = JointTrajectory(joint_names=names, points=[point])
         tolerances = [JointTolerance(name=name, position=tolerance) for name in names]
-        goal = FollowJointTrajectory.Goal(
-            trajectory=trajectory, path_tolerance=tolerances, goal_tolerance=tolerances
-        )
+        goal = FollowJointTrajectory.Goal(trajectory=trajectory, path_tolerance=tolerances, goal_tolerance=tolerances)
         sent = action.send_goal_async(goal, feedback_callback=lambda message: feedback.append(message.feedback))
         client.wait(sent.done)
         return sent.result()
@@ -145,3 +142,22 @@ def test_a_foreign_client_moves_the_arm(
     # Beyond the limits, and a name that is not there: refused with the code.
     assert result(send(2.5, 0.0, 1.0)) == (GoalStatus.STATUS_ABORTED, -1)
     np.testing.assert_array_less(np.abs([state.velocity[0] for state in states]), 1.5 + 1e-9)
+
+
+def test_the_hardware_moves_joints_and_tendons(client: Any, start: Callable) -> None:
+    """Send what JointStateTopicSystem sends: all joints at once, NaN where an interface is not commanded."""
+    start(scene="arm_grasp", clock="fast", heartbeat=0.0, dt=0.01)
+    heard: list[JointState] = []
+    client.node.create_subscription(JointState, "/gdfe_sim/joint_states", heard.append, 100)
+    client.wait(lambda: heard)
+    names = [*list(heard[-1].name)[2:], "left", "right"]
+    rest = dict(zip(heard[-1].name, heard[-1].position, strict=True))
+    wanted = [rest[name] for name in names[:-2]]
+    wanted[0] += 0.02
+    none = math.nan
+    client.publish(
+        "joint_command",
+        JointState(name=names, position=[*wanted, none, none], effort=[none] * len(wanted) + [0.5, 0.5]),
+    )
+    client.wait(lambda: heard[-1].position[2] == pytest.approx(0.02, abs=1e-9))
+    client.wait(lambda: heard[-1].effort[0] == 0.5)

@@ -65,8 +65,8 @@ TRAJECTORY = TopicSpec(
     type="trajectory_msgs/msg/JointTrajectory",
     meaning="commands of actuators and of joints of arms over simulation time: `positions` in the unit of each "
     "actuator's mode, or in rad or m. They are interpolated as by joint_trajectory_controller: linear; cubic with "
-    "`velocities` at all points; quintic with `accelerations`, too. A stamp of 0 starts the trajectory at once; any other stamp is a time on the node's clock, at most 60 s "
-    "ahead. A trajectory without points ends the running ones",
+    "`velocities` at all points; quintic with `accelerations`, too. A stamp of 0 starts the trajectory at once; any "
+    "other stamp is a time on the node's clock, at most 60 s ahead. A trajectory without points ends the running ones",
     delivery=Delivery.COMMAND,
 )
 JOINT_COMMAND = TopicSpec(
@@ -168,7 +168,7 @@ BODY_WRENCH = TopicSpec(
 LINK_POSE = TopicSpec(
     name="~/links/{link}/pose",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="present pose of a piece of an arm's link relative to its rest pose [m], as for obstacles. Pieces are named "
+    meaning="present pose of a piece of an arm's link relative to its rest pose [m], as for obstacles; pieces are "
     "`<link>_piece`, `<link>_piece_2`",
 )
 LINK_WRENCH = TopicSpec(
@@ -219,8 +219,8 @@ JOINT_STATES = TopicSpec(
     type="sensor_msgs/msg/JointState",
     meaning="of each actuator: `position` is the length or shortening [m], volume [m^3] or growth [1], by the kind "
     "of its command; `velocity` is the rate of `position`; `effort` is the tension [N] or pressure [Pa]. Then of each "
-    "joint of the arms: position [rad], [m], velocity, and the effort of its motor [N m], [N], which holds and moves the "
-    "links and the soft body",
+    "joint of the arms: position [rad], [m], velocity, and the effort of its motor [N m], [N], which holds and moves "
+    "the links and the soft body",
 )
 ROBOT_DESCRIPTION = TopicSpec(
     name="~/arms/{arm}/robot_description",
@@ -262,8 +262,8 @@ TF = TopicSpec(
     type="tf2_msgs/msg/TFMessage",
     meaning="if `publish_tf` is true, these frames in the node's frame: `<handle>`, which moves and turns with the "
     "handle; `<handle>_centre`, which moves with it and keeps the axes of the node's frame; the same two for obstacles "
-    "and rigid bodies; `<probe>_probe`; `<sensor>_sensor`; in scenes with `dynamics` also `<probe>_imu`; every link of an "
-    "arm by its name. Not recorded",
+    "and rigid bodies; `<probe>_probe`; `<sensor>_sensor`; in scenes with `dynamics` also `<probe>_imu`; every link of "
+    "an arm by its name. Not recorded",
     recorded=False,
     delivery=Delivery.TRANSFORMS,
 )
@@ -306,7 +306,9 @@ REFUSED = TopicSpec(
 )
 OUTPUTS = (
     MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, OBSTACLE_POSE, OBSTACLE_WRENCH,
-    BODY_POSE, BODY_WRENCH, LINK_POSE, LINK_WRENCH, CONTACTS, CONTACT_NAMES, SENSOR_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN, STEP_RECORD,
+    BODY_POSE, BODY_WRENCH, LINK_POSE, LINK_WRENCH, CONTACTS, CONTACT_NAMES,
+    SENSOR_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN,
+    STEP_RECORD,
     MARKERS, CONTACT_MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, ROBOT_DESCRIPTION, DIAGNOSTICS, REFUSED,
     CLOCK,
 )  # fmt: skip

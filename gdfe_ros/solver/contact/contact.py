@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
