@@ -45,33 +45,40 @@ def main() -> None:
 
 def _frame(axes: Axes, simulation: Simulation, time: float) -> None:
     """Draw arm, hand, box and table."""
+    faces: list[tuple[NDArray[np.float64], tuple[float, float, float]]] = []
     arm = simulation.scene.arms[0]
     states = simulation.joint_states()
     frames = arm.dynamics.frames(np.array([states[joint.name].position for joint in arm.joints]))
     for visual in arm.visuals:
         place = frames[visual.link]
-        _add(axes, visual.faces @ place.axes.T + place.origin, visual.colour or (0.7, 0.7, 0.7))
+        faces.append((visual.faces @ place.axes.T + place.origin, visual.colour or (0.7, 0.7, 0.7)))
     quads = simulation.mesh.surface()
-    _add(axes, simulation.positions[quads], (0.95, 0.55, 0.15))
+    faces.append((simulation.positions[quads], (0.95, 0.55, 0.15)))
     for body in simulation.scene.handles:
         if isinstance(body, RigidBody):
-            _add(axes, obstacle_faces(body, simulation.handle_pose(body.name), simulation.positions), (0.3, 0.6, 0.3))
-    sheet = np.array([[[-0.5, -0.35, 0], [0.15, -0.35, 0], [0.15, 0.35, 0], [-0.5, 0.35, 0]]]) - [0, 0, 0.056]
-    _add(axes, sheet, (0.9, 0.9, 0.88))
-    axes.set(xlim=(-0.42, 0.1), ylim=(-0.28, 0.24), zlim=(-0.055, 0.465), title=f"{time:.1f} s")
-    axes.set_box_aspect((1, 1, 1), zoom=1.35)
-    axes.view_init(22, -60)
+            shape = obstacle_faces(body, simulation.handle_pose(body.name), simulation.positions)
+            faces.append((shape, (0.3, 0.6, 0.3)))
+    _add(axes, faces)
+    sheet = np.array([[[-0.45, -0.3, 0], [0.12, -0.3, 0], [0.12, 0.3, 0], [-0.45, 0.3, 0]]]) - [0, 0, 0.055]
+    axes.computed_zorder = False  # by depth the whole table would be before the hand
+    axes.add_collection3d(Poly3DCollection(sheet, facecolors=(0.9, 0.9, 0.88), zorder=-1))
+    axes.set(xlim=(-0.40, 0.08), ylim=(-0.22, 0.26), zlim=(-0.1, 0.38), title=f"{time:.1f} s")
+    axes.set_box_aspect((1, 1, 1), zoom=1.5)
+    axes.view_init(20, -35)
     axes.set_axis_off()
 
 
-def _add(axes: Axes, faces: NDArray[np.float64], colour: tuple[float, float, float]) -> None:
-    edge = tuple(0.8 * part for part in colour)
-    light = np.array([0.3, -0.5, 0.8])
-    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    lengths = np.linalg.norm(normals, axis=1)
-    shade = 0.7 + 0.3 * np.abs(normals @ light) / np.where(lengths > 0.0, lengths, 1.0)
-    colours = np.clip(shade[:, None] * np.array(colour), 0.0, 1.0)
-    axes.add_collection3d(Poly3DCollection(faces, facecolors=colours, edgecolors=edge, linewidths=0.1))
+def _add(axes: Axes, shapes: list[tuple[NDArray[np.float64], tuple[float, float, float]]]) -> None:
+    """Draw the faces of all shapes as one collection, so that they hide each other by their depth."""
+    light, polygons, colours = np.array([0.3, -0.5, 0.8]), [], []
+    for faces, colour in shapes:
+        normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+        lengths = np.linalg.norm(normals, axis=1)
+        shade = 0.7 + 0.3 * np.abs(normals @ light) / np.where(lengths > 0.0, lengths, 1.0)
+        polygons += list(faces)
+        colours.append(np.clip(shade[:, None] * np.array(colour), 0.0, 1.0))
+    rows = np.concatenate(colours)
+    axes.add_collection3d(Poly3DCollection(polygons, facecolors=rows, edgecolors=0.85 * rows, linewidths=0.1))
 
 
 def _plot(table: NDArray[np.float64]) -> None:

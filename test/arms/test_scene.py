@@ -65,7 +65,7 @@ def test_a_scene_rebuilds_from_its_text_without_files(held_block: Path, two_link
         ("start: {", "links: [one, top], start: {", "there is no link 'top'"),
         ("start: {", "links: [two], start: {", "link 'two' has no <collision>"),
         ("start: {", "limits: {lift: {velocity: -1}}, start: {", "arm.limits.lift.velocity"),
-        ("start: {", "limits: {lever: {velocity: 1}}, start: {", "there is no joint 'lever' that moves; joints: lift, bend"),
+        ("start: {", "limits: {lever: {velocity: 1}}, start: {", "no joint 'lever' that moves; joints: lift, bend"),
         ("at: [-0.6, 0, 0]", "at: [-0.2, 0, 0]", "m inside of the soft body; remedy"),
         ("where: {face: x-}", "where: {face: x-}, fixed: true", "this handle is fixed or has free axes"),
         ("arm: {", "arms: {a: {urdf: two.urdf, flange: tip, handle: wrist}}\narm: {", "`arm` is there, too"),
