@@ -139,7 +139,7 @@ class Outputs:
             self._publish_plates(step)
         for name, channel in _due(self._probes, step):
             channel.send_step(step, self._probe_packer.pack(stamp, self._probe(name, step)))
-        if (step.actuators or step.joints) and self._joints.due(step):
+        if (step.actuators or not self._run.scene.actuators) and self._joints is not None and self._joints.due(step):
             message = self._actuator_states.message(messages.header(stamp, self._frame_id), step)
             self._joints.send_step(step, message)
         self._contacts.publish_step(step)

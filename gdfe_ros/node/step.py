@@ -62,7 +62,7 @@ class Step:
         obstacles: pose of each, whether wanted or not, because commands may be given in their frames.
         poses: pose of each handle and obstacle; empty if they are not wanted, like the following.
         actuators: states by name.
-        joints: states of the joints of arms, by name.
+        joints: states of the joints of arms, by name; wanted or not, because diagnostics tell of their limits.
         links: frames of the links of arms, by name; empty if poses are not wanted.
         imus: evaluates the readings of inertial units, in the publishing thread; None if they are not wanted, and
             without dynamics.
@@ -116,7 +116,7 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
         "fields": simulation.later_fields() if demand.fields else None,
         "poses": {name: simulation.handle_pose(name) for name in simulation.handle_names if demand.poses},
         "actuators": simulation.actuator_states() if demand.actuators else {},
-        "joints": simulation.joint_states() if demand.actuators else {},
+        "joints": simulation.joint_states(),
         "links": simulation.link_frames() if demand.poses else {},
         "imus": simulation.later_imus() if imus else None,
     }

@@ -15,7 +15,10 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 def test_the_work_of_the_motors_is_accounted_for(held_block: Path) -> None:
-    """Lift a soft block by a smooth motion: motors' work = energy of links + work on the block, within 0.1 %."""
+    """Lift a soft block by a smooth motion: motors' work = energy of links + work on the block, within 0.3 %.
+
+    Work is summed by the trapezoidal rule over steps of 5 ms, and velocities are those over a step.
+    """
     simulation = Simulation(load_scene(held_block, overrides={"dynamics": {"scheme": "bdf2", "step": 0.005}}))
     arm, step, seconds = simulation.scene.arms[0], 0.005, 1.5
     work, hand, last = 0.0, 0.0, None
@@ -39,7 +42,7 @@ def test_the_work_of_the_motors_is_accounted_for(held_block: Path) -> None:
             hand += float(0.5 * (wrench + last[2]) @ (place - last[3]))
         last = efforts, q, wrench, place
     assert work > 1.0
-    assert work == pytest.approx(energy - start + hand, rel=1e-3)
+    assert work == pytest.approx(energy - start + hand, rel=3e-3)
     # The block's own account: what the handle gave it is kinetic, elastic and potential energy, or dissipated.
     given = result.energies
     assert given["work"] == pytest.approx(hand, rel=1e-3)

@@ -90,6 +90,22 @@ def test_a_node_tells_of_the_arm(client: Any, start: Callable, interfaces: Calla
     client.wait(lambda: client.diagnostics().get("commands refused") == "4")
 
 
+def test_what_is_cut_is_told(client: Any, start: Callable, held_block: Path) -> None:
+    """Command a jump: /diagnostics says that velocity and acceleration are limited, and that an effort is too large."""
+    limits = "arm.limits={bend: {effort: 0.1}}"
+    start(scene=str(held_block), clock="wall", rate=20.0, dt=0.01, scene_overrides=[limits])
+    client.wait(client.records)
+    client.publish("joint_command", JointState(name=["lift"], position=[-1.9]))
+    told: set[str] = set()
+
+    def heard() -> bool:
+        told.add(client.diagnostics().get("joints", ""))
+        text = " ".join(told)
+        return "lift: velocity cut to its limit" in text and "above its limit 0.1" in text
+
+    client.wait(heard)
+
+
 def test_a_foreign_client_moves_the_arm(client: Any, start: Callable, interfaces: Callable, held_block: Path) -> None:
     """Send goals as to joint_trajectory_controller: tracked to the tolerance, preempted, cancelled, refused."""
     interfaces("control_msgs")
