@@ -24,11 +24,11 @@ PARALLEL := -n $(JOBS) --dist loadfile --no-loadscope-reorder
 ifdef ROS_DISTRO
 FLAVOUR   := ros-$(ROS_DISTRO)
 VENVFLAGS := --system-site-packages
-EXTRAS    := mcap,fast,mesh,plot,sweep
+EXTRAS    := mcap,fast,mesh,plot,sweep,arm
 else
 FLAVOUR   := wheels
 VENVFLAGS :=
-EXTRAS    := ros,mcap,fast,mesh,plot,sweep
+EXTRAS    := ros,mcap,fast,mesh,plot,sweep,arm
 endif
 SOURCES := setup.py setup.cfg pyproject.toml package.xml Makefile
 STAMP   := $(VENV)/.installed-$(FLAVOUR)

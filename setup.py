@@ -33,6 +33,8 @@ EXTRAS = {
         "ros-jazzy-common-interfaces==5.3.6",
     ],
     "mcap": ["mcap>=1.6", "lz4>=4.3", "zstandard>=0.22", "rosbags>=0.11"],
+    # Kinematics and Newton-Euler of arms. Its name on PyPI is pin; apt has ros-jazzy-pinocchio.
+    "arm": ["pin>=3.0"],
     "fast": ["threadpoolctl>=3.2"],
     "mesh": ["meshio>=5.3", "trimesh>=4.0"],
     "plot": ["matplotlib>=3.8", "plotly>=5.20", "pillow>=10.0"],
@@ -41,7 +43,7 @@ EXTRAS = {
     "live": ["viser>=1.1,<2"],
     "control": ["quadprog>=0.1.12"],
     "gym": ["gymnasium>=1.0"],
-    "bench": ["felupe>=11.3", "tensortrax>=0.29", "pypardiso>=0.4.7", "mujoco>=4.0", "cholespy>=2.0"],
+    "bench": ["felupe>=11.3", "tensortrax>=0.29", "pypardiso>=0.4.7", "mujoco>=4.0", "cholespy>=2.0", "drake>=1.40"],
     "docs": ["mkdocs>=1.6", "latex2mathml>=3.77"],
     "test": [
         "pytest>=8.0",
@@ -56,6 +58,7 @@ EXTRAS = {
         "viser>=1.1,<2",
         "gymnasium>=1.0",
         "quadprog>=0.1.12",
+        "pin>=3.0",
     ],
 }
 

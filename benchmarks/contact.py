@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import grasp, grip, pressing, self_contact
+from benchmarks import force_grip, grasp, grip, pressing, self_contact
 from benchmarks.markdown import markdown_table
 from benchmarks.replay import first_steps
 from benchmarks.report import options, write_report
@@ -77,6 +77,7 @@ def all_tables(report: Mapping[str, Any]) -> dict[str, str]:
     ]  # fmt: skip
     return {
         **grip.all_tables(report),
+        **(force_grip.all_tables(report) if "force_grip" in report else {}),
         **grasp.all_tables(report),
         **pressing.all_tables(report),
         **self_contact.all_tables(report),
@@ -94,6 +95,7 @@ MEASURES: dict[str, Callable[[], dict[str, Any]]] = {
     "slope": lambda: {"slope": [slide(friction) for friction in FRICTIONS]},
     "self": self_contact.measure,
     "grip": grip.measure,
+    "force_grip": force_grip.measure,
     "grasp": grasp.measure,
 }
 

@@ -38,12 +38,14 @@ class Command:
         loads: factor on each named load; 1 before the first command.
         bodies: pose relative to its rest pose to which each named rigid body is teleported before the step, with zero
             velocity; it then moves freely again.
+        joints: position of each named joint of an arm [rad] or [m], which it approaches within its limits.
     """
 
     handles: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, float] = field(default_factory=dict)
     loads: Mapping[str, float] = field(default_factory=dict)
     bodies: Mapping[str, Pose] = field(default_factory=dict)
+    joints: Mapping[str, float] = field(default_factory=dict)
 
 
 class Orders:
@@ -111,7 +113,10 @@ class Orders:
         targets = dict(last)
         for name, pose in (command.handles if command else {}).items():
             _require_pose(f"handle {name!r}: the target", pose)
-            if (handle := self.handle(name)).fixed:
+            if (handle := self.handle(name)).carrier:
+                text = f"handle {name!r} is carried by arm {handle.carrier!r}"
+                raise CommandError(f"{text}; remedy: command the arm's joints")
+            if handle.fixed:
                 movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
                 raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")
             self._require_near(f"{handle.noun} {name!r} is commanded", pose)

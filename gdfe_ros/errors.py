@@ -37,6 +37,10 @@ class SceneError(DefectsError):
     """A scene file that cannot be read or is inconsistent."""
 
 
+class ArmError(DefectsError):
+    """An arm's description that cannot be used."""
+
+
 class CommandError(GdfeError):
     """A command that cannot be carried out; the state is unchanged."""
 

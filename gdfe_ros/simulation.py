@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gdfe_ros.actuators import ActuatorState
+from gdfe_ros.actuators import ActuatorState, Gravity
+from gdfe_ros.arms.carriers import Carriers, JointReading
+from gdfe_ros.arms.dynamics import Frame
 from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
@@ -91,6 +93,7 @@ class Simulation:
         self.settings = settings or scene.solver
         refuse_unsolvable(scene, self.settings)
         self._orders = Orders(scene, self.settings)
+        self._carriers = Carriers(scene.arms)
         self._origin = working_origin(scene.mesh)
         body = scene_body(scene, self._origin, self.settings.torsion)
         self._stepper = make_stepper(scene, self.settings, body, terms)
@@ -127,6 +130,7 @@ class Simulation:
     def reset(self) -> None:
         """Go back to rest at time 0."""
         self._state = self._stepper.at_rest()
+        self._joints, self._cuts = self._carriers.at_rest(), {}
         self.time = 0.0
         self.targets = {handle.name: Pose() for handle in self.scene.handles}
         self.commands = dict(self._state.commands)
@@ -154,17 +158,23 @@ class Simulation:
 
     def rest_command(self) -> Command:
         """Return the command at rest: no handle moved, neutral actuators, loads with their own factor."""
-        movable = [each.name for each in self.scene.handles if not each.fixed and not isinstance(each, RigidBody)]
         return Command(
-            handles=dict.fromkeys(movable, Pose()),
+            handles=dict.fromkeys(self._movable, Pose()),
             actuators={name: self._neutral[name] for name in self.actuator_names},
             loads={load.name: self._neutral[load.name] for load in self.scene.loads},
+            joints=self._carriers.parts(self._carriers.at_rest(), "goals"),
         )
+
+    @property
+    def _movable(self) -> list[str]:
+        """Names of the handles and obstacles that take commands of their own."""
+        handles = [each for each in self.scene.handles if not each.fixed and not isinstance(each, RigidBody)]
+        return [each.name for each in handles if not each.carrier]
 
     def snapshot(self) -> Snapshot:
         """Return the whole changing state as a value; `restore` goes back to it."""
         given = {"targets": self.targets, "commands": self.commands, "scene": self._orders.text}
-        return Snapshot(state=self._state, time=self.time, **given)
+        return Snapshot(state=self._state, time=self.time, joints=self._joints, **given)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go to a snapshot of a simulation of the same scene; one of another scene raises a `CommandError`."""
@@ -172,12 +182,13 @@ class Simulation:
         state = self._stepper.completed(snapshot.state)
         self._orders.require_own(snapshot)
         self._state, self.time, self.result = state, snapshot.time, None
+        self._joints, self._cuts = self._carriers.restored(snapshot.joints), {}
         self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)
 
     def warm_up(self) -> None:
         """Compile every kernel or load it from the cache, so that the first step takes no longer; then reset."""
         shift = Pose((0.0, 0.0, WARM_UP * self.mesh.size))
-        self.step(Command(handles={handle.name: shift for handle in self.scene.handles if not handle.fixed}))
+        self.step(Command(handles=dict.fromkeys(self._movable, shift)))
         self.fields()
         self.reset()
 
@@ -209,6 +220,8 @@ class Simulation:
             dt = moves.step if moves else 0.0
         dt = require_times(dt=dt, deadline=deadline, cut_after=cut_after)
         targets, places = self._orders.targets(command, self.targets), self._orders.places(command)
+        moved = self._carriers.advance(self._joints, self._carriers.checked(command), dt, targets)
+        targets |= moved.poses
         commands = self._orders.values(command, self.commands)
         limited = self._orders.within_rates(commands, self._state.commands, dt)
         rests = not places and self._stepper.rests(self._state, targets, limited)
@@ -216,12 +229,15 @@ class Simulation:
             require_countable(dt=dt, step=moves.step)
         self._state = self._stepper.put(self._state, places) if places else self._state
         self.targets, self.commands = targets, commands
+        before, self._joints, self._cuts = self._joints, moved.motions, moved.cuts
         limit = Deadline.of(started, deadline, cut_after, interrupted)
         march = None
         rests = rests or (bool(places) and self._stepper.rests(self._state, targets, limited))
         if not rests and (dt or not moves):
             march = self._stepped(targets, limited, dt, limit)
             self._state = march.state
+            if march.simulated is not None and march.simulated < dt:
+                self._joints = self._carriers.part_way(before, self._joints, march.simulated / dt)
         self.time += dt if march is None or march.simulated is None else march.simulated
         given = {"time": self.time, "origin": self._origin, "settings": self.settings}
         self.result = step_result(self._stepper, self._state, march, **given, started=started, limit=limit)
@@ -243,6 +259,8 @@ class Simulation:
     @property
     def settled(self) -> bool:
         """Whether the state stays constant without a new command."""
+        if not self._carriers.arrived(self._joints):
+            return False
         if isinstance(self._stepper, MotionStepper):
             return self._stepper.settled(self._state, self.targets, self.commands)
         return self.result.converged if self.result else self._state.summary.converged
@@ -296,7 +314,10 @@ class Simulation:
         steps = steps or self.settings.steps or usual_steps(self.scene, self.policy)
         for moment in program.moments(steps):
             command = Command(
-                program.handle_poses(moment), program.actuator_values(moment), program.load_factors(moment)
+                program.handle_poses(moment),
+                program.actuator_values(moment),
+                program.load_factors(moment),
+                joints=program.joint_positions(moment),
             )
             yield self.step(command, dt=moment - self.time)
             if progress is not None:
@@ -331,6 +352,41 @@ class Simulation:
     def actuator_states(self) -> dict[str, ActuatorState]:
         """Return command, length or volume, tension or pressure of each actuator at the present equilibrium."""
         return dict(self._state.summary.actuators)
+
+    @property
+    def joint_goals(self) -> dict[str, float]:
+        """Commanded position of each joint of the arms [rad] or [m]."""
+        return self._carriers.parts(self._joints, "goals")
+
+    @property
+    def joint_positions(self) -> dict[str, float]:
+        """Present position of each joint of the arms [rad] or [m]."""
+        return self._carriers.parts(self._joints, "positions")
+
+    @property
+    def joint_velocities(self) -> dict[str, float]:
+        """Velocity of each joint of the arms over the last step [rad/s] or [m/s]."""
+        return self._carriers.parts(self._joints, "velocities")
+
+    def link_frames(self) -> dict[str, Frame]:
+        """Return the frame of each link of the arms in the world, by name."""
+        return self._carriers.frames(self._joints)
+
+    def joint_states(self) -> dict[str, JointReading]:
+        """Return position, velocity and effort of each joint of the arms, by name, and which limits cut its motion.
+
+        The effort is that of the motor: it carries, accelerates and turns the links (recursive Newton-Euler), and holds
+        the reactions of the soft body and of the rigid bodies that touch the links (J^T w).
+        """
+        if not self._carriers:
+            return {}
+        summary = self._state.summary
+        contacts = self.result.contacts if self.result is not None else {}
+        weights = (
+            self.commands[each.name] * each.acceleration for each in self.scene.loads if isinstance(each, Gravity)
+        )
+        loaded = {"reactions": summary.reactions, "contacts": contacts, "gravity": sum(weights, start=np.zeros(3))}
+        return self._carriers.readings(self._joints, self.targets, **loaded, cuts=self._cuts)
 
     def probe_positions(self) -> dict[str, NDArray[np.float64]]:
         """Return the present position of each of the scene's probes, (3,) [m]."""

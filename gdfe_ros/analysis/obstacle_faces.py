@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.form_faces import form_faces
+from gdfe_ros.constraints.obstacle import Obstacle, Plane
 
 if TYPE_CHECKING:
     from gdfe_ros.scene import Scene
     from gdfe_ros.simulation import Simulation
 
 _POSE = (*(f"position.{axis}" for axis in "xyz"), *(f"orientation.{axis}" for axis in "xyzw"))
-AROUND, ALONG = 32, 16
-"""Numbers of faces of a drawn round obstacle: around its axis, and from pole to pole."""
 BEYOND = 0.25
 """Margin of a drawn plane beyond the points in front of it, as a fraction of their extent."""
 
@@ -71,36 +70,3 @@ def obstacle_faces(obstacle: Obstacle, pose: Pose, before: NDArray[np.float64]) 
     else:
         faces = form_faces(obstacle.form)
     return origin + faces @ axes.T
-
-
-def form_faces(form: Sphere | Box | Capsule | Cylinder | TriangleMesh) -> NDArray[np.float64]:
-    """Return the faces (f, k, 3) [m] of a shape in its own frame."""
-    match form:
-        case Sphere(radius):
-            return _turned(radius * np.sin(_polar()), radius * np.cos(_polar()))
-        case Capsule(radius, length):
-            polar = np.concatenate([_polar()[: ALONG // 2 + 1], _polar()[ALONG // 2 :]])
-            ends = np.repeat([0.5 * length, -0.5 * length], ALONG // 2 + 1)
-            return _turned(radius * np.sin(polar), radius * np.cos(polar) + ends)
-        case Cylinder(radius, length):
-            return _turned(np.array([0.0, radius, radius, 0.0]), 0.5 * length * np.array([1.0, 1.0, -1.0, -1.0]))
-        case Box(size):
-            square = np.array([[-1.0, -1.0, 1.0], [1.0, -1.0, 1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]])
-            sides = [np.roll(side, axis, axis=1) for axis in range(3) for side in (square, -square[::-1])]
-            return 0.5 * np.array(sides) * size
-        case TriangleMesh(solid):
-            return solid.vertices[solid.triangles]
-
-
-def _polar() -> NDArray[np.float64]:
-    return np.linspace(0.0, np.pi, ALONG + 1)
-
-
-def _turned(radii: NDArray[np.float64], heights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the quads (q, 4, 3) of a profile rotated about z."""
-    turn = np.linspace(0.0, 2.0 * np.pi, AROUND + 1)
-    rings = np.stack(
-        [np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], AROUND + 1)], axis=-1
-    )
-    corners = rings[:-1, :-1], rings[1:, :-1], rings[1:, 1:], rings[:-1, 1:]
-    return np.stack(corners, axis=2).reshape(-1, 4, 3)

@@ -67,7 +67,7 @@ class Publication:
             makers["velocity"] = lambda: _velocity(result)
             imus = simulation.later_imus()
             makers |= {f"probe/{name}/imu": lambda name=name: _imu(imus()[name]) for name in simulation.scene.probes}
-        if simulation.actuator_names:
+        if simulation.actuator_names or simulation.scene.arms:
             makers["joint_states"] = lambda: self._joint_states(record)
         return makers
 
@@ -81,8 +81,13 @@ class Publication:
         if self._joints is not None and record.dt > 0.0 and time > self._joints[0]:
             velocities = (positions - self._joints[1]) / (time - self._joints[0])
         self._joints = (time, positions)
-        efforts = np.array([state.effort for state in states.values()], dtype=np.float64)
-        return {"position": positions, "velocity": velocities, "effort": efforts}
+        joints = self._simulation.joint_states().values()
+        efforts = np.array([*(state.effort for state in states.values()), *(joint.effort for joint in joints)])
+        return {
+            "position": np.append(positions, [joint.position for joint in joints]),
+            "velocity": np.append(velocities, [joint.velocity for joint in joints]),
+            "effort": efforts.astype(np.float64),
+        }
 
 
 def _mesh(simulation: Simulation, result: StepResult) -> Values:

@@ -30,6 +30,7 @@ class Handle:
         free: world axes along which the handle slides unloaded; its position there is an unknown.
         turning: world axes, through the handle's centre, about which it rotates freely; the components of its rotation
             vector there are unknowns. With one or three free axes no moment remains; with two the energy is minimal.
+        carrier: name of the arm that moves it; empty if it takes commands of its own.
         noun: its name in messages.
         section: its section in scene files and topic names.
     """
@@ -41,6 +42,7 @@ class Handle:
     fixed: bool = False
     free: tuple[Axis, ...] = ()
     turning: tuple[Axis, ...] = ()
+    carrier: str = ""
 
     def __post_init__(self) -> None:
         if self.fixed and (self.free or self.turning):

@@ -32,6 +32,22 @@ def nearest_turn(quaternion: Sequence[float], reference: Pose) -> tuple[float, f
     return (whole * axis[0], whole * axis[1], whole * axis[2])
 
 
+def quaternion_of(rotation: Sequence[Sequence[float]]) -> tuple[float, float, float, float]:
+    """Return the quaternion (x, y, z, w) of a rotation matrix, by Shepperd's method, in plain floats."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    squares = (1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i)
+    largest = max(range(4), key=squares.__getitem__)
+    rows = (
+        (squares[0], b + d, c + g, h - f),
+        (b + d, squares[1], f + h, c - g),
+        (c + g, f + h, squares[2], d - b),
+        (h - f, c - g, d - b, squares[3]),
+    )
+    length = math.hypot(*rows[largest])
+    x, y, z, w = (part / length for part in rows[largest])
+    return x, y, z, w
+
+
 def _direction(pose: Pose) -> tuple[float, float, float]:
     length = math.hypot(*pose.rotation)
     if length <= NO_TURN:

@@ -35,7 +35,7 @@ class LiveBag:
     """
 
     def __init__(self, path: Path, simulation: Simulation, *, state: bytes | None, dt: float) -> None:
-        self._messages = Messages(joints=list(simulation.actuator_names))
+        self._messages = Messages(joints=[*simulation.actuator_names, *simulation.joint_goals])
         self._publication = Publication(simulation)
         self._specs = state_topics(simulation.scene)
         scene = simulation.scene

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controls of a run: one for each actuator, load and modulus, and buttons."""
+"""Controls of a run: one for each actuator, load, joint and modulus, and buttons."""
 
 from __future__ import annotations
 
@@ -52,12 +52,14 @@ class Panel:
             if ability in session.abilities and ability is not Ability.MODULI:
                 self._add_button(ability, lambda ability=ability: session.ask(ability))
         scene = session.scene
-        if scene.actuators or scene.loads:
+        if scene.actuators or scene.loads or scene.arms:
             with gui.add_folder("Commands"):
                 for actuator in scene.actuators:
                     self._add_actuator(actuator)
                 for load in scene.loads:
                     self._add_input(load.name, f"{load.name}, factor [1]", 0.0, _LARGEST_FACTOR)
+                for joint in (joint for arm in scene.arms for joint in arm.joints):
+                    self._add_input(joint.name, f"{joint.name} [{joint.unit}]", joint.limits.lower, joint.limits.upper)
         self._add_moduli()
 
     def refresh(self, commands: Mapping[str, float]) -> None:

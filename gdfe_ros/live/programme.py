@@ -65,5 +65,6 @@ class Programme:
             (name, pose_order(name, pose)) for name, pose in poses.items() if name not in self._left
         ]
         values = self._program.actuator_values(moment) | self._program.load_factors(moment)
+        values |= self._program.joint_positions(moment)
         values = {name: value for name, value in values.items() if name not in self._left}
         return [*orders, *([("program", ActuatorOrder(values))] if values else [])]

@@ -121,8 +121,8 @@ class LiveSession:
 
     @property
     def commands(self) -> Mapping[str, float]:
-        """Present commands of actuators and loads."""
-        return self.simulation.commands
+        """Present commands of actuators, loads and joints."""
+        return self.simulation.commands | self.simulation.joint_goals
 
     @property
     def targets(self) -> Mapping[str, Pose]:

@@ -10,8 +10,9 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.analysis.obstacle_faces import form_faces
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.arm_link import ArmLink
+from gdfe_ros.constraints.form_faces import form_faces
 from gdfe_ros.constraints.obstacle import Obstacle, Plane
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.scene.scene import Scene
@@ -38,7 +39,7 @@ class Solids:
 
     def __init__(self, space: viser.SceneApi, group: str, scene: Scene, *, scale: float) -> None:
         self._space, self._scale, self._size = space, scale, scene.mesh.extent
-        self._things = [handle for handle in scene.handles if isinstance(handle, Obstacle)]
+        self._things = [each for each in scene.handles if isinstance(each, Obstacle) and not isinstance(each, ArmLink)]
         self._nodes = {thing.name: self._add(f"{group}/{thing.name}", thing) for thing in self._things}
 
     def move(self, poses: Mapping[str, Pose], positions: NDArray[np.floating]) -> None:

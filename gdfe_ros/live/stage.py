@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
 
 import numpy as np
@@ -13,10 +13,13 @@ import viser
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.contacts import contact_names
+from gdfe_ros.live.arms import Arms
 from gdfe_ros.live.arrows import Arrows
 from gdfe_ros.live.solids import Solids
 from gdfe_ros.live.surface import Surface
@@ -27,6 +30,7 @@ from gdfe_ros.node.orders import PoseOrder, PutOrder
 from gdfe_ros.scene.scene import Scene
 
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
+ARMS = "arms"
 CONTROL = 0.22
 """Length of the arrows of a handle's control, over the body's size."""
 GOAL = 0.14
@@ -74,7 +78,7 @@ class Stage:
         self._size = scene.mesh.size * self._scale
         self.surface = Surface(scene.mesh, scale=self._scale)
         self._space = server.scene
-        server.initial_camera.look_at, server.initial_camera.position = first_view(scene.mesh)
+        server.initial_camera.look_at, server.initial_camera.position = first_view(scene.mesh, scene.arms)
         self._light()
         first = self.surface.pack(scene.mesh.vertices, np.zeros(self.surface.count))
         self._bodies = [self._space.add_glb(f"/body/{place}", first, visible=not place) for place in range(2)]
@@ -86,7 +90,8 @@ class Stage:
             PROBES: scene.probes,
             REACTIONS: self._held,
             CONTACTS: self._touching,
-            SOLIDS: len(self._held) < len(scene.handles),
+            SOLIDS: any(isinstance(each, Obstacle) and not isinstance(each, ArmLink) for each in scene.handles),
+            ARMS: scene.arms,
         }
         self._groups = {
             name: self._space.add_frame(_path(name), show_axes=False) for name, wanted in there.items() if wanted
@@ -102,6 +107,7 @@ class Stage:
             if name in self._groups
         }
         self._solids = Solids(self._space, _path(SOLIDS), scene, scale=self._scale)
+        self._arms = Arms(self._space, _path(ARMS), scene, scale=self._scale)
         self._probes = self._traces = None
         if scene.probes:
             points, size = np.zeros((len(scene.probes), 3), np.float32), 0.03 * self._size
@@ -134,6 +140,7 @@ class Stage:
                 if name in self._goals and monotonic() - self._touched.get(_goal_of(name), -math.inf) > _TOUCHED:
                     self._goals[name].position = self._scale * point
         self._solids.move(view.poses, view.positions)
+        self._arms.move(view.joints)
         self.lead({name: view.poses[name] for name in self._bodily})
         self._draw_reactions(view)
         self._draw_contacts(view)
@@ -255,10 +262,13 @@ def scale_of(mesh: HexMesh) -> float:
     return 10.0 ** round(-math.log10(mesh.size))
 
 
-def first_view(mesh: HexMesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the initial target and position of the camera, (3,) in the units of the view."""
-    middle = scale_of(mesh) * mesh.bounds.mean(axis=0)
-    return middle, middle + scale_of(mesh) * mesh.extent * _EYE
+def first_view(mesh: HexMesh, arms: Sequence[Arm] = ()) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the initial target and position of the camera, (3,) in the units of the view; it sees arms as a whole."""
+    links = [frame.origin for arm in arms for frame in arm.rest.values()]
+    corners = np.vstack([mesh.bounds, *links]) if links else mesh.bounds
+    middle, extent = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), np.ptp(corners, axis=0).max()
+    extent = extent if links else mesh.extent
+    return scale_of(mesh) * middle, scale_of(mesh) * (middle + extent * _EYE)
 
 
 def _path(group: str) -> str:

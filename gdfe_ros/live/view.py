@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,7 @@ class View:
         wrenches: of these on the body (6,), force [N] then moment [N m].
         contacts: returns the contact points (k,), as `gdfe_ros.contacts.POINT`.
         actuators: reported values of each.
+        joints: positions of the joints of arms [rad] or [m].
     """
 
     record: StepRecord
@@ -44,6 +45,7 @@ class View:
     wrenches: Mapping[str, NDArray[np.float64]]
     contacts: Callable[[], NDArray[np.void]]
     actuators: Mapping[str, list[Reading]]
+    joints: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, step: Step) -> View:
@@ -58,4 +60,5 @@ class View:
             wrenches=result.reactions,
             contacts=lambda: contact_points(result.contacts),
             actuators={name: state.readings() for name, state in step.actuators.items()},
+            joints={name: state.position for name, state in step.joints.items()},
         )

@@ -7,7 +7,7 @@ import base64
 import binascii
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
 from io import BytesIO
@@ -20,6 +20,7 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.hexmesh import HexMesh
 
 _CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"
+_VERTICES, _TRIANGLES, _SLASH = "vertices:", "triangles:", "\\"
 _FILLED = tuple(item.name for item in fields(Filling))
 
 
@@ -36,6 +37,27 @@ def pack_mesh(mesh: HexMesh) -> str:
 def pack_surface(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> str:
     """Return a surface of triangles in the same format."""
     return _pack({"vertices": vertices, "triangles": triangles})
+
+
+def pack_robot(text: str, surfaces: Mapping[str, tuple[NDArray[np.float64], NDArray[np.int64]]]) -> str:
+    """Return a robot's URDF and the surfaces of its meshes, by URI, in the same format."""
+    arrays = {"urdf": np.frombuffer(text.encode(), dtype=np.uint8)}
+    for uri, (vertices, triangles) in surfaces.items():
+        arrays |= {_VERTICES + uri: vertices, _TRIANGLES + uri: triangles}
+    return _pack({key.replace("/", _SLASH): array for key, array in arrays.items()})
+
+
+def unpack_robot(text: str) -> tuple[str, dict[str, tuple[NDArray[np.float64], NDArray[np.int64]]]]:
+    """Return the URDF and the surfaces that `pack_robot` wrote.
+
+    Raises:
+        MeshError: the text is not such a robot.
+    """
+    with _undamaged("robot"):
+        arrays = {key.replace(_SLASH, "/"): array for key, array in _unpack(text).items()}
+        uris = [key.removeprefix(_VERTICES) for key in arrays if key.startswith(_VERTICES)]
+        surfaces = {uri: (arrays[_VERTICES + uri], arrays[_TRIANGLES + uri]) for uri in uris}
+        return arrays["urdf"].tobytes().decode(), surfaces
 
 
 def unpack_mesh(text: str) -> HexMesh:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of messages that command actuators and loads to orders, or refusals with a reason."""
+"""Conversion of messages that command actuators, loads and joints to orders, or refusals with a reason."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from gdfe_ros.actuators import Actuator, Mode
+from gdfe_ros.arms.description import Joint
 from gdfe_ros.node.orders import ActuatorOrder, TrajectoryOrder
 from gdfe_ros.node.refusals import Reason, Refusal
 
@@ -23,21 +25,23 @@ LATEST_START = 60.0
 
 
 class ActuatorOrders:
-    """Checks messages against the actuators and loads of a scene.
+    """Checks messages against the actuators, loads and joints of a scene.
 
     Args:
         actuators: in the order of ``~/commands``.
         loads: names of the loads, which are commanded by a factor.
+        joints: of all arms, which are commanded by their position.
     """
 
-    def __init__(self, actuators: Iterable[Actuator], loads: Iterable[str] = ()) -> None:
+    def __init__(self, actuators: Iterable[Actuator], loads: Iterable[str] = (), joints: Iterable[Joint] = ()) -> None:
+        self._joints: Mapping[str, Joint] = {joint.name: joint for joint in joints}
         self._actuators: Mapping[str, Actuator] = {actuator.name: actuator for actuator in actuators}
         self._loads = tuple(loads)
 
     def from_joint_state(self, message: JointState) -> ActuatorOrder:
         """Return the commands by name: tension [N] and pressure [Pa] from ``effort``, all others from ``position``.
 
-        A load's ``position`` is the factor on it. NaN commands nothing.
+        A load's ``position`` is the factor on it, a joint's its position [rad] or [m]. NaN commands nothing.
 
         Raises:
             Refusal: an unknown or repeated name, an array of the wrong size, a value infinite or out of range.
@@ -73,7 +77,7 @@ class ActuatorOrders:
     def from_trajectory(
         self, message: JointTrajectory, *, now: float, convert: Callable[[int], float]
     ) -> TrajectoryOrder:
-        """Return the order of a trajectory; only ``positions`` count, whatever the mode.
+        """Return the order of a trajectory; ``positions`` are in the unit of each mode, ``effort`` does not count.
 
         Without points it ends the running trajectories of the named actuators and loads, or all if none is
         named: they stay at their present commands, as with joint_trajectory_controller.
@@ -89,7 +93,7 @@ class ActuatorOrders:
         """
         names = tuple(message.joint_names)
         if not message.points:
-            names = names or (*self._actuators, *self._loads)
+            names = names or (*self._actuators, *self._loads, *self._joints)
             self._require_known(names)
             return TrajectoryOrder(names, None, np.zeros(0), np.zeros((0, len(names))))
         self._require_known(names)
@@ -111,13 +115,16 @@ class ActuatorOrders:
             raise Refusal(Reason.AHEAD, text)
         if start is not None and start + times[-1] < now:
             raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s, and it is {now:.9g} s now")
-        return TrajectoryOrder(names, start, times, np.array(rows))
+        slopes = _table(message, "velocities")
+        bends = _table(message, "accelerations") if slopes is not None else None
+        return TrajectoryOrder(names, start, times, np.array(rows), slopes, bends)
 
     def _require_known(self, names: Sequence[str]) -> None:
-        unknown = sorted(set(names) - set(self._actuators) - set(self._loads))
+        unknown = sorted(set(names) - set(self._actuators) - set(self._loads) - set(self._joints))
         if unknown or not names:
             known = ", ".join(self._actuators) or "none"
             loads = f"; loads: {', '.join(self._loads)}" if self._loads else ""
+            loads += f"; joints: {', '.join(self._joints)}" if self._joints else ""
             text = f"no actuator {', '.join(unknown) or 'is named'}; actuators: {known}{loads}"
             raise Refusal(Reason.UNKNOWN, text)
         if len(set(names)) != len(names):
@@ -128,11 +135,41 @@ class ActuatorOrders:
             raise Refusal(Reason.NOT_FINITE, f"{name}: {value!r} is not a finite number")
         if name in self._loads:
             return float(value)
+        if name in self._joints:
+            return self._checked_joint(self._joints[name], value)
         actuator = self._actuators[name]
         if not actuator.low <= value <= actuator.high:
             allowed = f"{actuator.low:g} to {actuator.high:g} {actuator.mode.unit}".rstrip()
             raise Refusal(Reason.OUT_OF_RANGE, f"{name}: {actuator.mode.value} {value!r}; allowed: {allowed}")
         return float(value)
+
+    @staticmethod
+    def _checked_joint(joint: Joint, value: float) -> float:
+        low, high = joint.limits.lower, joint.limits.upper
+        if not low <= value <= high:
+            allowed = f"{low:g} to {high:g} {joint.unit}"
+            remedy = "a position within the joint's limits, or `limits` of the arm in the scene"
+            text = f"{joint.name}: position {value!r}; allowed: {allowed}; remedy: {remedy}"
+            raise Refusal(Reason.OUT_OF_RANGE, text)
+        return float(value)
+
+
+def _table(message: JointTrajectory, field: str) -> NDArray[np.float64] | None:
+    """Return velocities or accelerations (k, n) of a trajectory; None unless all of its points have them.
+
+    Raises:
+        Refusal: a point has too many or too few, or one is not finite.
+    """
+    rows = [list(getattr(point, field)) for point in message.points]
+    if not all(rows):
+        return None
+    for place, row in enumerate(rows):
+        if len(row) != len(message.joint_names):
+            text = f"point {place} has {len(row)} {field} for {len(message.joint_names)} joint_names"
+            raise Refusal(Reason.WRONG_SIZE, text)
+        if not all(map(math.isfinite, row)):
+            raise Refusal(Reason.NOT_FINITE, f"point {place} has the {field} {row}; allowed: finite numbers")
+    return np.array(rows)
 
 
 def _seconds(time: object) -> float:

@@ -135,6 +135,9 @@ class Diagnostics:
         short = session is not None and session.stepper.slew.stopped
         if session is not None and session.stepper.slew.goals:
             counts["on their way"] = _on_their_way(session)
+        limited = _limited(session)
+        if limited:
+            counts["joints"] = "; ".join(f"{name}: {told}" for name, told in limited.items())
         unheard = "; ".join(session.inputs.unheard()) if session is not None else ""
         if unheard:
             counts["unheard"] = unheard
@@ -146,7 +149,15 @@ class Diagnostics:
             return _Part(counts, _WARN, f"commands are not heard of {unheard}")
         if short:
             return _Part(counts, _WARN, f"commands stay short: {counts['on their way']}")
+        if any("effort" in told for told in limited.values()):
+            return _Part(counts, _WARN, f"an arm is at its limits: {counts['joints']}")
         return _Part(counts, _OK, reason)
+
+
+def _limited(session: Session | None) -> dict[str, str]:
+    """Return which limits cut the motion of joints in the last step, or are exceeded by their efforts, by joint."""
+    last = session.run.last if session is not None else None
+    return {} if last is None else {name: joint.told for name, joint in last.joints.items() if joint.told}
 
 
 def _on_their_way(session: Session) -> str:

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node.host import Host
@@ -60,7 +59,7 @@ class Drive:
         """
         first, self._resting = self._resting or Command(), None
         poses: dict[str, Pose] = dict(first.handles)
-        actuators: dict[str, float] = {**first.actuators, **first.loads}
+        actuators: dict[str, float] = {**first.actuators, **first.loads, **first.joints}
         bodies: dict[str, Pose] = dict(first.bodies)
         for order in orders:
             match order:
@@ -80,18 +79,22 @@ class Drive:
                         self._courses.pop(name, None)
                 case TrajectoryOrder():
                     start = time - dt if order.start is None else order.start
-                    before = [actuators.get(name, self._run.simulation.commands[name]) for name in order.names]
-                    for name, value, column in zip(order.names, before, order.values.T, strict=True):
-                        self._courses[name] = _Course(start, value, order.times, column)
+                    present = self._run.simulation.commands | self._run.simulation.joint_goals
+                    before = [actuators.get(name, present[name]) for name in order.names]
+                    rates = self._run.simulation.joint_velocities
+                    for name, value in zip(order.names, before, strict=True):
+                        self._courses[name] = _Course(start, value, rates.get(name, 0.0), order.only(name))
                     if order.begun is not None:
-                        order.begun(start, before)
+                        order.begun(start, before, [rates.get(name, 0.0) for name in order.names])
         poses |= self._moved(dt, poses)
         values, loads = actuators | self._followed(time), {load.name for load in self._run.simulation.scene.loads}
+        joints = self._run.simulation.joint_goals.keys()
         return Command(
             handles=poses,
-            actuators={name: value for name, value in values.items() if name not in loads},
+            actuators={name: value for name, value in values.items() if name not in loads and name not in joints},
             loads={name: value for name, value in values.items() if name in loads},
             bodies=bodies,
+            joints={name: value for name, value in values.items() if name in joints},
         )
 
     def _target(self, name: str, poses: Mapping[str, Pose]) -> Pose:
@@ -120,30 +123,27 @@ class Drive:
         """Return the commands of the trajectories; a finished trajectory gives its last command once."""
         begun = {name: course for name, course in self._courses.items() if time >= course.start}
         for name, course in begun.items():
-            if time - course.start >= course.times[-1]:
+            if time - course.start >= course.order.times[-1]:
                 del self._courses[name]
         return {name: course.at(time) for name, course in begun.items()}
 
 
 @dataclass(frozen=True, eq=False)
 class _Course:
-    """The trajectory of one actuator.
+    """The trajectory of one actuator, load or joint.
 
     Attributes:
         start: simulation time of its time 0 [s].
         before: command at that time.
-        times: (k,) of the points, from the start [s].
-        values: (k,) commands.
+        rate: velocity of a joint at that time, 0 of others.
+        order: that commands it alone.
     """
 
     start: float
     before: float
-    times: NDArray[np.float64]
-    values: NDArray[np.float64]
+    rate: float
+    order: TrajectoryOrder
 
     def at(self, time: float) -> float:
         """Return the interpolated command; before the first point, interpolated from the command at the start."""
-        elapsed = time - self.start
-        if elapsed < self.times[0]:
-            return float(self.before + (self.values[0] - self.before) * elapsed / self.times[0])
-        return float(np.interp(elapsed, self.times, self.values))
+        return float(self.order.at(time - self.start, np.array([self.before]), np.array([self.rate]))[0])

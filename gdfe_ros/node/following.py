@@ -55,7 +55,11 @@ def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict
             raise GdfeError(f"{start}; allowed: handle=topic:/name or handle=frame:name")
         if name not in handles:
             raise GdfeError(f"{start}; the scene has no handle {name!r}, but {', '.join(handles) or 'none'}")
-        if MOVED[(handle := handles[name]).section].target is None:
+        if (handle := handles[name]).carrier or handle.section == "links":
+            raise GdfeError(
+                f"{start}; {handle.noun} {name!r} moves with an arm and follows nothing: command its joints"
+            )
+        if MOVED[handle.section].target is None:
             raise GdfeError(f"{start}; {handle.noun} {name!r} moves freely and follows nothing: make it an obstacle")
         if handle.fixed:
             remedy = f"put {handle.section}.{name}.fixed=false into scene_overrides"

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.arms.dynamics import Frame
 from gdfe_ros.constraints import Handle, Pose
+from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.node.placement import Placement
 from gdfe_ros.node.refusals import Reason, Refusal
@@ -61,6 +63,10 @@ class Frames:
         """Return the name of the frame that moves with a material point and rotates with the cell around it."""
         return f"{self._prefix}{probe}_imu"
 
+    def link(self, link: str) -> str:
+        """Return the name of the frame of an arm's link."""
+        return f"{self._prefix}{link}"
+
     def sensor(self, sensor: str) -> str:
         """Return the name of the frame at the present centre of a contact sensor, with the node's axes."""
         return f"{self._prefix}{sensor}_sensor"
@@ -69,13 +75,19 @@ class Frames:
     def moving(self) -> list[str]:
         """Names of the frames that ``places`` returns, in its order."""
         units = map(self.imu, self._scene.probes if self._scene.dynamics else ())
-        handles = [name(handle.name) for handle in self._scene.handles for name in (self.centre, self.handle)]
-        return [*handles, *map(self.probe, self._scene.probes), *units, *map(self.sensor, self._scene.sensors)]
+        handles = [name(handle.name) for handle in self._framed for name in (self.centre, self.handle)]
+        links = [self.link(name) for arm in self._scene.arms for name in arm.dynamics.description.links]
+        return [*handles, *map(self.probe, self._scene.probes), *units, *map(self.sensor, self._scene.sensors), *links]
+
+    @property
+    def _framed(self) -> list[Handle]:
+        """The handles with frames of their own: all except pieces of links, which move with the links' frames."""
+        return [handle for handle in self._scene.handles if not isinstance(handle, ArmLink)]
 
     def rests(self) -> dict[str, Placement]:
         """Return the rest centres of handles and obstacles, by frame."""
         vertices = self._scene.mesh.vertices
-        return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._scene.handles}
+        return {self.rest(handle.name): Placement(handle.centre(vertices)) for handle in self._framed}
 
     def places(
         self,
@@ -83,6 +95,7 @@ class Frames:
         probes: Mapping[str, Pose],
         units: Mapping[str, ImuReading],
         positions: NDArray[np.float64],
+        links: Mapping[str, Frame],
     ) -> list[Placement]:
         """Return the places of the moving frames.
 
@@ -91,15 +104,17 @@ class Frames:
             probes: of the material points.
             units: readings of the inertial units at these; empty without dynamics.
             positions: of the vertices (n, 3) [m].
+            links: frames of the links of arms.
         """
         found = []
-        for handle in self._scene.handles:
+        for handle in self._framed:
             place = self._moved(handle, poses[handle.name])
             found += [Placement(place.origin), place]
         points = [(np.array(probes[name].translation), name) for name in self._scene.probes]
         found += [Placement(origin, Rotation.from_rotvec(probes[name].rotation)) for origin, name in points]
         found += [Placement(origin, units[name].orientation) for origin, name in points if name in units]
-        return found + [Placement(sensor.centre(positions)) for sensor in self._scene.sensors.values()]
+        found += [Placement(sensor.centre(positions)) for sensor in self._scene.sensors.values()]
+        return found + [Placement(frame.origin, Rotation.from_matrix(frame.axes)) for frame in links.values()]
 
     def place(self, frame: str) -> Placement | None:
         """Return the place of any frame in the node's; None if no transforms lead there."""
@@ -135,7 +150,7 @@ class Frames:
         """Return the frames that the node computes itself; those of handles rotate as their vertices did."""
         now, poses = self.positions(), self.poses()
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
-        for handle in self._scene.handles:
+        for handle in self._framed:
             obstacle = isinstance(handle, Obstacle)
             place = self._moved(handle, poses.get(handle.name, Pose())) if obstacle else self._turned(handle, now)
             own[self.centre(handle.name)] = self.frame_id, Placement(place.origin)

@@ -123,6 +123,9 @@ def _near(place: Placement, size: float) -> tuple[Vector, Quaternion]:
 
 
 def _require_movable(handle: Handle) -> None:
+    if handle.carrier:
+        text = f"arm {handle.carrier!r} carries {handle.noun} {handle.name!r}, which takes no commands of its own"
+        raise Refusal(Reason.FOLLOWS, f"{text}; remedy: command the arm's joints on ~/joint_command or ~/trajectory")
     if handle.fixed:
         text = f"{handle.noun} {handle.name!r} is fixed in the scene and takes no commands"
         remedy = f"put {handle.section}.{handle.name}.fixed=false into scene_overrides"

@@ -123,7 +123,7 @@ class Inputs:
             Refusal: as for a message on the topic.
         """
         if _TRAJECTORY not in self._inputs:
-            raise Refusal(Reason.UNKNOWN, f"scene {self._run.scene.name!r} has neither actuators nor loads")
+            raise Refusal(Reason.UNKNOWN, f"scene {self._run.scene.name!r} has neither actuators nor loads nor arms")
         return self._inputs[_TRAJECTORY].check(message)
 
     def pursue(self, pursuit: Pursuit) -> None:
@@ -142,7 +142,9 @@ class Inputs:
         if not self._pursuits:
             return
         states = self._run.simulation.actuator_states()
-        present = self._run.simulation.commands | {name: state.command for name, state in states.items()}
+        simulation = self._run.simulation
+        present = simulation.commands | {name: state.command for name, state in states.items()}
+        present |= simulation.joint_positions
         for pursuit in list(self._pursuits):
             pursuit.look(step.record.time, present)
             if not pursuit.going:
@@ -230,8 +232,12 @@ def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
         if leader is not None and leader.topic:
             take = partial(followed_order, leader=leader, size=size, frames=frames)
             yield Input(leader.key, leader.topic, topics.FOLLOWED, take, stamped=True)
-    if scene.actuators or scene.loads:
-        orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads])
+    if scene.actuators or scene.loads or scene.arms:
+        joints = [joint for arm in scene.arms for joint in arm.joints]
+        orders = ActuatorOrders(scene.actuators, [load.name for load in scene.loads], joints)
+        if joints:
+            spec = topics.JOINT_COMMAND
+            yield Input("joint_command", spec.name, spec, orders.from_joint_state, stamped=True)
         yield Input("actuation", topics.ACTUATION.name, topics.ACTUATION, orders.from_joint_state, stamped=True)
         if scene.actuators:
             yield Input(

@@ -135,7 +135,7 @@ def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
 
 
 class ActuatorStates:
-    """Makes joint states; keeps the last step for the velocities.
+    """Makes joint states of actuators and joints; keeps the last step for the velocities of actuators.
 
     Args:
         scene: with the actuators.
@@ -153,12 +153,13 @@ class ActuatorStates:
         if self._last is not None and step.record.dt > 0.0 and step.record.time > self._last[0]:
             velocities = (positions - self._last[1]) / (step.record.time - self._last[0])
         self._last = (step.record.time, positions)
+        efforts, joints = [state.effort for state in states], step.joints.values()
         return JointState(
             header=head,
-            name=list(step.actuators),
-            position=_doubles(positions),
-            velocity=_doubles(velocities),
-            effort=_doubles(np.array([state.effort for state in states])),
+            name=[*step.actuators, *step.joints],
+            position=_doubles(np.append(positions, [joint.position for joint in joints])),
+            velocity=_doubles(np.append(velocities, [joint.velocity for joint in joints])),
+            effort=_doubles(np.array([*efforts, *(joint.effort for joint in joints)])),
         )
 
 

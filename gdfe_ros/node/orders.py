@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from gdfe_ros.arms.spline import spline
 from gdfe_ros.constraints import Pose, nearest_turn
 from gdfe_ros.node.refusals import Reason, Refusal
 
@@ -117,21 +118,25 @@ class ActuatorOrder:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryOrder:
-    """Commands of actuators and loads over time, linear between the points; without points they stay constant.
+    """Commands of actuators, loads and joints over time; without points they stay constant.
 
     Attributes:
         names: of the actuators and loads.
         start: simulation time of the time 0 [s]; None: the step that consumes it.
         times: (k,) ascending, from the start [s].
         values: (k, len(names)) in the units of the modes.
-        begun: called with the start [s] and the commands at that time, once a step has consumed it.
+        slopes: (k, len(names)) their velocities, for cubics between the points; None: linear.
+        bends: (k, len(names)) their accelerations, for quintics; None: cubics or linear.
+        begun: called with the start [s] and the commands and velocities at that time, once a step has consumed it.
     """
 
     names: tuple[str, ...]
     start: float | None
     times: NDArray[np.float64]
     values: NDArray[np.float64]
-    begun: Callable[[float, Collection[float]], object] | None = None
+    slopes: NDArray[np.float64] | None = None
+    bends: NDArray[np.float64] | None = None
+    begun: Callable[[float, Collection[float], Collection[float]], object] | None = None
 
     @property
     def ends(self) -> bool:
@@ -150,7 +155,33 @@ class TrajectoryOrder:
         kept = [place for place, name in enumerate(self.names) if name not in taken]
         if not kept:
             return None
-        return replace(self, names=tuple(self.names[place] for place in kept), values=self.values[:, kept])
+        tables = {name: getattr(self, name) for name in ("values", "slopes", "bends")}
+        parts = {name: None if table is None else table[:, kept] for name, table in tables.items()}
+        return replace(self, names=tuple(self.names[place] for place in kept), **parts)
+
+    def only(self, name: str) -> TrajectoryOrder:
+        """Return the trajectory of one name."""
+        return self.without(ActuatorOrder(dict.fromkeys([each for each in self.names if each != name], 0.0))) or self
+
+    def at(
+        self, elapsed: float, before: NDArray[np.float64], rates: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Return the commands (k,) at a time [s] after the start.
+
+        Args:
+            elapsed: the time.
+            before: commands (k,) at the start, from which the first point is approached.
+            rates: velocities (k,) at the start; None: at rest. They count for cubics and quintics.
+        """
+        times, tables = self.times, [self.values, self.slopes, self.bends]
+        if times[0] > 0.0:
+            still = np.zeros(len(before))
+            first = [before, still if rates is None else rates, still]
+            times = np.concatenate([[0.0], times])
+            tables = [
+                None if table is None else np.vstack([row, table]) for row, table in zip(first, tables, strict=True)
+            ]
+        return spline(times, *tables, at=elapsed)
 
 
 Order = PoseOrder | TwistOrder | PutOrder | ActuatorOrder | TrajectoryOrder

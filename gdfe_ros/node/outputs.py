@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from std_msgs.msg import String
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.node import messages
 from gdfe_ros.node.channel import Channel
 from gdfe_ros.node.contact_outputs import ContactOutputs
@@ -49,7 +50,8 @@ class Outputs:
         self._probes = {name: each_step(topics.PROBE, probe=name) for name in scene.probes}
         self._motion = MotionOutputs(run, each_step) if scene.dynamics else None
         self._contacts = ContactOutputs(run, each_step)
-        self._joints = each_step(topics.JOINT_STATES) if scene.actuators else None
+        self._joints = each_step(topics.JOINT_STATES) if scene.actuators or scene.arms else None
+        self._robots = {arm.name: Channel(node, topics.ROBOT_DESCRIPTION, arm=arm.name) for arm in scene.arms}
         self._jacobian = Channel(node, topics.JACOBIAN) if scene.actuators and scene.probes else None
         self._clock = each_step(topics.CLOCK) if run.parameters["publish_clock"] else None
         self._tf = each_step(topics.TF, own=1) if publish_tf else None
@@ -58,8 +60,12 @@ class Outputs:
         clock = () if self._clock is None else (self._clock,)
         self._plain = (self._mesh, self._record, *clock, *self._wrenches.values(), *self._probes.values())
         self._mesh_packer = MeshPacker(scene.mesh.vertices, self._frame_id)
-        self._pose_packers = {name: PosePacker(frames.rest(name)) for name in names}
-        self._wrench_packers = {name: WrenchPacker(frames.centre(name)) for name in names}
+        links = {handle.name for handle in scene.handles if isinstance(handle, ArmLink)}
+        # Pieces of links have no frames of their own: the frames of links are on TF.
+        rests = {name: self._frame_id if name in links else frames.rest(name) for name in names}
+        centres = {name: self._frame_id if name in links else frames.centre(name) for name in names}
+        self._pose_packers = {name: PosePacker(rests[name]) for name in names}
+        self._wrench_packers = {name: WrenchPacker(centres[name]) for name in names}
         self._sensor_packers = {name: WrenchPacker(frames.handle(name)) for name in held}
         self._probe_packer = PosePacker(self._frame_id)
         self._transform_packer = TransformPacker(frames.moving, self._frame_id) if publish_tf else None
@@ -71,7 +77,7 @@ class Outputs:
     def channels(self) -> Iterator[Channel]:
         """Every topic, in no particular order."""
         yield from (self._mesh, self._strain, self._record, self._topology, self._scene_text, self._markers)
-        for group in (self._poses, self._wrenches, self._sensors, self._probes):
+        for group in (self._poses, self._wrenches, self._sensors, self._probes, self._robots):
             yield from group.values()
         yield from self._contacts.channels
         if self._motion is not None:
@@ -111,6 +117,8 @@ class Outputs:
         self._topology.send(messages.topology(self._run.scene.mesh.cells), log_time)
         self._scene_text.send(String(data=self._run.scene.source), log_time)
         self._contacts.publish_names(log_time)
+        for arm in self._run.scene.arms:
+            self._robots[arm.name].send(String(data=arm.text), log_time)
         if self._tf_static is not None:
             rests = self._frames.rests()
             packer = TransformPacker(list(rests), self._frame_id)
@@ -136,7 +144,7 @@ class Outputs:
             self._publish_plates(step)
         for name, channel in _due(self._probes, step):
             channel.send_step(step, self._probe_packer.pack(stamp, self._probe(name, step)))
-        if step.actuators and self._joints.due(step):
+        if (step.actuators or not self._run.scene.actuators) and self._joints is not None and self._joints.due(step):
             message = self._actuator_states.message(messages.header(stamp, self._frame_id), step)
             self._joints.send_step(step, message)
         self._contacts.publish_step(step)
@@ -162,7 +170,7 @@ class Outputs:
         if self._tf is not None and self._tf.due(step):
             probes = {name: self._probe(name, step) for name in self._run.scene.probes}
             units = step.imus() if step.imus else {}
-            places = self._frames.places(step.poses, probes, units, step.result.positions)
+            places = self._frames.places(step.poses, probes, units, step.result.positions, step.links)
             self._tf.send_step(step, self._transform_packer.pack(stamp, places))
 
     def _probe(self, name: str, step: Step) -> Pose:

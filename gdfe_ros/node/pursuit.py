@@ -64,12 +64,12 @@ class Pursuit:
     ) -> None:
         self.order, self.going = order, True
         self._tolerances, self._tell, self._finish = tolerances, tell, finish
-        self._start, self._before = order.start, np.array([])
+        self._start, self._before, self._rates = order.start, np.array([]), np.array([])
         self._lock = threading.Lock()
 
-    def begin(self, start: float, before: Collection[float]) -> None:
-        """Record its start [s], and the commands (k,) at that time."""
-        self._start, self._before = start, np.array(before)
+    def begin(self, start: float, before: Collection[float], rates: Collection[float]) -> None:
+        """Record its start [s], and the commands and velocities (k,) at that time."""
+        self._start, self._before, self._rates = start, np.array(before), np.array(rates)
 
     def end(self, code: Code, reason: str) -> None:
         """End it, unless it has ended already."""
@@ -89,15 +89,13 @@ class Pursuit:
 
         Args:
             time: simulation time [s].
-            present: present commands by name, which a rate limit may hold back.
+            present: present commands by name, which a rate limit may hold back; of joints their positions.
         """
         if not self.going or not len(self._before) or time < self._start:
             return
         order, elapsed = self.order, time - self._start
         actual = np.array([present[name] for name in order.names])
-        times = np.concatenate([[0.0], order.times]) if order.times[0] > 0.0 else order.times
-        values = np.vstack([self._before, order.values]) if order.times[0] > 0.0 else order.values
-        desired = np.array([np.interp(elapsed, times, column) for column in values.T])
+        desired = order.at(elapsed, self._before, self._rates)
         self._tell(elapsed, desired, actual)
         left = elapsed - order.times[-1]
         over = left >= -1e-9

@@ -47,10 +47,11 @@ def with_moduli(
     if old.scene.dynamics:
         changed.restore(carried(old.snapshot(), changed.snapshot()))
         return changed
-    handles = {handle.name: old.targets[handle.name] for handle in old.scene.handles if not handle.fixed}
+    movable = [handle for handle in old.scene.handles if not (handle.fixed or handle.carrier)]
+    handles = {handle.name: old.targets[handle.name] for handle in movable}
     actuators = {name: old.commands[name] for name in old.actuator_names}
     loads = {load.name: old.commands[load.name] for load in old.scene.loads}
-    command = Command(handles=handles, actuators=actuators, loads=loads)
+    command = Command(handles=handles, actuators=actuators, loads=loads, joints=old.joint_goals)
     changed.step(command, dt=_LONG, interrupted=interrupted)
     changed.time = old.time
     return changed

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators import ActuatorState
+from gdfe_ros.arms.carriers import JointReading
+from gdfe_ros.arms.dynamics import Frame
 from gdfe_ros.constraints import Axis, Handle, Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.recording.step_record import Begin, StepRecord
@@ -33,7 +35,7 @@ class Demand:
         messages: any message at all.
         fields: element fields.
         poses: of handles and obstacles.
-        actuators: their states.
+        actuators: states of actuators and joints.
         imus: readings of inertial units.
     """
 
@@ -60,6 +62,8 @@ class Step:
         obstacles: pose of each, whether wanted or not, because commands may be given in their frames.
         poses: pose of each handle and obstacle; empty if they are not wanted, like the following.
         actuators: states by name.
+        joints: states of the joints of arms, by name; wanted or not, because diagnostics tell of their limits.
+        links: frames of the links of arms, by name; empty if poses are not wanted.
         imus: evaluates the readings of inertial units, in the publishing thread; None if they are not wanted, and
             without dynamics.
     """
@@ -74,6 +78,8 @@ class Step:
     obstacles: Mapping[str, Pose] = field(default_factory=dict)
     poses: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, ActuatorState] = field(default_factory=dict)
+    joints: Mapping[str, JointReading] = field(default_factory=dict)
+    links: Mapping[str, Frame] = field(default_factory=dict)
     imus: Callable[[], Mapping[str, ImuReading]] | None = None
 
 
@@ -94,6 +100,7 @@ def make_record(result: StepResult, command: Command, *, step: int, begin: Begin
         actuators=command.actuators,
         loads=command.loads,
         bodies=command.bodies,
+        joints=command.joints,
         cut=result.cut_after is not None and not result.converged,
         **{name: getattr(result, name) for name in _OUTCOME},
     )
@@ -109,6 +116,8 @@ def observe(simulation: Simulation, demand: Demand) -> dict[str, object]:
         "fields": simulation.later_fields() if demand.fields else None,
         "poses": {name: simulation.handle_pose(name) for name in simulation.handle_names if demand.poses},
         "actuators": simulation.actuator_states() if demand.actuators else {},
+        "joints": simulation.joint_states(),
+        "links": simulation.link_frames() if demand.poses else {},
         "imus": simulation.later_imus() if imus else None,
     }
 

@@ -32,7 +32,7 @@ class StepRecord:
     """Input and outcome of one step.
 
     A replay starts from ``begin`` and calls ``Simulation.step`` with ``handles``, ``actuators``, ``loads``, ``bodies``,
-    ``dt`` and ``cut_after``, which ends a solve where its deadline ended it.
+    ``joints``, ``dt`` and ``cut_after``, which ends a solve where its deadline ended it.
 
     Attributes:
         step: number of the step since the node was configured; 0 is the state at activation.
@@ -45,6 +45,8 @@ class StepRecord:
         loads: factors of loads consumed by this step, by load.
         bodies: poses to which rigid bodies were teleported before this step, as for handles; left out of the text if
             there are none.
+        joints: commanded positions of joints of arms consumed by this step, by joint [rad] or [m]; left out of the text
+            if there are none.
         cut: whether a deadline ended the solve before it had converged.
         cut_after: how often the solve asked for the time before its deadline passed; None if it did not pass.
         converged: as in ``StepResult``, like all following attributes.
@@ -68,6 +70,7 @@ class StepRecord:
     actuators: Mapping[str, float] = field(default_factory=dict)
     loads: Mapping[str, float] = field(default_factory=dict)
     bodies: Mapping[str, Pose] = field(default_factory=dict)
+    joints: Mapping[str, float] = field(default_factory=dict)
     cut: bool = False
     cut_after: int | None = None
     converged: bool = True
@@ -86,7 +89,7 @@ class StepRecord:
         entries = {name: getattr(self, name) for name in self.__dataclass_fields__}
         for poses in ("handles", "bodies"):
             entries[poses] = {name: [*pose.translation, *pose.rotation] for name, pose in entries[poses].items()}
-        for seldom in ("bodies", "energies"):
+        for seldom in ("bodies", "joints", "energies"):
             if not entries[seldom]:
                 del entries[seldom]
         # JSON has no infinity: an unknown distance is null.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, Load
+from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material
@@ -20,9 +21,9 @@ from gdfe_ros.mesh.selection import Where
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.obstacle_schema import ObstacleModel
-from gdfe_ros.scene.program import Point, Program
+from gdfe_ros.scene.program import JointPoint, Point, Program
 from gdfe_ros.scene.report import NO_VALUE, Report, suggest
-from gdfe_ros.scene.schema import Draft, HandleModel, KeyframeModel, PointModel, ProgramModel
+from gdfe_ros.scene.schema import Draft, HandleModel, JointPointModel, KeyframeModel, PointModel, ProgramModel
 from gdfe_ros.scene.where_schema import WhereModel
 
 _TESTED = {
@@ -124,6 +125,7 @@ def build_program(
     actuators: Sequence[Actuator] = (),
     loads: Sequence[Load] = (),
     start: Mapping[str, float] | None = None,
+    arms: Sequence[Arm] | None = (),
 ) -> Program:
     """Return the program; everything that it moves must exist and be movable, at ascending times within the duration.
 
@@ -135,7 +137,9 @@ def build_program(
         actuators: those of the scene.
         loads: those of the scene.
         start: commands at time 0 of items whose first command comes later.
+        arms: those of the scene; None if one of them has defects.
     """
+    carriers = {arm.handle: arm.name for arm in arms or ()}
     for section, names in movers.items():
         known: Mapping[str, HandleModel | ObstacleModel] = getattr(draft, section)
         for name, frames in getattr(model, section).items():
@@ -144,19 +148,45 @@ def build_program(
                 report.add(path, f"there is no such {section[:-1]}{suggest(name, names)}", value=NO_VALUE)
             elif name in known:
                 _check_movable(known[name], section[:-1], frames, path, report)
+            if section == "handles" and name in carriers:
+                text = f"arm {carriers[name]!r} carries this handle; remedy: program.joints, positions of its joints"
+                report.add(path, text, value=NO_VALUE)
             if not frames:
                 report.add(path, "there is no keyframe; give e.g. [{time: 1.0, translation: [0, 0, 0.1]}]")
             _check_times(frames, model.duration, path, report)
     ranges = {actuator.name: (actuator.low, actuator.high) for actuator in actuators}
     driven = _tracks(model.actuators, "actuators", list(draft.actuators), ranges, model.duration, report)
     factors = _tracks(model.loads, "loads", list(draft.loads), {}, model.duration, report)
+    joints = _joint_tracks(model, arms, report)
     moved = {**model.handles, **model.obstacles}
     keyframes = {name: tuple(frame.build() for frame in frames) for name, frames in moved.items()}
-    own = {name: (start or {}).get(name, 0.0) for name in (*driven, *factors)}
-    return Program(model.duration, keyframes, driven, factors, own)
+    own = {name: (start or {}).get(name, 0.0) for name in (*driven, *factors, *joints)}
+    return Program(model.duration, keyframes, driven, factors, own, joints)
 
 
-def _check_times(frames: Sequence[KeyframeModel | PointModel], duration: float, path: KeyPath, report: Report) -> None:
+def _joint_tracks(model: ProgramModel, arms: Sequence[Arm] | None, report: Report) -> dict[str, tuple[JointPoint, ...]]:
+    """Return the positions of joints over time; they must exist and stay within their limits."""
+    limits = {joint.name: joint.limits for arm in arms or () for joint in arm.joints}
+    for name, points in model.joints.items():
+        path = ("program", "joints", name)
+        if arms is not None and name not in limits:
+            report.add(path, f"there is no such joint{suggest(name, limits)}", value=NO_VALUE)
+        if not points:
+            report.add(path, "there is no point; give e.g. [{time: 1.0, value: 0.5}]")
+        _check_times(points, model.duration, path, report)
+        for i, point in enumerate(points if name in limits else ()):
+            low, high, fast = limits[name].lower, limits[name].upper, limits[name].velocity
+            if not low <= point.value <= high:
+                report.add((*path, i, "value"), f"allowed by the joint's limits: {low:g} to {high:g}")
+            if abs(point.velocity) > fast:
+                report.add((*path, i, "velocity"), f"allowed by the joint's limit: {-fast:g} to {fast:g}")
+    tracks = model.joints.items()
+    return {name: tuple(JointPoint(each.time, each.value, each.velocity) for each in points) for name, points in tracks}
+
+
+def _check_times(
+    frames: Sequence[KeyframeModel | PointModel | JointPointModel], duration: float, path: KeyPath, report: Report
+) -> None:
     for i, frame in enumerate(frames):
         if frame.time > duration:
             report.add((*path, i, "time"), f"allowed are times up to the duration, {duration:g} s")

@@ -7,6 +7,7 @@ from pydantic import BaseModel
 
 from gdfe_ros.scene import (
     actuator_schema,
+    arm_schema,
     generator_schema,
     material_schema,
     mesh_schema,
@@ -53,6 +54,28 @@ program:
   actuators:
     tendon: [{time: 0.0, value: 0.0}, {time: 1.0, value: 5.0}]
 solver: {policy: energy, tolerance: 1.0e-4}
+"""
+
+ARMED = """\
+name: hand_on_an_arm
+mesh: {bar: {size: [0.06, 0.02, 0.02], cells: [6, 2, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1100}}
+regions: [{material: soft}]
+handles: {wrist: {where: {face: x-}}}
+loads: {weight: {gravity: [0, 0, -9.81]}}
+arm: {urdf: arm.urdf, flange: tool0, handle: wrist, at: [-0.5, 0, 0], start: {lift: 1.57}}
+program: {duration: 1.0, joints: {lift: [{time: 1.0, value: 1.2}]}}
+"""
+
+TWO_ARMED = """\
+name: two_arms
+mesh: {bar: {size: [0.06, 0.02, 0.02], cells: [6, 2, 2]}}
+materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1100}}
+regions: [{material: soft}]
+handles: {near: {where: {face: x-}}, far: {where: {face: x+}}}
+arms:
+  left: {urdf: arm.urdf, flange: tool0, handle: near, at: [-0.5, 0, 0]}
+  right: {urdf: arm.urdf, flange: right_tool0, handle: far, at: [0.56, 0, 0], rotation_deg: [0, 0, 180], prefix: right_}
 """
 
 SKINNED = """\
@@ -103,7 +126,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
     motion_schema.DampingModel: ("{mass: 0.5, viscosity: 100.0}",),
     motion_schema.BranchModel: ("{share: 0.2, time: 0.05}",),
     motion_schema.MassModel: ("{mass: 0.052, where: {face: x+}}", "{mass: 0.1, probe: tip}"),
-    schema.SceneModel: (SCENE, SKINNED, SEVERAL),
+    schema.SceneModel: (SCENE, ARMED, TWO_ARMED, SKINNED, SEVERAL),
     mesh_schema.MeshModel: KINDS,
     mesh_schema.PlacedMeshModel: (
         "{file: finger.msh, skin: {file: finger.stl}, at: [0, 0.05, 0], rotation_deg: [0, 0, 90]}",
@@ -212,7 +235,17 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{where: {face: z+}, traction: [0, 0, -1.0e3]}",
         "{where: {face: z+}, force: [0, 0, -1]}",
     ),
+    arm_schema.ArmModel: (
+        "{urdf: ur5e.urdf, flange: tool0, handle: wrist, at: [-0.4, 0, 0], rotation_deg: [0, 0, 90], start: "
+        "{elbow_joint: 1.57}, packages: {ur_description: /opt/ros/jazzy/share/ur_description}, limits: "
+        "{elbow_joint: {velocity: 1.0}}, acceleration: 10.0, links: [forearm_link], friction: 0.3}",
+        "{urdf: arm.urdf, flange: left_tool0, handle: left_wrist, prefix: left_}",
+        "{embedded: QUJD, flange: tool0, handle: wrist}   # as bags carry an arm",
+    ),
+    arm_schema.JointLimitsModel: ("{lower: -1.57, upper: 1.57, velocity: 2.0, acceleration: 10.0, effort: 50.0}",),
+    schema.JointPointModel: ("{time: 1.0, value: 0.5, velocity: 0.2}",),
     schema.ProgramModel: (
+        "{duration: 1.0, joints: {elbow_joint: [{time: 0.0, value: 1.57}, {time: 1.0, value: 1.2}]}}",
         "{duration: 1.0, handles: {tip: [{time: 0.0}, {time: 1.0, translation: [0, 0, 0.1]}]}, obstacles: {table: "
         "[{time: 1.0, translation: [0, 0, 0.02]}]}, actuators: {tendon: "
         "[{time: 1.0, value: 5.0}]}, loads: {weight: [{time: 0.0, value: 0.0}, {time: 0.5, value: 1.0}]}}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from pydantic import ValidationError
 from gdfe_ros.constraints import Handle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import actuation, builder, touchable
+from gdfe_ros.scene.arms import build_arms, joint_starts, require_arms
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
 from gdfe_ros.scene.meshes import Carried, build_mesh, require_body
 from gdfe_ros.scene.override import apply_override
@@ -73,8 +75,8 @@ def scene_from_text(text: str, *, origin: str = "<text>", overrides: Mapping[str
 
 
 _SECTIONS = (
-    "meshes", "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses", "probes",
-    "sensors",
+    "arms", "meshes", "materials", "regions", "handles", "obstacles", "bodies", "actuators", "loads", "masses",
+    "probes", "sensors",
 )  # fmt: skip
 
 
@@ -87,6 +89,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     for key, value in (overrides or {}).items():
         apply_override(document, key, value, report)
     require_body(document.data, report)
+    require_arms(document.data, report)
     draft = _validate(document, report, path.parent if path else None)
     mesh, carried = build_mesh(draft, _names(document, "meshes"), report)
     materials = builder.build_materials(draft, report)
@@ -96,6 +99,11 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         builder.require_held(mesh, handles, report)
     rigid = touchable.build_bodies(draft, mesh, report)
     handles = (*handles, *touchable.build_obstacles(draft, mesh, report), *rigid)
+    arms, robots = build_arms(draft, mesh, handles, report)
+    carried |= robots
+    carriers = {arm.handle: arm.name for arm in arms}
+    handles = tuple(replace(each, carrier=carriers[each.name]) if each.name in carriers else each for each in handles)
+    handles = (*handles, *(piece for arm in arms for piece in arm.links))
     actuators = actuation.build_actuators(draft, mesh, report)
     probes = actuation.build_probes(draft, mesh, report)
     attached = actuation.build_masses(draft, mesh, probes, _names(document, "probes"), report)
@@ -106,7 +114,9 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     program = None
     if draft.program is not None:
         start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
-        driven = {"actuators": actuators, "loads": loads, "start": start}
+        start |= joint_starts(arms)
+        complete = len(arms) == len(_names(document, "arms")) + ("arm" in document.data)
+        driven = {"actuators": actuators, "loads": loads, "start": start, "arms": arms if complete else None}
         movers = {section: _names(document, section) for section in ("handles", "obstacles")}
         program = builder.build_program(draft.program, draft, movers, report, **driven)
     solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
@@ -135,6 +145,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         masses=masses,
         self_contact=self_contact,
         dynamics=dynamics,
+        arms=arms,
     )
 
 
@@ -157,7 +168,7 @@ def _prune(data: dict[str, Any], broken: list[KeyPath]) -> dict[str, Any]:
 
 
 def _depth(path: KeyPath) -> int:
-    if path[0] == "program" and path[1:2] in (("handles",), ("obstacles",), ("actuators",), ("loads",)):
+    if path[0] == "program" and path[1:2] in (("handles",), ("obstacles",), ("actuators",), ("loads",), ("joints",)):
         return 3
     return 2 if path[0] in _SECTIONS else 1
 
@@ -194,6 +205,9 @@ def _source(
         within = data
         for key in path[:-1]:
             within = within[key]
+        if path[0] in ("arm", "arms"):  # the other keys of an arm stay
+            kept = {key: value for key, value in within[path[-1]].items() if key not in ("urdf", "packages")}
+            entry = kept | entry
         within[path[-1]] = entry
         changed = True
     for handle in handles:

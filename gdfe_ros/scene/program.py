@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gdfe_ros.arms.spline import spline
 from gdfe_ros.constraints import Pose
 
 
@@ -29,6 +30,15 @@ class Point:
 
 
 @dataclass(frozen=True)
+class JointPoint:
+    """The position of a joint [rad] or [m], and its velocity there [rad/s] or [m/s], at a time [s]."""
+
+    time: float
+    value: float
+    velocity: float = 0.0
+
+
+@dataclass(frozen=True)
 class Program:
     """Keyframes of handles, actuators and loads; between two of them everything changes linearly.
 
@@ -41,7 +51,8 @@ class Program:
         keyframes: by handle name, times ascending and within the duration.
         actuators: by actuator name, times as for handles.
         loads: by load name, times as for handles.
-        start: command at time 0 of actuators and loads whose first keyframe comes later.
+        start: command at time 0 of actuators, loads and joints whose first keyframe comes later.
+        joints: by joint of an arm, times as for handles; cubic between the points, not linear.
     """
 
     duration: float
@@ -49,12 +60,13 @@ class Program:
     actuators: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
     loads: Mapping[str, tuple[Point, ...]] = field(default_factory=dict)
     start: Mapping[str, float] = field(default_factory=dict)
+    joints: Mapping[str, tuple[JointPoint, ...]] = field(default_factory=dict)
 
     @property
     def times(self) -> tuple[float, ...]:
         """Times [s] at which a velocity may change: 0, every keyframe, the duration; ascending."""
         times = {0.0, self.duration}
-        for tracks in (self.keyframes, self.actuators, self.loads):
+        for tracks in (self.keyframes, self.actuators, self.loads, self.joints):
             times.update(frame.time for frames in tracks.values() for frame in frames)
         return tuple(sorted(times))
 
@@ -79,6 +91,11 @@ class Program:
         moment = min(max(time, 0.0), self.duration)
         return {name: _value_at(points, moment, self.start[name]) for name, points in self.loads.items()}
 
+    def joint_positions(self, time: float) -> dict[str, float]:
+        """Return the position of every joint of the program at a time [s], clamped to [0, duration]."""
+        moment = min(max(time, 0.0), self.duration)
+        return {name: _joint_at(points, moment, self.start[name]) for name, points in self.joints.items()}
+
 
 def _pose_at(frames: tuple[Keyframe, ...], time: float) -> Pose:
     if frames[0].time > 0.0:
@@ -98,3 +115,10 @@ def _value_at(points: tuple[Point, ...], time: float, before: float) -> float:
         return points[last].value
     start, end = points[last], points[last + 1]
     return start.value + (time - start.time) / (end.time - start.time) * (end.value - start.value)
+
+
+def _joint_at(points: tuple[JointPoint, ...], time: float, before: float) -> float:
+    if points[0].time > 0.0:
+        points = (JointPoint(0.0, before), *points)
+    values = np.array([[point.value] for point in points]), np.array([[point.velocity] for point in points])
+    return float(spline([point.time for point in points], *values, at=time)[0])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Actuator, AttachedMass, Embedding, Load
+from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
@@ -44,6 +45,7 @@ class Scene:
         masses: attached masses, in the order of the file.
         self_contact: faces of the mesh that may touch each other; None if they pass through each other.
         dynamics: inertia, damping and time steps; None for a scene whose every step is an equilibrium.
+        arms: that carry handles, in the order of the file; their links are among the handles.
     """
 
     name: str
@@ -63,3 +65,4 @@ class Scene:
     masses: tuple[AttachedMass, ...] = ()
     self_contact: SelfContact | None = None
     dynamics: Dynamics | None = None
+    arms: tuple[Arm, ...] = ()

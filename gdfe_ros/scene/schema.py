@@ -11,6 +11,7 @@ from pydantic import BaseModel, Field, StringConstraints, model_validator
 
 from gdfe_ros.constraints import Axis, Pose
 from gdfe_ros.scene.actuator_schema import ActuatorModel, LoadModel, Place
+from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.entry import Entry
 from gdfe_ros.scene.material_schema import MaterialModel
 from gdfe_ros.scene.mesh_schema import MeshModel, PlacedMeshModel
@@ -31,6 +32,8 @@ _TIME = Quantity("time", "s", least=0.0, most=1e6)
 _TRANSLATION = Quantity("translation [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _ROTATION = Quantity("rotation vector [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 _VALUE = Quantity("command in the actuator's unit, or factor of the load", least=-1e15, most=1e15)
+_POSITION = Quantity("position of the joint, in rad or m", least=-1e6, most=1e6)
+_VELOCITY = Quantity("velocity of the joint there, in rad/s or m/s", least=-1e6, most=1e6)
 _DURATION = Quantity("duration", "s", above=0.0, most=1e6)
 _TOLERANCE = Quantity(
     "tolerance: allowed distance to the equilibrium, as a share of the body's size", least=1e-12, most=1e-1
@@ -102,6 +105,14 @@ class PointModel(Entry):
     value: Annotated[float, _VALUE]
 
 
+class JointPointModel(Entry):
+    """The position of an arm's joint at a time; between two points it follows the cubic with the velocities of both."""
+
+    time: Annotated[float, _TIME]
+    value: Annotated[float, _POSITION]
+    velocity: Annotated[float, _VELOCITY] = 0.0
+
+
 class ProgramModel(Entry):
     """The program that `gdfe solve` plays."""
 
@@ -110,6 +121,9 @@ class ProgramModel(Entry):
     obstacles: dict[str, tuple[KeyframeModel, ...]] = Field({}, description="keyframes of each moving obstacle")
     actuators: dict[str, tuple[PointModel, ...]] = Field({}, description="commands {time, value} of each actuator")
     loads: dict[str, tuple[PointModel, ...]] = Field({}, description="factors {time, value} of each load")
+    joints: dict[str, tuple[JointPointModel, ...]] = Field(
+        {}, description="positions {time, value, velocity} of each joint of an arm"
+    )
 
 
 class SolverModel(Entry):
@@ -176,6 +190,10 @@ class SceneModel(Entry):
         description="rigid bodies that move freely, by name, e.g. "
         "part: {box: {size: [0.02, 0.02, 0.02]}, density: 800}",
     )
+    arm: ArmModel | None = Field(None, description="an arm whose joints move a handle; its name is `arm`")
+    arms: dict[Name, ArmModel] = Field(
+        {}, description="several arms by name, instead of `arm`, e.g. left: {urdf: arm.urdf, prefix: left_, ...}"
+    )
     actuators: dict[Name, ActuatorModel] = Field(
         {}, description="cables, chambers and growth, by name, e.g. tendon: {cable: {points: [...], command: tension}}"
     )
@@ -208,6 +226,8 @@ class Draft(BaseModel):
     handles: dict[str, HandleModel] = {}
     obstacles: dict[str, ObstacleModel] = {}
     bodies: dict[str, BodyModel] = {}
+    arm: ArmModel | None = None
+    arms: dict[str, ArmModel] = {}
     actuators: dict[str, ActuatorModel] = {}
     loads: dict[str, LoadModel] = {}
     masses: dict[str, MassModel] = {}

@@ -49,6 +49,8 @@ class HandleMotions:
             return base
         placed = base.copy()
         for handle in moved:
+            if not len(handle.vertices):  # an obstacle
+                continue
             pose = self._commanded(handle, poses[handle.name])
             placed[handle.vertices] = pose.apply(self._body.rest[handle.vertices], self._centres[handle.name])
         return placed

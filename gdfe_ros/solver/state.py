@@ -279,6 +279,7 @@ class Snapshot:
         time: simulation time [s].
         targets, commands: poses by handle; values by actuator and load, before rate limits.
         scene: text of its scene, policy and torsion.
+        joints: by arm, goals, positions, velocities and accelerations of its joints.
     """
 
     state: State
@@ -286,3 +287,4 @@ class Snapshot:
     targets: Mapping[str, Pose]
     commands: Mapping[str, float]
     scene: str = ""
+    joints: Mapping[str, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)

@@ -44,7 +44,7 @@ _CLASSES = {kind.__name__: kind for kind in _VALUES}
 
 _ADDED = {
     Tangent: {"ends", "ways", "softest", "positions"},
-    states.Snapshot: {"scene"},
+    states.Snapshot: {"scene", "joints"},
     states.State: {"soft"},
     states.Summary: {"stable"},
     Ledger: {"bound"},

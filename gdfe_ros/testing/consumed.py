@@ -47,7 +47,7 @@ class Consumed:
     def __init__(self, run: BagRun) -> None:
         known = {handle.name: handle for handle in run.scene.handles}
         handles = [known[name] for name in dict.fromkeys(name for record in run.records for name in record.handles)]
-        self._driven = {name for record in run.records for name in (*record.actuators, *record.loads)}
+        self._driven = {name for record in run.records for name in (*record.actuators, *record.loads, *record.joints)}
         self._actuators = {item.name: item for item in run.scene.actuators if item.name in self._driven}
         self.inputs = [*map(target_key, handles), *([ACTUATION] if self._driven else [])]
         bodies = dict.fromkeys(name for record in run.records for name in record.bodies)
@@ -65,7 +65,7 @@ class Consumed:
 
     def messages(self, record: StepRecord) -> dict[str, PoseStamped | JointState]:
         """Return a message for each of ``inputs``, after those that place bodies; empty if the step has no commands."""
-        values = {**record.actuators, **record.loads}
+        values = {**record.actuators, **record.loads, **record.joints}
         messages: dict[str, PoseStamped | JointState] = {}
         for name, pose in record.bodies.items():
             key, sent = self._bodies[name]

@@ -128,7 +128,7 @@ class NodeReplay:
                 if record.begin is Begin.LOADED:
                     link.trigger("load_state")
                 link.transition("activate")
-            self._consumed.start(self._simulation.targets, self._simulation.commands)
+            self._consumed.start(self._simulation.targets, self._simulation.commands | self._simulation.joint_goals)
         elif messages := self._consumed.messages(record):
             link.publish(messages)
         else:
@@ -161,7 +161,7 @@ def _require_a_node(run: BagRun, record: StepRecord) -> None:
     A node only publishes the initial state there.
     """
     begins = record is run.records[0] or record.begin is Begin.REST
-    if begins and (record.dt or record.handles or record.actuators or record.loads or record.bodies):
+    if begins and (record.dt or record.handles or record.actuators or record.loads or record.bodies or record.joints):
         raise RecordingError(
             f"step {record.step} of bag {run.reader.path} begins a run with a command or a time step, where a node "
             "only publishes the state; replay it without --ros"

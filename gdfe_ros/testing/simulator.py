@@ -23,6 +23,7 @@ from std_msgs.msg import Float64MultiArray, Header, String
 from std_srvs.srv import Trigger
 
 from gdfe_ros.actuators import Mode
+from gdfe_ros.arms.carriers import Carriers
 from gdfe_ros.command import Orders
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
@@ -34,6 +35,7 @@ from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.node.qos import interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason
 from gdfe_ros.recording.step_record import Begin
+from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.simulation import Command
@@ -80,7 +82,7 @@ class Simulator:
         self.scene = load_scene(scene, overrides=overrides)
         self._movable = {each.name: target_key(each) for each in self.scene.handles if is_commanded(each)}
         self._actuators = {actuator.name: actuator for actuator in self.scene.actuators}
-        self._orders = Orders(self.scene, self.scene.solver)
+        self._orders, self._carriers = Orders(self.scene, self.scene.solver), Carriers(self.scene.arms)
         self._patience = patience
         namespace = f"/gdfe_test_{os.getpid()}_{next(_numbers)}"
         self.name = f"{namespace}/{NODE_NAME}"
@@ -120,8 +122,9 @@ class Simulator:
             raise GdfeError("cannot step: `inputs` were given; use `spin`")
         # First the errors that a direct call would raise.
         poses, values = self._orders.targets(command, self._poses), self._orders.values(command, self._values)
+        values |= self._carriers.checked(command)
         self._orders.places(command)
-        given = {**command.actuators, **command.loads}
+        given = {**command.actuators, **command.loads, **command.joints}
         named = ((command.handles, self._movable), (given, self._values), (command.bodies, self._puts))
         if unknown := sorted(set().union(*(set(names) - set(known) for names, known in named))):
             raise GdfeError(f"cannot step: the node takes no commands for {', '.join(unknown)}")
@@ -226,6 +229,7 @@ class Simulator:
             for name, actuator in self._actuators.items()
         }
         self._values |= {load.name: LOAD_FACTOR for load in self.scene.loads}
+        self._values |= joint_starts(self.scene.arms)
 
     def _advertise(self) -> None:
         make = partial(self._node.create_publisher, qos_profile=1000)
@@ -236,7 +240,7 @@ class Simulator:
                     self._puts[handle.name] = make(PoseStamped, f"{self.name}/{put_key(handle)}")
             for name, key in self._movable.items():
                 self._targets[name] = make(PoseStamped, f"{self.name}/{key}")
-            if self.scene.actuators or self.scene.loads:
+            if self.scene.actuators or self.scene.loads or self.scene.arms:
                 self._actuation = make(JointState, f"{self.name}/{ACTUATION}")
 
     def _meet(self) -> None:

@@ -37,7 +37,7 @@ class State:
         poses: poses of handles and obstacles, relative to rest.
         wrenches: wrenches (6,) of handles and obstacles on the body, force [N] then moment [N m].
         probes: poses of the material points.
-        joints: position, velocity and effort of each actuator, as in ``~/joint_states``.
+        joints: position, velocity and effort of each actuator and joint, as in ``~/joint_states``.
         contacts: (k,) contact points, as `gdfe_ros.contacts.POINT`; empty without obstacles and rigid bodies.
         sensors: wrenches (6,) measured by contact sensors, force [N] then moment [N m].
         velocities: (n, 3) float32 of the vertices [m/s]; None if the scene has no dynamics.

@@ -21,7 +21,7 @@ def step_row(step: BagStep, known: Columns) -> Row:
     """Return the row of a step: time and outcome, consumed commands, and every published number that is no array.
 
     Columns: ``step, time, dt`` [s], ``wall_time`` [s], outcomes, ``target.<handle>.x`` to ``rz`` [m, rad],
-    ``set.<body>.x`` to ``rz``, ``command.<actuator>``, then ``<topic>.<field>``, and
+    ``set.<body>.x`` to ``rz``, ``command.<actuator or joint>``, then ``<topic>.<field>``, and
     ``joint_states.<actuator>.<field>``.
     """
     record = step.record
@@ -32,7 +32,7 @@ def step_row(step: BagStep, known: Columns) -> Row:
         for name, pose in poses.items():
             six = (*pose.translation, *pose.rotation)
             row |= {f"{verb}.{name}.{part}": value for part, value in zip(_TARGET, six, strict=True)}
-    row |= {f"command.{name}": value for name, value in (record.actuators | record.loads).items()}
+    row |= {f"command.{name}": value for name, value in {**record.actuators, **record.loads, **record.joints}.items()}
     for topic, fields in step.samples.items():
         if topic != RECORD:
             for name, values in fields.items():

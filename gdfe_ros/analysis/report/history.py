@@ -76,7 +76,7 @@ class History:
         for name, pose in step.record.handles.items():
             series = self.targets.setdefault(name, [REST] * count)
             series.append((*pose.translation, *pose.rotation))
-        for group in ("actuators", "loads"):
+        for group in ("actuators", "loads", "joints"):
             for name, value in getattr(step.record, group, {}).items():
                 self.commands.setdefault(name, [np.nan] * count).append(float(value))
         for series in (*self.targets.values(), *self.commands.values()):

@@ -34,6 +34,7 @@ from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.qos import qos_profile
 from gdfe_ros.node.remodelling import moduli_of, source_with
 from gdfe_ros.recording.step_record import Begin, StepRecord
+from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
@@ -261,7 +262,8 @@ class NodeSession:
             self._warn(f"the program ends here: {error}")
         if record.begin is Begin.REST:
             self._commanded, self._led = {load.name: LOAD_FACTOR for load in self._scene.loads}, {}
-        self._commanded = {**self._commanded, **record.actuators, **record.loads}
+            self._commanded |= joint_starts(self._scene.arms)
+        self._commanded = {**self._commanded, **record.actuators, **record.loads, **record.joints}
         self._led = {**self._led, **record.handles}
 
     def _take(self, state: State) -> None:

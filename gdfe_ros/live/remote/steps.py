@@ -115,6 +115,7 @@ class Steps:
 
 def view_of(state: State, scene: Scene) -> View:
     """Return the view of a received step."""
+    joints = [joint.name for arm in scene.arms for joint in arm.joints]
     columns = dict(zip(STRAIN_FIELDS, state.strain.T, strict=True))
     return View(
         record=state.record,
@@ -125,6 +126,7 @@ def view_of(state: State, scene: Scene) -> View:
         wrenches=state.wrenches,
         contacts=lambda: state.contacts,
         actuators={each.name: _readings(each, *state.joints[each.name]) for each in scene.actuators},
+        joints={name: state.joints[name][0] for name in joints},
     )
 
 

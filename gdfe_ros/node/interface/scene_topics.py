@@ -12,7 +12,7 @@ from gdfe_ros.scene.scene import Scene
 
 def is_commanded(handle: Handle) -> bool:
     """Return whether a handle or obstacle accepts commands."""
-    return not handle.fixed and topics.MOVED[handle.section].target is not None
+    return not (handle.fixed or handle.carrier) and topics.MOVED[handle.section].target is not None
 
 
 def target_key(handle: Handle) -> str:
@@ -43,6 +43,6 @@ def state_topics(scene: Scene) -> dict[str, TopicSpec]:
     if scene.dynamics is not None:
         found[topics.VERTEX_VELOCITY.key()] = topics.VERTEX_VELOCITY
         found |= {topics.IMU.key(probe=name): topics.IMU for name in scene.probes}
-    if scene.actuators:
+    if scene.actuators or scene.arms:
         found[topics.JOINT_STATES.key()] = topics.JOINT_STATES
     return found

@@ -50,7 +50,7 @@ ACTUATION = TopicSpec(
     type="sensor_msgs/msg/JointState",
     meaning="commands of actuators and loads by name. Actuators: `effort` is a tension [N] or pressure [Pa], "
     "`position` a length or shortening [m], a volume [m^3] or a growth [1]. Loads: `position` is the factor [1] on "
-    "the load",
+    "the load. Joints of arms: `position` [rad], [m]",
     delivery=Delivery.COMMAND,
 )
 ACTUATOR_COMMANDS = TopicSpec(
@@ -63,9 +63,18 @@ ACTUATOR_COMMANDS = TopicSpec(
 TRAJECTORY = TopicSpec(
     name="~/trajectory",
     type="trajectory_msgs/msg/JointTrajectory",
-    meaning="commands of actuators over simulation time: `positions` in the unit of each actuator's mode, interpolated "
-    "linearly. A stamp of 0 starts the trajectory at once; any other stamp is a time on the node's clock, at most 60 s "
-    "ahead. A trajectory without points ends the running ones",
+    meaning="commands of actuators and of joints of arms over simulation time: `positions` in the unit of each "
+    "actuator's mode, or in rad or m. They are interpolated as by joint_trajectory_controller: linear; cubic with "
+    "`velocities` at all points; quintic with `accelerations`, too. A stamp of 0 starts the trajectory at once; any "
+    "other stamp is a time on the node's clock, at most 60 s ahead. A trajectory without points ends the running ones",
+    delivery=Delivery.COMMAND,
+)
+JOINT_COMMAND = TopicSpec(
+    name="~/joint_command",
+    type="sensor_msgs/msg/JointState",
+    meaning="commanded `position` of joints of arms by name [rad], [m]; joints that are not named stay at their "
+    "commands. They are approached within the limits of velocity and acceleration; a position beyond its limits is "
+    "refused. Actuators and loads are taken as on ~/actuation. Only in scenes with `arm` or `arms`",
     delivery=Delivery.COMMAND,
 )
 FOLLOWED = TopicSpec(
@@ -75,7 +84,17 @@ FOLLOWED = TopicSpec(
     "frame; an empty `frame_id` is the node's frame",
     delivery=Delivery.FOLLOWED,
 )
-COMMANDS = (TARGET, VELOCITY, OBSTACLE_TARGET, OBSTACLE_VELOCITY, BODY_SET, ACTUATION, ACTUATOR_COMMANDS, TRAJECTORY)
+COMMANDS = (
+    TARGET,
+    VELOCITY,
+    OBSTACLE_TARGET,
+    OBSTACLE_VELOCITY,
+    BODY_SET,
+    ACTUATION,
+    ACTUATOR_COMMANDS,
+    TRAJECTORY,
+    JOINT_COMMAND,
+)
 
 CLOCK = TopicSpec(
     name="/clock",
@@ -146,6 +165,18 @@ BODY_WRENCH = TopicSpec(
     meaning="force [N] and moment [N m] that the rigid body exerts on the elastic one, about the rigid body's present "
     "centre; `frame_id` is `<body>_centre`, which moves with it and keeps the axes of the node's frame",
 )
+LINK_POSE = TopicSpec(
+    name="~/links/{link}/pose",
+    type="geometry_msgs/msg/PoseStamped",
+    meaning="present pose of a piece of an arm's link relative to its rest pose [m], as for obstacles; pieces are "
+    "`<link>_piece`, `<link>_piece_2`",
+)
+LINK_WRENCH = TopicSpec(
+    name="~/links/{link}/wrench",
+    type="geometry_msgs/msg/WrenchStamped",
+    meaning="force [N] and moment [N m] that a piece of an arm's link exerts on the body, about the present origin of "
+    "its shape, in the axes of the node's frame",
+)
 CONTACTS = TopicSpec(
     name="~/contacts",
     type="sensor_msgs/msg/PointCloud2",
@@ -187,7 +218,16 @@ JOINT_STATES = TopicSpec(
     name="~/joint_states",
     type="sensor_msgs/msg/JointState",
     meaning="of each actuator: `position` is the length or shortening [m], volume [m^3] or growth [1], by the kind "
-    "of its command; `velocity` is the rate of `position`; `effort` is the tension [N] or pressure [Pa]",
+    "of its command; `velocity` is the rate of `position`; `effort` is the tension [N] or pressure [Pa]. Then of each "
+    "joint of the arms: position [rad], [m], velocity, and the effort of its motor [N m], [N], which holds and moves "
+    "the links and the soft body",
+)
+ROBOT_DESCRIPTION = TopicSpec(
+    name="~/arms/{arm}/robot_description",
+    type="std_msgs/msg/String",
+    meaning="URDF of the arm, with its prefix, as robot_state_publisher publishes it",
+    delivery=Delivery.LATCHED,
+    recorded=False,
 )
 JACOBIAN = TopicSpec(
     name="~/jacobian",
@@ -222,7 +262,8 @@ TF = TopicSpec(
     type="tf2_msgs/msg/TFMessage",
     meaning="if `publish_tf` is true, these frames in the node's frame: `<handle>`, which moves and turns with the "
     "handle; `<handle>_centre`, which moves with it and keeps the axes of the node's frame; the same two for obstacles "
-    "and rigid bodies; `<probe>_probe`; `<sensor>_sensor`; in scenes with `dynamics` also `<probe>_imu`. Not recorded",
+    "and rigid bodies; `<probe>_probe`; `<sensor>_sensor`; in scenes with `dynamics` also `<probe>_imu`; every link of "
+    "an arm by its name. Not recorded",
     recorded=False,
     delivery=Delivery.TRANSFORMS,
 )
@@ -265,8 +306,10 @@ REFUSED = TopicSpec(
 )
 OUTPUTS = (
     MESH, STRAIN, VERTEX_VELOCITY, HANDLE_POSE, HANDLE_WRENCH, HANDLE_SENSOR, OBSTACLE_POSE, OBSTACLE_WRENCH,
-    BODY_POSE, BODY_WRENCH, CONTACTS, CONTACT_NAMES, SENSOR_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN, STEP_RECORD,
-    MARKERS, CONTACT_MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, DIAGNOSTICS, REFUSED,
+    BODY_POSE, BODY_WRENCH, LINK_POSE, LINK_WRENCH, CONTACTS, CONTACT_NAMES,
+    SENSOR_WRENCH, PROBE, IMU, JOINT_STATES, JACOBIAN,
+    STEP_RECORD,
+    MARKERS, CONTACT_MARKERS, TF, TF_STATIC, TOPOLOGY, SCENE, ROBOT_DESCRIPTION, DIAGNOSTICS, REFUSED,
     CLOCK,
 )  # fmt: skip
 
@@ -294,5 +337,6 @@ MOVED = {
     "handles": Moved(HANDLE_POSE, HANDLE_WRENCH, TARGET, VELOCITY),
     "obstacles": Moved(OBSTACLE_POSE, OBSTACLE_WRENCH, OBSTACLE_TARGET, OBSTACLE_VELOCITY),
     "bodies": Moved(BODY_POSE, BODY_WRENCH, put=BODY_SET),
+    "links": Moved(LINK_POSE, LINK_WRENCH),
 }
 """Topics by the section of the scene."""

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Pose
+from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
@@ -67,7 +69,7 @@ class Contact(ContactTerm):
         self._usual, self._penalty = np.zeros(count), np.zeros(count)
         self._distances, self._normals = np.zeros(count), np.zeros((count, 3))
         self._chosen, self._faces = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-        self._clear, self._led = -np.inf, np.zeros((0, 3))
+        self._clear, self._lag, self._led = -np.inf, 0.0, np.zeros((0, 3))
         self._pose = self._seen_at = Pose()
         self._last: State | None = None
         self._seen: NDArray[np.float64] | None = None
@@ -142,7 +144,8 @@ class Contact(ContactTerm):
         """Start from the multipliers of the last step, rotated with the obstacle."""
         free = saved["press"] is self._free["press"] or not saved["press"].any()
         self._saved, self._settling, self._damping = saved, Settling(positions, held=True), Damping()
-        if free and self._pose == self._seen_at and self._moved(positions) < self._clear:
+        self._lag = self._shifted(positions)
+        if free and self._lag + self._moved(positions) < self._clear:
             self._take_none()
         else:
             self._choose(saved, positions)
@@ -161,7 +164,7 @@ class Contact(ContactTerm):
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
         """Choose the points again if the body has moved far enough; return whether points were added."""
-        if self._moved(positions) < max(self._clear, 0.5 * REACH * self._body.size):
+        if self._moved(positions) < max(self._clear - self._lag, 0.5 * REACH * self._body.size):
             return False
         before, rows = len(self._chosen), self._rows()
         self._choose({**self._saved, **self._spread(rows[:, PRESS], rows[:, SHEAR : SHEAR + 3])}, positions)
@@ -324,6 +327,23 @@ class Contact(ContactTerm):
         longest = largest_distance(positions, self._seen)
         return longest * max(TURNED if isinstance(self._touched, RigidBody) else 1.0, self._points.reach)
 
+    def _shifted(self, positions: NDArray[np.float64]) -> float:
+        """Return an upper bound of the displacement [m] of any point by the obstacle's own motion, in its frame.
+
+        Other obstacles than links of an arm are compared anew whenever they move. An arm has many links, most of them
+        far away.
+        """
+        if self._pose == self._seen_at:
+            return 0.0
+        if not isinstance(self._touched, ArmLink):
+            return np.inf
+        seen, now = self._seen_at, self._pose
+        # The angle between two rotations is at most the distance of their rotation vectors.
+        angle, shift = math.dist(seen.rotation, now.rotation), math.dist(seen.translation, now.translation)
+        middle = np.add(self._touched.origin, seen.translation)
+        farthest = math.sqrt(3.0) * float(np.abs(positions - middle).max(initial=0.0)) * max(1.0, self._points.reach)
+        return shift + angle * farthest
+
     def _take_none(self) -> None:
         self._chosen = self._faces = np.zeros(0, dtype=np.int64)
         self.integers[gap.COUNT], self.resolution = 0, np.inf
@@ -336,7 +356,7 @@ class Contact(ContactTerm):
         points, integers, places = self._points, self.integers, self._points.at(positions)
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
         gap.distances(places, self.reals, integers[gap.KIND], self._distances, self._normals)
-        self._seen, self._seen_at = positions.copy(), self._pose
+        self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
         starts = self._starts(places)
         planes = self._entered(starts, places)

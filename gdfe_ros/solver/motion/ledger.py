@@ -57,7 +57,9 @@ class Accounts:
         throughout; it is added to the bound. If growth changes, whose work is not accounted for, the bound restarts.
         """
         ledger, first, last = before.ledger, before.summary.reactions, now.summary.reactions
-        moves = [(first[name], last[name], _motion(before, now, name)) for name in now.poses]
+        # Most links of an arm touch nothing; without a force there is no work.
+        acting = [name for name in now.poses if first[name].any() or last[name].any()]
+        moves = [(first[name], last[name], _motion(before, now, name)) for name in acting]
         slopes = ([balance.slopes.get(name, 0.0) for name in now.commands] for balance in (before.balance, now.balance))
         commands = list(zip(*slopes, before.change_to(now.commands), strict=True))
         work = sum(_work(*move) for move in moves) + sum(_work(*command) for command in commands)

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene `arm_grasp`: time by phase, drift of the held box, efforts and the energy balance of the arm.
+
+``python -m benchmarks.arm_grasp`` prints the tables.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.markdown import markdown_table
+from gdfe_ros.arms.arm import Arm
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.scene import load_scene
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.result import StepResult
+
+Vector = NDArray[np.float64]
+PHASES = {
+    "closes": (0.0, 1.2),
+    "lifts": (1.2, 2.2),
+    "carries aside": (2.2, 3.7),
+    "holds": (3.7, 12.0),
+    "puts down": (12.0, 13.2),
+    "opens": (13.2, 14.5),
+    "leaves": (14.5, 15.6),
+}
+"""When [s]."""
+QUIET = (9.0, 12.0)
+"""Part of the hold [s] over which the drift is measured, after all vibrations."""
+GRAVITY = np.array([0.0, 0.0, -9.81])
+
+
+def measure(overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Play the program of the scene.
+
+    Returns:
+        ``rows`` by phase: duration [s], mean iterations, processor time over simulated time; ``factor`` of the whole;
+        ``converged``; ``drift`` of the box in the hold [m/s]; ``effort error`` at rest, over the largest effort;
+        ``balance``: the work of the motors that is not found as energy of the links or work on the hand, over it.
+    """
+    simulation = Simulation(load_scene("arm_grasp", overrides=overrides))
+    simulation.warm_up()
+    account, rows, converged, places, error = Account(simulation), [], True, {}, 0.0
+    plays = simulation.play(round(simulation.scene.program.duration / simulation.scene.dynamics.step))
+    for phase, (_, last) in PHASES.items():
+        iterations, times = [], []
+        while simulation.time < last - 1e-6:
+            began = time.process_time()
+            result = next(plays)
+            times.append(time.process_time() - began)
+            iterations.append(result.iterations)
+            converged &= result.converged
+            account.add(result)
+            places[round(result.time, 6)] = _place(simulation)
+        if phase == "holds":
+            error = effort_error(simulation, result)
+        lasts = last - PHASES[phase][0]
+        rows.append([phase, lasts, float(np.mean(iterations)), sum(times) / lasts])
+    first, last = QUIET
+    drift = float(np.linalg.norm(places[last] - places[first])) / (last - first)
+    factor = sum(row[1] * row[3] for row in rows) / simulation.time
+    found = {"rows": rows, "factor": factor, "converged": converged, "drift": drift, "effort error": error}
+    return {**found, "balance": account.error, "work": account.motors}
+
+
+def effort_error(simulation: Simulation, result: StepResult) -> float:
+    """Return the largest difference of the efforts at rest from those of the same weights, over the largest effort.
+
+    The weights are points: each link at its centre of mass, and the hand and the box at theirs. A weight m g at p takes
+    the effort -m g . dp/dq; dp/dq is a central difference of the places of the links, so that neither Newton-Euler nor
+    the wrench of the hand enters.
+    """
+    arm = simulation.scene.arms[0]
+    states = simulation.joint_states()
+    q = np.array([states[joint.name].position for joint in arm.joints])
+    carried, mass = _carried_mass(simulation, result)
+    flange = arm.dynamics.frames(q)[arm.flange]
+    local = flange.axes.T @ (carried - flange.origin)
+
+    def lift(at: Vector) -> float:
+        """Return minus the potential energy of all weights [J]."""
+        frame = arm.dynamics.frames(at)[arm.flange]
+        held = mass * GRAVITY @ (frame.origin + frame.axes @ local)
+        return float(held - arm.dynamics.potential_energy(at, GRAVITY))
+
+    step, expected = 1e-5, np.empty(len(q))
+    for i in range(len(q)):
+        ahead, behind = q.copy(), q.copy()
+        ahead[i], behind[i] = q[i] + step, q[i] - step
+        expected[i] = -(lift(ahead) - lift(behind)) / (2.0 * step)
+    found = np.array([states[joint.name].effort for joint in arm.joints])
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def _carried_mass(simulation: Simulation, result: StepResult) -> tuple[Vector, float]:
+    """Return the centre (3,) [m] and the mass [kg] of the hand and of the rigid bodies that it holds."""
+    scene = simulation.scene
+    masses = np.zeros(scene.mesh.n_vertices)
+    densities = np.array([material.density for material in scene.materials.values()])[scene.cell_material]
+    volumes = simulation._stepper.body.shape.volume
+    np.add.at(masses, scene.mesh.cells, (densities * volumes / 8.0)[:, None])
+    moment, total = masses @ result.positions, float(masses.sum())
+    for each in scene.handles:
+        if isinstance(each, RigidBody):
+            place = np.add(each.origin, simulation.handle_pose(each.name).translation)
+            moment, total = moment + each.mass * place, total + each.mass
+    return moment / total, total
+
+
+def _place(simulation: Simulation) -> Vector:
+    return np.array(simulation.handle_pose("part").translation)
+
+
+@dataclass
+class Account:
+    """Work of the motors, energy of the links, and work of the links on the hand.
+
+    Attributes:
+        simulation: that is stepped.
+        motors: sum of the works of all motors so far, each taken positive [J].
+        net: work of all motors [J].
+        hand: work of the handle on the hand [J].
+    """
+
+    simulation: Simulation
+    motors: float = 0.0
+    net: float = 0.0
+    hand: float = 0.0
+    _last: tuple[Vector, Vector, Vector, Vector] | None = field(default=None)
+    _start: float = 0.0
+    _now: float = 0.0
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.simulation.scene.arms[0]
+
+    @property
+    def error(self) -> float:
+        """Work that is not accounted for, over the work of the motors."""
+        return abs(self.net - self.hand - (self._now - self._start)) / self.motors
+
+    def add(self, result: StepResult) -> None:
+        """Add a step, by the trapezoidal rule."""
+        states = list(self.simulation.joint_states().values())
+        q, v, efforts = (
+            np.array([getattr(state, name) for state in states]) for name in ("position", "velocity", "effort")
+        )
+        centre = self.arm.centre + self.simulation.targets[self.arm.handle].translation
+        wrench = result.reactions[self.arm.handle]
+        energy = self.arm.dynamics.kinetic_energy(q, v) + self.arm.dynamics.potential_energy(q, GRAVITY)
+        turn = np.array(self.simulation.targets[self.arm.handle].rotation)
+        pose = np.concatenate([centre, turn])
+        if self._last is None:
+            self._start = energy
+        else:
+            q0, efforts0, wrench0, pose0 = self._last
+            works = 0.5 * (efforts + efforts0) * (q - q0)
+            self.motors += float(np.abs(works).sum())
+            self.net += float(works.sum())
+            self.hand += float(0.5 * (wrench + wrench0) @ (pose - pose0))
+        self._last, self._now = (q, efforts, wrench, pose), energy
+
+
+def probe() -> dict[str, float]:
+    """Return the figures of the tables that do not depend on the machine's speed."""
+    found = measure()
+    return {"drift [m/s]": found["drift"], "effort error": found["effort error"], "balance": found["balance"]}
+
+
+def table() -> str:
+    """Return the tables; the drift is that of a hold whose every step is solved, while other steps at rest are not."""
+    found, solved = measure(), measure({"solver.skip": []})
+    found |= {name: solved[name] for name in ("drift", "effort error", "balance", "work")}
+    found["converged"] &= solved["converged"]
+    heads = ("phase", "duration [s]", "iterations per step", "processor time / simulated time")
+    rows = [[name, f"{lasts:.1f}", f"{mean:.1f}", f"{share:.2f}"] for name, lasts, mean, share in found["rows"]]
+    rows.append(["all", f"{sum(row[1] for row in found['rows']):.1f}", "", f"{found['factor']:.2f}"])
+    values = [
+        ["every step converged", "yes" if found["converged"] else "no"],
+        ["drift of the held box [um/s]", f"{1e6 * found['drift']:.2g}"],
+        ["largest error of an effort at rest, over the largest effort [%]", f"{100 * found['effort error']:.2g}"],
+        ["work of the motors, each taken positive [J]", f"{found['work']:.3f}"],
+        ["work that is not found in the links or on the hand [%]", f"{100 * found['balance']:.3f}"],
+    ]
+    return f"{markdown_table(heads, rows)}\n\n{markdown_table(('quantity', 'value'), values)}"
+
+
+if __name__ == "__main__":
+    print(table())

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All arms of a scene in a simulation: commands of their joints, motion, and efforts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.arms.arm import Arm
+from gdfe_ros.arms.dynamics import Frame, Push
+from gdfe_ros.arms.limits import JointMotion
+from gdfe_ros.command import Command
+from gdfe_ros.constraints.pose import Pose
+from gdfe_ros.errors import CommandError
+from gdfe_ros.real_number import is_finite, is_number
+from gdfe_ros.solver.contact.touch import Touch
+from gdfe_ros.spelling import did_you_mean
+
+Vector = NDArray[np.float64]
+Motions = dict[str, JointMotion]
+"""Motion of the joints of each arm, by its name."""
+
+
+class JointReading(NamedTuple):
+    """State of a joint after a step.
+
+    Attributes:
+        goal: commanded position [rad] or [m].
+        position: [rad] or [m].
+        velocity: [rad/s] or [m/s].
+        effort: of its motor [N m] or [N].
+        told: limits that cut the motion or that the effort exceeds; empty if there are none.
+    """
+
+    goal: float
+    position: float
+    velocity: float
+    effort: float
+    told: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """Outcome of a step of all arms.
+
+    Attributes:
+        motions: of the joints.
+        poses: of handles and links.
+        cuts: by joint, the limit that cut its motion.
+    """
+
+    motions: Motions
+    poses: dict[str, Pose]
+    cuts: dict[str, str]
+
+
+class Carriers:
+    """The arms of a scene.
+
+    Args:
+        arms: of the scene.
+    """
+
+    def __init__(self, arms: Sequence[Arm]) -> None:
+        self._arms = tuple(arms)
+        self._places = {joint.name: (arm, i) for arm in arms for i, joint in enumerate(arm.joints)}
+
+    def __bool__(self) -> bool:
+        return bool(self._arms)
+
+    def at_rest(self) -> Motions:
+        """Return the joints at rest."""
+        return {arm.name: JointMotion.at(arm.start) for arm in self._arms}
+
+    @staticmethod
+    def restored(motions: Mapping[str, Sequence[Vector]]) -> Motions:
+        """Return the joints of a snapshot."""
+        return {name: JointMotion(*parts) for name, parts in motions.items()}
+
+    def checked(self, command: Command | None) -> dict[str, float]:
+        """Return the positions of joints in a command [rad] or [m].
+
+        Raises:
+            CommandError: no such joint, or a position that is no number, not finite or beyond its limits.
+        """
+        found = {}
+        for name, value in (command.joints if command else {}).items():
+            if name not in self._places:
+                joints = ", ".join(self._places) or "none"
+                raise CommandError(f"no joint {name!r}; {did_you_mean(name, self._places)}joints: {joints}")
+            arm, i = self._places[name]
+            unit, low, high = arm.joints[i].unit, arm.limits.lower[i], arm.limits.upper[i]
+            if not is_number(value) or not is_finite(value):
+                raise CommandError(
+                    f"joint {name!r}: position {value!r}; allowed: finite numbers, {low:g} to {high:g} {unit}"
+                )
+            if not low <= value <= high:
+                remedy = "remedy: a position within them, or `limits` of the arm in the scene"
+                raise CommandError(f"joint {name!r}: position {value!r}; allowed: {low:g} to {high:g} {unit}; {remedy}")
+            found[name] = float(value)
+        return found
+
+    def parts(self, motions: Motions, part: str) -> dict[str, float]:
+        """Return a ``part`` of the motions, e.g. ``positions``, by joint."""
+        return {name: float(getattr(motions[arm.name], part)[i]) for name, (arm, i) in self._places.items()}
+
+    def frames(self, motions: Motions) -> dict[str, Frame]:
+        """Return the frames of all links in the world, by name."""
+        found: dict[str, Frame] = {}
+        for arm in self._arms:
+            found |= arm.dynamics.frames(motions[arm.name].positions)
+        return found
+
+    def advance(self, motions: Motions, goals: Mapping[str, float], dt: float, last: Mapping[str, Pose]) -> Moved:
+        """Return all arms after a step.
+
+        Args:
+            motions: before the step.
+            goals: new commanded positions by joint; others stay.
+            dt: duration [s].
+            last: poses of handles and links before.
+        """
+        found, poses, cuts = {}, {}, {}
+        for arm in self._arms:
+            before = motions[arm.name]
+            if before.arrived and all(goals.get(joint.name, at) == at for joint, at in arm.placed(before.positions)):
+                found[arm.name] = before
+                poses |= arm.known_poses(before.positions, last)
+                continue
+            wanted = before.goals.copy()
+            for i, joint in enumerate(arm.joints):
+                wanted[i] = goals.get(joint.name, wanted[i])
+            found[arm.name], cut = arm.limits.advance(before, wanted, dt)
+            poses |= arm.poses(found[arm.name].positions, last)
+            for i, joint in enumerate(arm.joints):
+                kinds = [kind for kind, held in zip(cut._fields, cut, strict=True) if held[i]]
+                if kinds:
+                    cuts[joint.name] = " and ".join(kinds)
+        return Moved(found, poses, cuts)
+
+    @staticmethod
+    def part_way(before: Motions, after: Motions, fraction: float) -> Motions:
+        """Return the joints at a ``fraction`` of a step that a deadline ended."""
+        return {
+            name: now._replace(positions=before[name].positions + fraction * (now.positions - before[name].positions))
+            for name, now in after.items()
+        }
+
+    @staticmethod
+    def arrived(motions: Motions) -> bool:
+        """Return whether no joint moves without a new command."""
+        return all(motion.arrived for motion in motions.values())
+
+    def readings(
+        self,
+        motions: Motions,
+        poses: Mapping[str, Pose],
+        reactions: Mapping[str, Vector],
+        contacts: Mapping[str, Touch],
+        gravity: Vector,
+        cuts: Mapping[str, str],
+    ) -> dict[str, JointReading]:
+        """Return the state of each joint.
+
+        Args:
+            motions: of the joints.
+            poses: of handles and links.
+            reactions: wrenches (6,) that handles and links exert on the soft body.
+            contacts: points in contact, by name; those of rigid bodies on links count here.
+            gravity: (3,) [m/s^2].
+            cuts: by joint, the limit that cut its motion in the last step.
+        """
+        found = {}
+        for arm in self._arms:
+            motion = motions[arm.name]
+            pushes = _pushes(arm, poses, reactions, contacts)
+            efforts = arm.dynamics.efforts(*motion[1:], gravity=gravity, pushes=pushes)
+            for i, joint in enumerate(arm.joints):
+                told = [f"{cuts[joint.name]} cut to its limit"] if joint.name in cuts else []
+                if abs(efforts[i]) > arm.limits.effort[i]:
+                    told.append(f"effort {efforts[i]:.4g} above its limit {arm.limits.effort[i]:g}")
+                numbers = (motion.goals[i], motion.positions[i], motion.velocities[i], efforts[i])
+                found[joint.name] = JointReading(*map(float, numbers), told=", ".join(told))
+        return found
+
+
+def _pushes(
+    arm: Arm, poses: Mapping[str, Pose], reactions: Mapping[str, Vector], contacts: Mapping[str, Touch]
+) -> dict[str, Push]:
+    """Return the wrenches of the soft body and of rigid bodies on an arm's links, about the world's origin."""
+    total: dict[str, Vector] = {}
+
+    def add(link: str, force: Vector, moment: Vector, point: Vector) -> None:
+        wrench = np.concatenate([force, moment + np.cross(point, force)])
+        total[link] = total.get(link, np.zeros(6)) + wrench
+
+    held = reactions.get(arm.handle)
+    if held is not None:
+        add(arm.flange, -held[:3], -held[3:], arm.centre + poses[arm.handle].translation)
+    for piece in arm.links:
+        if piece.name in reactions:
+            wrench, origin = reactions[piece.name], np.add(piece.origin, poses[piece.name].translation)
+            add(piece.link, -wrench[:3], -wrench[3:], origin)
+        for name, touch in contacts.items():
+            if name.endswith(f" on {piece.name}") and len(touch.forces):
+                force = -touch.forces.sum(axis=0)
+                add(piece.link, force, -np.cross(touch.places, touch.forces).sum(axis=0), np.zeros(3))
+    return {link: Push(wrench[:3], wrench[3:], np.zeros(3)) for link, wrench in total.items()}

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kinematics and dynamics of an arm, by pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.arms.description import Description, Motion
+from gdfe_ros.errors import ArmError
+
+Vector = NDArray[np.float64]
+FARTHEST = 1e9
+"""Limit [rad] of a continuous joint, for pinocchio, which is to have one number for each joint."""
+
+
+class Frame(NamedTuple):
+    """Origin (3,) [m] and rotation (3, 3) of a frame in the world."""
+
+    origin: Vector
+    axes: Vector
+
+
+class Push(NamedTuple):
+    """A force (3,) [N] and a moment (3,) [N m] about a point (3,) [m], in the world's axes."""
+
+    force: Vector
+    moment: Vector
+    point: Vector
+
+
+class LinkDynamics:
+    """An arm of rigid links: q (n,) are the positions of its commanded joints, those that mimic others follow.
+
+    With M(q) q'' + C(q, q') q' + g(q) from the recursive Newton-Euler algorithm (Featherstone, *Rigid Body Dynamics
+    Algorithms*, 2008, section 5.3), the efforts of the motors are
+
+        tau = M q'' + C q' + g - sum_k J_k^T w_k
+
+    where w_k are the wrenches on the links and J_k the Jacobians of their points.
+
+    Args:
+        description: of the robot.
+        base: frame of its root link in the world.
+
+    Raises:
+        ArmError: pinocchio is not installed, or refuses the description.
+    """
+
+    def __init__(self, description: Description, base: Frame) -> None:
+        self.description, self._base = description, base
+        self.joints = description.commanded
+        self._pin = pin = _pinocchio()
+        try:
+            self._model = pin.buildModelFromXML(_plain(description))
+        except (ValueError, RuntimeError) as error:
+            raise ArmError(f"robot {description.name}", [f"pinocchio refuses it: {error}"]) from error
+        self._data = self._model.createData()
+        self._spread, self._offset = self._couplings()
+        self._frames = {name: self._model.getFrameId(name) for name in description.links}
+
+    def _couplings(self) -> tuple[Vector, Vector]:
+        """Return S (m, n) and o (m,): pinocchio's positions are S q + o."""
+        places = {name: self._model.joints[self._model.getJointId(name)].idx_q for name in self.description.joints
+                  if self._model.existJointName(name)}  # fmt: skip
+        columns = {joint.name: place for place, joint in enumerate(self.joints)}
+        spread, offset = np.zeros((self._model.nq, len(self.joints))), np.zeros(self._model.nq)
+        for name, row in places.items():
+            mimic = self.description.joints[name].mimic
+            source = name if mimic is None else mimic.joint
+            spread[row, columns[source]] = 1.0 if mimic is None else mimic.multiplier
+            offset[row] = 0.0 if mimic is None else mimic.offset
+        return spread, offset
+
+    def frames(self, q: Vector) -> dict[str, Frame]:
+        """Return the frame of each link in the world."""
+        self._pin.framesForwardKinematics(self._model, self._data, self._full(q))
+        found = {}
+        for name, number in self._frames.items():
+            place = self._data.oMf[number]
+            origin = self._base.origin + self._base.axes @ place.translation
+            found[name] = Frame(origin, self._base.axes @ place.rotation)
+        return found
+
+    def efforts(self, q: Vector, v: Vector, a: Vector, *, gravity: Vector, pushes: Mapping[str, Push]) -> Vector:
+        """Return the efforts (n,) of the commanded joints [N m] or [N].
+
+        Args:
+            q: positions (n,).
+            v: velocities (n,).
+            a: accelerations (n,).
+            gravity: (3,) [m/s^2] in the world.
+            pushes: wrenches on the links, by link.
+        """
+        self._model.gravity.linear = self._base.axes.T @ gravity
+        rates = self._spread @ v, self._spread @ a
+        full = self._full(q)
+        efforts = self._pin.rnea(self._model, self._data, full, *rates).copy()
+        if pushes:
+            self._pin.computeJointJacobians(self._model, self._data, full)
+            self._pin.updateFramePlacements(self._model, self._data)
+        for name, push in pushes.items():
+            efforts -= self._jacobian(name).T @ self._wrench(name, push)
+        return self._spread.T @ efforts
+
+    def kinetic_energy(self, q: Vector, v: Vector) -> float:
+        """Return the kinetic energy of the links [J]."""
+        return float(self._pin.computeKineticEnergy(self._model, self._data, self._full(q), self._spread @ v))
+
+    def potential_energy(self, q: Vector, gravity: Vector) -> float:
+        """Return the potential energy of the links in ``gravity`` (3,) [m/s^2], in joules."""
+        self._model.gravity.linear = self._base.axes.T @ gravity
+        return float(self._pin.computePotentialEnergy(self._model, self._data, self._full(q)))
+
+    def _full(self, q: Vector) -> Vector:
+        return self._spread @ q + self._offset
+
+    def _jacobian(self, link: str) -> Vector:
+        """Return the Jacobian (6, m) of a link's frame in the base's axes, after its placement was computed."""
+        frame = self._pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        return self._pin.getFrameJacobian(self._model, self._data, self._frames[link], frame)
+
+    def _wrench(self, link: str, push: Push) -> Vector:
+        """Return a wrench (6,) about the origin of a link's frame, in the base's axes."""
+        back = self._base.axes.T
+        arm = back @ (push.point - self._base.origin) - self._data.oMf[self._frames[link]].translation
+        force = back @ push.force
+        return np.concatenate([force, back @ push.moment + np.cross(arm, force)])
+
+
+def _plain(description: Description) -> str:
+    """Return URDF text with hinges in place of continuous joints, which pinocchio describes by two numbers."""
+    robot = ElementTree.fromstring(description.text)
+    for item in robot.findall("joint"):
+        for mimic in item.findall("mimic"):
+            item.remove(mimic)
+        joint = description.joints[item.get("name")]
+        if joint.moves:
+            item.set("type", Motion.PRISMATIC.value if joint.motion is Motion.PRISMATIC else Motion.REVOLUTE.value)
+            for limit in item.findall("limit"):
+                item.remove(limit)
+            far = {"lower": -FARTHEST, "upper": FARTHEST, "velocity": FARTHEST, "effort": FARTHEST}
+            ElementTree.SubElement(item, "limit", {name: repr(value) for name, value in far.items()})
+    for link in robot.findall("link"):
+        for tag in ("visual", "collision"):
+            for part in link.findall(tag):
+                link.remove(part)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def _pinocchio() -> Any:
+    try:
+        pin = import_module("pinocchio")
+    except ImportError as error:
+        remedy = "remedy: pip install 'gdfe_ros[arm]', or with ROS from apt: apt install ros-jazzy-pinocchio"
+        raise ArmError("arm", [f"it needs pinocchio, which is not installed; {remedy}"]) from error
+    if not hasattr(pin, "buildModelFromXML"):
+        remedy = "remedy: pip uninstall pinocchio; pip install 'gdfe_ros[arm]' (the package is named pin)"
+        raise ArmError("arm", [f"the installed package pinocchio is another one; {remedy}"])
+    return pin

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motion of joints towards their commanded positions, within their limits of velocity and acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.arms.description import Limits
+
+Vector = NDArray[np.float64]
+SHORTFALL = 1e-9
+"""Velocity, over the limit, by which a joint may fall short of its command without a cut being told."""
+
+
+class JointMotion(NamedTuple):
+    """Joints of an arm at an instant, (n,) each.
+
+    Attributes:
+        goals: commanded positions [rad] or [m].
+        positions: present ones.
+        velocities: mean ones over the last step [rad/s] or [m/s].
+        accelerations: changes of these, over the step [rad/s^2] or [m/s^2].
+    """
+
+    goals: Vector
+    positions: Vector
+    velocities: Vector
+    accelerations: Vector
+
+    @classmethod
+    def at(cls, positions: Sequence[float]) -> JointMotion:
+        """Return joints at rest."""
+        q = np.array(positions, dtype=np.float64)
+        return cls(q, q.copy(), np.zeros(len(q)), np.zeros(len(q)))
+
+    @property
+    def arrived(self) -> bool:
+        """Whether nothing moves without a new command."""
+        return bool((self.goals == self.positions).all() and not self.velocities.any() and not self.accelerations.any())
+
+
+class Cut(NamedTuple):
+    """Whether the velocity (n,) or the acceleration (n,) of each joint was limited in a step."""
+
+    velocity: NDArray[np.bool_]
+    acceleration: NDArray[np.bool_]
+
+
+class JointLimits:
+    """Limits of an arm's joints.
+
+    A joint follows a goal that moves at a velocity within its limits, and brakes in time for one that stands. With the
+    distance e to the goal, the time h of the step and the largest acceleration a, the largest velocity from which
+    repeated steps of -a h end at the goal is
+
+        u(e) = a (sqrt(h^2 / 4 + 2 |e| / a) - h / 2),  or |e| / h within the last step.
+
+    The velocity of the step is sign(e) u(e), plus the goal's own velocity, limited to +-v_max and to +-a h about the
+    last one. The position advances by it times h.
+
+    Args:
+        limits: of each joint.
+    """
+
+    def __init__(self, limits: Sequence[Limits]) -> None:
+        self.lower, self.upper, self._velocity, self._acceleration, self.effort = (
+            np.array([getattr(each, name) for each in limits], dtype=np.float64)
+            for name in ("lower", "upper", "velocity", "acceleration", "effort")
+        )
+
+    def advance(self, last: JointMotion, goals: Vector, dt: float) -> tuple[JointMotion, Cut]:
+        """Return the joints after a step of ``dt`` [s], and what was cut.
+
+        Without time (``dt`` 0, in a scene without dynamics) the joints are at their goals at once.
+        """
+        none = np.zeros(len(goals), dtype=bool)
+        if dt <= 0.0:
+            return JointMotion.at(goals), Cut(none, none)
+        own = (goals - last.goals) / dt
+        own = np.where(np.abs(own) <= self._velocity, own, 0.0)  # a farther goal is a jump, without a velocity
+        left = goals - last.positions
+        wanted = left / dt
+        eager = np.clip(own + self._braking(left - own * dt, dt), -self._velocity, self._velocity)
+        low, high = last.velocities - self._acceleration * dt, last.velocities + self._acceleration * dt
+        velocity = np.clip(eager, low, high)
+        there = np.abs(velocity - wanted) <= SHORTFALL * np.abs(wanted)
+        positions = np.where(there, goals, last.positions + velocity * dt)
+        positions = np.clip(positions, self.lower, self.upper)
+        velocity = (positions - last.positions) / dt
+        found = JointMotion(goals.copy(), positions, velocity, (velocity - last.velocities) / dt)
+        return found, Cut(
+            ~there & (np.abs(velocity) >= (1.0 - SHORTFALL) * self._velocity),
+            ~there & ((velocity <= low + SHORTFALL * np.abs(low)) | (velocity >= high - SHORTFALL * np.abs(high))),
+        )
+
+    def _braking(self, left: Vector, dt: float) -> Vector:
+        """Return the largest velocities (n,) from which the joints can still stop at distances ``left`` (n,)."""
+        reach, a = np.abs(left), self._acceleration
+        with np.errstate(invalid="ignore"):
+            braked = a * (np.sqrt(0.25 * dt**2 + 2.0 * reach / a) - 0.5 * dt)
+        at_once = reach / dt
+        return np.sign(left) * np.where(np.isfinite(a), np.minimum(braked, at_once), at_once)

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Shapes of links: convex obstacles from collision shapes, and faces from visual ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.arms.arm import Visual
+from gdfe_ros.arms.description import Description, Geometry, Kind
+from gdfe_ros.arms.dynamics import Frame
+from gdfe_ros.arms.meshes import Surface, convex_pieces
+from gdfe_ros.constraints.arm_link import ArmLink
+from gdfe_ros.constraints.form_faces import form_faces
+from gdfe_ros.constraints.obstacle import Box, Cylinder, Form, Sphere, TriangleMesh
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.solid import Solid, make_solid
+
+
+def touching_links(
+    arm: str,
+    robot: Description,
+    names: Iterable[str],
+    *,
+    surfaces: Mapping[str, Surface],
+    rest: Mapping[str, Frame],
+    friction: float,
+) -> tuple[ArmLink, ...]:
+    """Return the obstacles of links, named ``<link>_piece`` and, if a link has several, ``<link>_piece_2``.
+
+    Args:
+        arm: name of the arm.
+        robot: its description.
+        names: of the links that touch.
+        surfaces: of the meshes, by URI.
+        rest: frames of the links at rest.
+        friction: Coulomb's coefficient.
+
+    Raises:
+        MeshError: a collision mesh bounds no solid.
+    """
+    found = []
+    for name in names:
+        pieces = [piece for shape in robot.links[name].collisions for piece in _forms(name, shape, surfaces)]
+        for number, (form, shape) in enumerate(pieces, start=1):
+            frame = rest[name]
+            turn = Rotation.from_matrix(frame.axes @ shape.axes).as_rotvec()
+            found.append(
+                ArmLink(
+                    name=f"{name}_piece" + (f"_{number}" if number > 1 else ""),
+                    arm=arm,
+                    link=name,
+                    form=form,
+                    origin=tuple((frame.origin + frame.axes @ shape.origin).tolist()),
+                    turn=tuple(turn.tolist()),
+                    friction=friction,
+                )
+            )
+    return tuple(found)
+
+
+def _forms(link: str, shape: Geometry, surfaces: Mapping[str, Surface]) -> Iterator[tuple[Form, Geometry]]:
+    match shape.kind:
+        case Kind.BOX:
+            yield Box(shape.numbers), shape
+        case Kind.CYLINDER:
+            yield Cylinder(*shape.numbers), shape
+        case Kind.SPHERE:
+            yield Sphere(*shape.numbers), shape
+        case Kind.MESH:
+            vertices, triangles = surfaces[shape.file]
+            try:
+                for points, faces in convex_pieces((vertices * np.array(shape.numbers), triangles)):
+                    yield TriangleMesh(_solid(points.tobytes(), faces.tobytes())), shape
+            except MeshError as error:
+                raise MeshError(
+                    error.heading, [f"link {link!r}, {shape.file}: {text}" for text in error.defects]
+                ) from error
+
+
+@lru_cache(maxsize=64)
+def _solid(points: bytes, faces: bytes) -> Solid:
+    """Return the solid of a convex piece; those of an arm are kept, because scenes are often loaded again."""
+    vertices, triangles = np.frombuffer(points).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3)
+    return make_solid(vertices, triangles, where="the collision mesh")
+
+
+def visuals(robot: Description, surfaces: Mapping[str, Surface]) -> tuple[Visual, ...]:
+    """Return the drawn shapes of all links: visual ones, or collision shapes of a link without."""
+    found = []
+    for name, link in robot.links.items():
+        for shape in link.visuals or link.collisions:
+            faces = _faces(shape, surfaces) @ shape.axes.T + shape.origin
+            found.append(Visual(link=name, faces=faces, colour=shape.colour))
+    return tuple(found)
+
+
+def _faces(shape: Geometry, surfaces: Mapping[str, Surface]) -> np.ndarray:
+    match shape.kind:
+        case Kind.BOX:
+            return form_faces(Box(shape.numbers))
+        case Kind.CYLINDER:
+            return form_faces(Cylinder(*shape.numbers))
+        case Kind.SPHERE:
+            return form_faces(Sphere(*shape.numbers))
+        case Kind.MESH:
+            vertices, triangles = surfaces[shape.file]
+            return (vertices * np.array(shape.numbers))[triangles]

@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reading of URDF text, with every defect and its remedy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.arms.description import Description, Geometry, Joint, Kind, Limits, Link, Mimic, Motion
+from gdfe_ros.arms.tree import mimic_defects, root_of
+from gdfe_ros.errors import ArmError
+from gdfe_ros.spelling import did_you_mean
+
+_NAMED = {"link": ("name",), "joint": ("name",), "parent": ("link",), "child": ("link",), "mimic": ("joint",)}
+"""Attributes that hold the name of a link or a joint, by element."""
+_NUMBERS = {Kind.BOX: ("size",), Kind.CYLINDER: ("radius", "length"), Kind.SPHERE: ("radius",)}
+"""Attributes of the shapes that are not meshes."""
+
+
+def parse_urdf(
+    text: str, *, where: str = "the URDF", prefix: str = "", limits: Mapping[str, Mapping[str, float]] | None = None
+) -> Description:
+    """Return the robot that a URDF describes.
+
+    Args:
+        text: the URDF.
+        where: its name in an error.
+        prefix: put before the name of every link and joint, so that two arms of one kind differ.
+        limits: by joint, in the names of the result: values of `Limits` that replace those of the URDF.
+
+    Raises:
+        ArmError: every defect, with its remedy.
+    """
+    try:
+        robot = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ArmError(where, [f"this is not XML: {error}; remedy: `xmllint` on the file names the place"]) from error
+    if robot.tag != "robot":
+        raise ArmError(where, [f"the outermost element is <{robot.tag}>; allowed: <robot>, as in every URDF"])
+    if "http://www.ros.org/wiki/xacro" in text or "xacro:" in text:
+        raise ArmError(where, ["it has xacro macros; remedy: `xacro arm.urdf.xacro > arm.urdf`, and give that file"])
+    _add_prefix(robot, prefix)
+    return _Reader(where, limits or {}).description(robot)
+
+
+def _add_prefix(robot: Element, prefix: str) -> None:
+    for element in robot.iter() if prefix else ():
+        for attribute in _NAMED.get(element.tag, ()):
+            if attribute in element.attrib:
+                element.set(attribute, prefix + element.get(attribute))
+
+
+class _Reader:
+    """Reads one robot and collects its defects."""
+
+    def __init__(self, where: str, limits: Mapping[str, Mapping[str, float]]) -> None:
+        self._where, self._limits, self._defects = where, limits, []
+
+    def description(self, robot: Element) -> Description:
+        colours = {item.get("name"): _colour(item) for item in robot.findall("material")}
+        links = [self._link(item, colours) for item in robot.findall("link")]
+        joints = [joint for item in robot.findall("joint") if (joint := self._joint(item)) is not None]
+        self._require_unique("link", [link.name for link in links])
+        self._require_unique("joint", [joint.name for joint in joints])
+        by_name = {joint.name: joint for joint in joints}
+        root, loops = root_of({link.name for link in links}, joints)
+        self._defects += loops + mimic_defects(by_name)
+        movable = [joint.name for joint in joints if joint.moves]
+        for name in self._limits:
+            if name not in movable:
+                hint = did_you_mean(name, movable)
+                self._add(
+                    f"limits: there is no joint {name!r} that moves; {hint}joints: {', '.join(movable) or 'none'}"
+                )
+        if self._defects:
+            raise ArmError(self._where, self._defects)
+        text = ElementTree.tostring(robot, encoding="unicode")
+        given = {"links": {link.name: link for link in links}, "joints": by_name}
+        return Description(name=robot.get("name", "arm"), text=text, root=root, **given)
+
+    def _add(self, defect: str) -> None:
+        self._defects.append(defect)
+
+    def _require_unique(self, noun: str, names: Iterable[str]) -> None:
+        names = list(names)
+        for name in dict.fromkeys(names):
+            if names.count(name) > 1:
+                self._add(f"{noun} {name!r} is there {names.count(name)} times; remedy: another name for all but one")
+
+    def _link(self, item: Element, colours: Mapping[str | None, Any]) -> Link:
+        name = item.get("name", "")
+        if not name:
+            self._add('a <link> has no name; remedy: name="..."')
+        shapes = {
+            tag: tuple(
+                shape
+                for part in item.findall(tag)
+                if (shape := self._geometry(part, f"link {name!r}, <{tag}>", colours)) is not None
+            )
+            for tag in ("visual", "collision")
+        }
+        inertial = item.find("inertial")
+        if inertial is not None:
+            self._check_inertial(inertial, name)
+        return Link(name=name, visuals=shapes["visual"], collisions=shapes["collision"])
+
+    def _check_inertial(self, inertial: Element, name: str) -> None:
+        mass, inertia = inertial.find("mass"), inertial.find("inertia")
+        value = math.nan if mass is None else self._number(mass, "value", f"link {name!r}, <mass>")
+        if mass is None or value < 0.0:
+            self._add(f'link {name!r}: its <inertial> has no mass of 0 kg or more; remedy: <mass value="1.0"/>')
+        if inertia is None:
+            self._add(f"link {name!r}: its <inertial> has no <inertia>; remedy: ixx ixy ixz iyy iyz izz in kg m^2")
+            return
+        parts = [self._number(inertia, part, f"link {name!r}, <inertia>", 0.0) for part in
+                 ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")]  # fmt: skip
+        if np.isfinite(parts).all() and value > 0.0:
+            xx, xy, xz, yy, yz, zz = parts
+            least = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            if least[0] < -1e-9 * max(least[2], 1e-12) or least[0] + least[1] < (1.0 - 1e-6) * least[2]:
+                text = f"principal moments {', '.join(f'{part:.3g}' for part in least)} kg m^2 belong to no rigid body"
+                self._add(f"link {name!r}: its {text}; allowed: each at most the sum of the two others")
+
+    def _geometry(self, part: Element, where: str, colours: Mapping[str | None, Any]) -> Geometry | None:
+        shape = part.find("geometry")
+        found = None if shape is None else next(iter(shape), None)
+        kinds = {kind.value: kind for kind in Kind}
+        if found is None or found.tag not in kinds:
+            given = "no shape" if found is None else f"<{found.tag}>"
+            self._add(f"{where}: its <geometry> has {given}; allowed: {', '.join(f'<{kind}>' for kind in kinds)}")
+            return None
+        kind, origin = kinds[found.tag], part.find("origin")
+        place, axes = self._place(origin, where)
+        material = part.find("material")
+        colour = None if material is None else _colour(material) or colours.get(material.get("name"))
+        given = {"origin": place, "axes": axes, "colour": colour}
+        if kind is Kind.MESH:
+            if not found.get("filename"):
+                self._add(f'{where}: its <mesh> has no filename; remedy: filename="package://.../arm.stl"')
+                return None
+            scale = self._vector(found, "scale", where, (1.0, 1.0, 1.0))
+            return Geometry(kind=kind, numbers=scale, file=found.get("filename"), **given)
+        if kind is Kind.BOX:
+            numbers = self._vector(found, "size", where, None)
+        else:
+            numbers = tuple(self._number(found, name, where) for name in _NUMBERS[kind])
+        if not all(number > 0.0 for number in numbers):
+            self._add(f"{where}: <{kind.value}> has the sizes {numbers}; allowed: lengths above 0 m")
+            return None
+        return Geometry(kind=kind, numbers=numbers, **given)
+
+    def _joint(self, item: Element) -> Joint | None:
+        name, kind = item.get("name", ""), item.get("type", "")
+        where = f"joint {name!r}"
+        ends = [item.find(tag).get("link", "") if item.find(tag) is not None else "" for tag in ("parent", "child")]
+        if not all(ends):
+            self._add(f"{where}: it lacks <parent link=...> or <child link=...>")
+        if kind not in [motion.value for motion in Motion]:
+            remedy = "remedy: replace it by revolute and prismatic ones with links without mass between them"
+            self._add(f"{where}: its type is {kind!r}; allowed: fixed, revolute, continuous, prismatic; {remedy}")
+            return Joint(name=name, motion=Motion.FIXED, parent=ends[0], child=ends[1])
+        motion = Motion(kind)
+        self._place(item.find("origin"), where)
+        axis = item.find("axis")
+        if axis is not None and not any(self._vector(axis, "xyz", f"{where}, <axis>", (1.0, 0.0, 0.0))):
+            self._add(f'{where}: its axis is zero; remedy: a direction, e.g. <axis xyz="0 0 1"/>')
+        mimic, limits = self._mimic(item.find("mimic"), where), None
+        if motion is not Motion.FIXED:
+            limits = self._joint_limits(item.find("limit"), name, motion)
+        return Joint(name=name, motion=motion, parent=ends[0], child=ends[1], limits=limits, mimic=mimic)
+
+    def _mimic(self, item: Element | None, where: str) -> Mimic | None:
+        if item is None:
+            return None
+        multiplier, offset = (self._number(item, part, where, default) for part, default in
+                              (("multiplier", 1.0), ("offset", 0.0)))  # fmt: skip
+        return Mimic(joint=item.get("joint", ""), multiplier=multiplier, offset=offset)
+
+    def _joint_limits(self, item: Element | None, name: str, motion: Motion) -> Limits | None:
+        where, own = f"joint {name!r}", dict(self._limits.get(name, {}))
+        for part in ("lower", "upper", "velocity", "acceleration", "effort"):
+            if item is not None and item.get(part) is not None:
+                own.setdefault(part, self._number(item, part, f"{where}, <limit>"))
+        if motion is Motion.CONTINUOUS:
+            own.setdefault("lower", -math.inf)
+            own.setdefault("upper", math.inf)
+        missing = [part for part in ("lower", "upper", "velocity") if part not in own]
+        if missing:
+            example = '<limit lower="-3.1" upper="3.1" velocity="2.0" effort="50"/>'
+            given = ", ".join(f"{part}: 1.0" for part in missing)
+            remedy = f"remedy: {example} in the URDF, or `limits: {{{name}: {{{given}}}}}` in the scene"
+            self._add(f"{where}: it has no limit {', '.join(missing)}; {remedy}")
+            return None
+        own.setdefault("acceleration", math.inf)
+        own.setdefault("effort", math.inf)
+        if not own["lower"] <= own["upper"]:
+            self._add(f"{where}: its lower limit {own['lower']:g} is above its upper one, {own['upper']:g}")
+        for part in ("velocity", "acceleration", "effort"):
+            # Many URDFs state 0 for an effort or velocity that nobody knows; a joint that cannot move is fixed.
+            if not own[part] > 0.0:
+                own[part] = math.inf if part == "effort" else own[part]
+                if part != "effort":
+                    remedy = 'remedy: a limit above 0, or type="fixed"'
+                    self._add(f"{where}: its largest {part} is {own[part]:g}; {remedy}")
+        return Limits(**own)
+
+    def _place(self, origin: Element | None, where: str) -> tuple[np.ndarray, np.ndarray]:
+        if origin is None:
+            return np.zeros(3), np.eye(3)
+        zero = (0.0, 0.0, 0.0)
+        xyz, rpy = (self._vector(origin, part, f"{where}, <origin>", zero) for part in ("xyz", "rpy"))
+        return np.array(xyz), Rotation.from_euler("xyz", np.nan_to_num(rpy)).as_matrix()
+
+    def _number(self, item: Element, name: str, where: str, default: float | None = None) -> float:
+        text = item.get(name)
+        if text is None and default is not None:
+            return default
+        try:
+            value = float(text if text is not None else "")
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            self._add(f"{where}: {name} is {text!r}; allowed: a finite number")
+        return value
+
+    def _vector(
+        self, item: Element, name: str, where: str, default: tuple[float, ...] | None
+    ) -> tuple[float, float, float]:
+        text = item.get(name)
+        if text is None and default is not None:
+            return default
+        try:
+            values = tuple(map(float, (text or "").split()))
+        except ValueError:
+            values = ()
+        if len(values) != 3 or not all(map(math.isfinite, values)):
+            self._add(f"{where}: {name} is {text!r}; allowed: three finite numbers")
+            return default or (math.nan, math.nan, math.nan)
+        return values
+
+
+def _colour(material: Element) -> tuple[float, float, float] | None:
+    item = material.find("color")
+    if item is None:
+        return None
+    try:
+        values = tuple(map(float, item.get("rgba", "").split()))
+    except ValueError:
+        return None
+    return values[:3] if len(values) == 4 else None

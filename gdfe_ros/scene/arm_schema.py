@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The keys of a scene file for arms."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from gdfe_ros.scene.entry import Entry
+from gdfe_ros.scene.paths import FilePath
+from gdfe_ros.scene.quantity import Quantity
+
+_AT = Quantity("position of the origin of the root link [x, y, z]", "m", least=-1e3, most=1e3, count=3)
+_ROTATION = Quantity("rotation vector of the root link [x, y, z]", "degrees", least=-36000, most=36000, count=3)
+_FRICTION = Quantity("Coulomb's coefficient of friction of its links", least=0.0, most=100.0)
+_LOW = Quantity("smallest position, in rad or m", least=-1e6, most=1e6)
+_HIGH = Quantity("largest position, in rad or m", least=-1e6, most=1e6)
+_FAST = Quantity("largest velocity, in rad/s or m/s", above=0.0, most=1e6)
+_HARD = Quantity("largest acceleration, in rad/s^2 or m/s^2", above=0.0, most=1e9)
+_STRONG = Quantity("largest effort, in N m or N", above=0.0, most=1e9)
+
+
+class JointLimitsModel(Entry):
+    """Limits of a joint that replace those of its URDF."""
+
+    lower: Annotated[float, _LOW] | None = None
+    upper: Annotated[float, _HIGH] | None = None
+    velocity: Annotated[float, _FAST] | None = None
+    acceleration: Annotated[float, _HARD] | None = None
+    effort: Annotated[float, _STRONG] | None = None
+
+
+class ArmModel(Entry):
+    """An arm of rigid links that carries a handle of the soft body: its joints move the handle."""
+
+    urdf: FilePath | None = Field(None, description="path of its URDF; for xacro, the file that `xacro` writes")
+    embedded: str | None = Field(None, description="a packed URDF with its meshes, as recorded scenes contain it")
+    flange: str = Field(description="name of the link that carries the handle, e.g. tool0")
+    handle: str = Field(
+        description="name of the handle; it keeps the place relative to the flange that both have at rest"
+    )
+    at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
+    rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
+    start: dict[str, float] = Field(
+        {}, description="positions of joints at rest [rad] or [m], by name; the others are at 0"
+    )
+    prefix: str = Field("", description="put before the names of its links and joints, so that two arms differ")
+    packages: dict[str, FilePath] = Field({}, description="folders of the packages in package://, by name")
+    limits: dict[str, JointLimitsModel] = Field({}, description="limits that replace those of the URDF, by joint")
+    acceleration: Annotated[float, _HARD] | None = Field(
+        None, description="largest acceleration of joints that have no limit of it; default: that which reaches the "
+        "joint's largest velocity in 0.1 s"
+    )  # fmt: skip
+    links: tuple[str, ...] | None = Field(
+        None,
+        description="links whose collision shapes the soft body and rigid bodies touch; default: all that have one, "
+        "except those that are fixed to the flange; []: none",
+    )
+    friction: Annotated[float, _FRICTION] = 0.0
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ArmModel:
+        if (self.urdf is None) == (self.embedded is None):
+            raise ValueError("give urdf, the path of its URDF")
+        return self

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Construction of arms from the valid parts of a scene file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gdfe_ros.arms.arm import Arm
+from gdfe_ros.arms.beginning import begins_inside
+from gdfe_ros.arms.description import Description, Joint
+from gdfe_ros.arms.dynamics import Frame, LinkDynamics
+from gdfe_ros.arms.meshes import Surface, find_mesh, read_surface
+from gdfe_ros.arms.shapes import touching_links, visuals
+from gdfe_ros.arms.urdf import parse_urdf
+from gdfe_ros.constraints import Handle
+from gdfe_ros.errors import ArmError, MeshError
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.packing import pack_robot, unpack_robot
+from gdfe_ros.scene.arm_schema import ArmModel
+from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.report import NO_VALUE, Report, suggest
+from gdfe_ros.scene.schema import Draft
+
+SPIN_UP = 0.1
+"""Time [s] in which a joint without a limit of its acceleration reaches its largest velocity."""
+ONE = "arm"
+"""Name of the arm of the key `arm`."""
+
+
+def require_arms(data: Mapping[str, Any], report: Report) -> None:
+    """Report a scene with both `arm` and `arms`."""
+    if "arm" in data and "arms" in data:
+        text = "`arm` is there, too; remedy: keep one of the two; a single arm can stand in `arms`, too"
+        report.add(("arms",), text, value=NO_VALUE)
+
+
+def arm_models(draft: Draft) -> dict[str, tuple[KeyPath, ArmModel]]:
+    """Return the valid arms of a file by name, with their key paths."""
+    one = {} if draft.arm is None else {ONE: ((ONE,), draft.arm)}
+    return one | {name: (("arms", name), model) for name, model in draft.arms.items()}
+
+
+def build_arms(
+    draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Report
+) -> tuple[tuple[Arm, ...], dict[KeyPath, dict[str, Any]]]:
+    """Return the valid arms, and the entries that contain them without files, by key path."""
+    arms: list[Arm] = []
+    carried: dict[KeyPath, dict[str, Any]] = {}
+    for name, (path, model) in arm_models(draft).items() if mesh is not None else ():
+        built = _Builder(name, path, model, report)
+        arm = built.arm(mesh, handles, list(draft.handles))
+        if arm is not None:
+            arms.append(arm)
+            carried |= built.embedded()
+    _require_distinct(arms, draft, report)
+    return tuple(arms), carried
+
+
+def joint_starts(arms: Sequence[Arm]) -> dict[str, float]:
+    """Return the positions of all commanded joints at rest [rad] or [m], by name."""
+    return {joint.name: float(value) for arm in arms for joint, value in zip(arm.joints, arm.start, strict=True)}
+
+
+class _Builder:
+    """Builds one arm."""
+
+    def __init__(self, name: str, path: KeyPath, model: ArmModel, report: Report) -> None:
+        self._name, self._path, self._model, self._report = name, path, model, report
+        self._text, self._surfaces = "", {}
+
+    def arm(self, mesh: HexMesh, handles: Sequence[Handle], known: Sequence[str]) -> Arm | None:
+        """Return the arm; None, with its defects in the report."""
+        model, key = self._model, "urdf" if self._model.urdf is not None else "embedded"
+        handle = next((item for item in handles if item.name == model.handle), None)
+        self._check_handle(handle, known)
+        try:
+            robot = self._read()
+            self._require_flange(robot)
+            start = self._start(robot)
+            self._surfaces = self._surfaces if model.urdf is None else self._meshes(robot)
+            turn = Rotation.from_rotvec(np.radians(model.rotation_deg)).as_matrix()
+            dynamics = LinkDynamics(robot, Frame(np.array(model.at), turn))
+            if handle is None or start is None or model.flange not in robot.links:
+                return None
+            rest = dynamics.frames(start)
+            given = {"surfaces": self._surfaces, "rest": rest, "friction": model.friction}
+            links = touching_links(self._name, robot, self._touching(robot), **given)
+            shapes = visuals(robot, self._surfaces)
+        except (ArmError, MeshError) as error:
+            for defect in error.defects:
+                self._report.add((*self._path, key), defect, value=NO_VALUE)
+            return None
+        arm = Arm(
+            name=self._name,
+            dynamics=dynamics,
+            flange=model.flange,
+            handle=model.handle,
+            centre=handle.centre(mesh.vertices),
+            start=start,
+            links=links,
+            visuals=shapes,
+        )
+        for text in begins_inside(arm, handles, mesh):
+            self._report.add((*self._path, "start"), text, value=NO_VALUE)
+        return arm
+
+    def embedded(self) -> dict[KeyPath, dict[str, Any]]:
+        """Return the keys that replace the files of the arm."""
+        if self._model.urdf is None:
+            return {}
+        return {self._path: {"embedded": pack_robot(self._text, self._surfaces)}}
+
+    def _read(self) -> Description:
+        model = self._model
+        if model.urdf is None:
+            self._text, self._surfaces = unpack_robot(model.embedded)
+            where = "the embedded URDF"
+        else:
+            where = f"URDF {model.urdf}"
+            try:
+                self._text = model.urdf.read_text(encoding="utf-8")
+            except (OSError, UnicodeDecodeError) as error:
+                raise ArmError(
+                    where, [f"it cannot be read as text: {error}; remedy: the path of a URDF file"]
+                ) from error
+        limits = {name: item.model_dump(exclude_none=True) for name, item in model.limits.items()}
+        robot = parse_urdf(self._text, where=where, prefix=model.prefix, limits=limits)
+        joints = {name: self._limited(joint) for name, joint in robot.joints.items()}
+        return replace(robot, joints=joints)
+
+    def _limited(self, joint: Joint) -> Joint:
+        """Return a joint with a limit of its acceleration."""
+        limits = joint.limits
+        if limits is None or np.isfinite(limits.acceleration):
+            return joint
+        usual = self._model.acceleration or limits.velocity / SPIN_UP
+        return replace(joint, limits=replace(limits, acceleration=usual))
+
+    def _meshes(self, robot: Description) -> dict[str, Surface]:
+        """Return the surfaces of all meshes by URI.
+
+        Raises:
+            ArmError: those that are missing or unreadable.
+        """
+        folder, defects, found = self._model.urdf.parent, [], {}
+        for uri in robot.mesh_files():
+            try:
+                found[uri] = read_surface(uri, find_mesh(uri, folder=folder, packages=self._model.packages))
+            except ArmError as error:
+                defects += [f"mesh {uri}: {defect}" for defect in error.defects]
+        if defects:
+            raise ArmError(f"URDF {self._model.urdf}", defects)
+        return found
+
+    def _check_handle(self, handle: Handle | None, known: Sequence[str]) -> None:
+        path = (*self._path, "handle")
+        if handle is None:
+            if self._model.handle not in known:
+                self._report.add(path, f"there is no such handle{suggest(self._model.handle, known)}")
+        elif handle.fixed or handle.free or handle.turning:
+            text = "this handle is fixed or has free axes, and an arm moves all of it"
+            self._report.add(path, f"{text}; remedy: remove `fixed` and `free` from it", value=NO_VALUE)
+
+    def _require_flange(self, robot: Description) -> None:
+        if self._model.flange not in robot.links:
+            self._report.add(
+                (*self._path, "flange"), f"the URDF has no such link{suggest(self._model.flange, robot.links)}"
+            )
+        elif not any(joint.moves for joint in robot.chain(self._model.flange)):
+            text = f"no joint moves between {robot.root!r} and this link; remedy: a link beyond the last joint"
+            self._report.add((*self._path, "flange"), text)
+
+    def _start(self, robot: Description) -> NDArray[np.float64] | None:
+        """Return the positions of the commanded joints at rest; None, with the defects in the report."""
+        joints = {joint.name: joint for joint in robot.commanded}
+        sound = True
+        for name in self._model.start:
+            if name not in joints:
+                sound = False
+                self._report.add(
+                    (*self._path, "start", name), f"there is no such joint{suggest(name, joints)}", value=NO_VALUE
+                )
+        for joint in joints.values():
+            value, limits = self._model.start.get(joint.name, 0.0), joint.limits
+            if not limits.lower <= value <= limits.upper:
+                sound = False
+                allowed = f"allowed by its limits: {limits.lower:g} to {limits.upper:g} {joint.unit}"
+                self._report.add((*self._path, "start", joint.name), f"{value!r}; {allowed}", value=NO_VALUE)
+        return np.array([float(self._model.start.get(name, 0.0)) for name in joints]) if sound else None
+
+    def _touching(self, robot: Description) -> list[str]:
+        """Return the names of the links that touch."""
+        given = self._model.links
+        if given is None:
+            mounted = robot.rigid_with(self._model.flange)
+            return [name for name, link in robot.links.items() if link.collisions and name not in mounted]
+        for name in given:
+            if name not in robot.links:
+                self._report.add(
+                    (*self._path, "links"), f"there is no link {name!r}{suggest(name, robot.links)}", value=NO_VALUE
+                )
+            elif not robot.links[name].collisions:
+                text = f"link {name!r} has no <collision>; remedy: leave it out, or give it one"
+                self._report.add((*self._path, "links"), text, value=NO_VALUE)
+        return [name for name in given if name in robot.links]
+
+
+def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Report) -> None:
+    """Report arms that carry the same handle, or that share names of joints or links with each other or the scene."""
+    sections = ("handles", "obstacles", "bodies", "actuators", "loads")
+    taken = {name: section[:-1].replace("bodie", "body") for section in sections for name in getattr(draft, section)}
+    owners: dict[str, str] = {}
+    handles: dict[str, str] = {}
+    paths = {name: path for name, (path, _) in arm_models(draft).items()}
+    for arm in arms:
+        if arm.handle in handles:
+            text = f"arm {handles[arm.handle]!r} carries it already; remedy: a handle of its own for each arm"
+            report.add((*paths[arm.name], "handle"), text)
+        handles[arm.handle] = arm.name
+        names = [joint.name for joint in arm.joints] + list(arm.dynamics.description.links)
+        names += [piece.name for piece in arm.links]
+        for name in names:
+            owner = f"arm {owners[name]!r}" if name in owners else f"a {taken[name]}" if name in taken else ""
+            if owner:
+                remedy = f"remedy: `prefix: {arm.name}_`"
+                report.add(paths[arm.name], f"{owner} has the name {name!r}, too; {remedy}", value=NO_VALUE)
+                break
+        owners |= dict.fromkeys(names, arm.name)

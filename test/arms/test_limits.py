@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joints approach their goals within their limits, and follow goals that they can follow exactly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gdfe_ros.arms.description import Limits
+from gdfe_ros.arms.limits import JointLimits, JointMotion
+
+STEP = 0.005
+
+
+def limits(velocity: float = 2.0, acceleration: float = 10.0) -> JointLimits:
+    """Return the limits of one joint."""
+    return JointLimits([Limits(lower=-3.0, upper=3.0, velocity=velocity, acceleration=acceleration)])
+
+
+def test_a_jump_is_a_trapezoid_of_velocity() -> None:
+    """Reach a far goal in the time of the trapezoidal profile, d/v + v/a, without passing it."""
+    own, motion, times = limits(), JointMotion.at([0.0])._replace(goals=np.array([2.0])), 0
+    while not motion.arrived:
+        motion, _ = own.advance(motion, np.array([2.0]), STEP)
+        times += 1
+        assert abs(motion.velocities[0]) <= 2.0 + 1e-12
+        assert abs(motion.accelerations[0]) <= 10.0 + 1e-6 or motion.positions[0] == 2.0
+        assert motion.positions[0] <= 2.0
+    assert times * STEP == pytest.approx(2.0 / 2.0 + 2.0 / 10.0, abs=5 * STEP)
+
+
+def test_a_goal_that_moves_smoothly_is_followed_exactly() -> None:
+    """Follow a sine within the limits without any lag, and tell no cut."""
+    own, motion = limits(), JointMotion.at([0.0])
+    for k in range(1, 2000):
+        goal = 0.3 * (1.0 - np.cos(3.0 * k * STEP))
+        motion, cut = own.advance(motion, np.array([goal]), STEP)
+        assert motion.positions[0] == goal
+        assert not cut.velocity[0]
+        assert not cut.acceleration[0]
+
+
+def test_cuts_are_told() -> None:
+    """Tell the limit that acts: first the acceleration, then the velocity."""
+    own, motion, told = limits(), JointMotion.at([0.0]), []
+    for _ in range(100):
+        motion, cut = own.advance(motion, np.array([2.5]), STEP)
+        told.append((bool(cut.velocity[0]), bool(cut.acceleration[0])))
+    assert told[0] == (False, True)
+    assert told[-1] == (True, False)
+
+
+def test_without_time_joints_are_at_their_goals() -> None:
+    """Jump in a step of no duration, as an equilibrium's handle does."""
+    motion, cut = limits().advance(JointMotion.at([0.0]), np.array([1.0]), 0.0)
+    assert motion.arrived
+    assert motion.positions[0] == 1.0
+    assert not cut.velocity[0]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    goals=st.lists(st.floats(-3.0, 3.0), min_size=1, max_size=8),
+    step=st.floats(1e-3, 0.5),
+    fast=st.floats(0.1, 10.0),
+    hard=st.floats(0.1, 100.0),
+)
+def test_any_goals_keep_the_limits(goals: list[float], step: float, fast: float, hard: float) -> None:
+    """Keep velocity always, and acceleration except where the last step ends at the goal or at a stop."""
+    own, motion = limits(fast, hard), JointMotion.at([0.0])
+    for goal in goals:
+        for _ in range(20):
+            motion, _ = own.advance(motion, np.array([goal]), step)
+            assert abs(motion.velocities[0]) <= fast * (1.0 + 1e-9)
+            assert -3.0 <= motion.positions[0] <= 3.0
+            stopped = motion.positions[0] in (goal, -3.0, 3.0)
+            assert stopped or abs(motion.accelerations[0]) <= hard * (1.0 + 1e-6)

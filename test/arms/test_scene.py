@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arms in scenes: entries, defects, poses of handles and links, efforts, snapshots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gdfe_ros import Command, Pose, Simulation, load_scene
+from gdfe_ros.checkpoint import load_state, save_state
+from gdfe_ros.errors import CommandError, SceneError
+from gdfe_ros.scene import scene_from_text
+from test.arms.conftest import SCENE, TWO_LINKS
+
+MASS = 1200 * 0.04 * 0.02 * 0.02
+
+
+def test_joints_move_the_handle_and_the_links(held_block: Path) -> None:
+    """Turn the handle with the flange: by 90 degrees about y, from x = -0.6 + 0.6 to the top of the upright arm."""
+    simulation = Simulation(load_scene(held_block))
+    result = simulation.step(Command(joints={"lift": 0.0, "bend": 0.0}))
+    assert result.converged
+    pose = simulation.handle_pose("wrist")
+    np.testing.assert_allclose(pose.rotation, [0.0, -np.pi / 2, 0.0], atol=1e-12)
+    np.testing.assert_allclose(pose.translation, [-0.6, 0.0, 0.6], atol=1e-12)
+    link = simulation.handle_pose("one_piece")
+    np.testing.assert_allclose(link.translation, [-0.2, 0.0, 0.2], atol=1e-12)
+
+
+def test_joints_hold_the_weight_of_links_and_hand(held_block: Path) -> None:
+    """Find the efforts of the weights of two links and of the soft block, whose centre sags a little."""
+    simulation = Simulation(load_scene(held_block))
+    simulation.step()
+    states = simulation.joint_states()
+    centre = 0.6 + float(simulation.mesh.vertices[:, 0].mean())
+    expected = 9.81 * np.array([2.0 * 0.2 + 1.0 * 0.5 + MASS * centre, 1.0 * 0.1 + MASS * (centre - 0.4)])
+    found = -np.array([states["lift"].effort, states["bend"].effort])
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+def test_a_scene_rebuilds_from_its_text_without_files(held_block: Path, two_links: Path) -> None:
+    """Carry the URDF in the scene's text, as a bag does."""
+    scene = load_scene(held_block)
+    two_links.unlink()
+    again = scene_from_text(scene.source)
+    assert again.arms[0].text == scene.arms[0].text
+    one, two = Simulation(scene), Simulation(again)
+    for simulation in (one, two):
+        simulation.step(Command(joints={"bend": 0.3}))
+    np.testing.assert_array_equal(one.positions, two.positions)
+    assert one.joint_states() == two.joint_states()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("flange: tip", "flange: tool0", "arm.flange = 'tool0' (line 8): the URDF has no such link; did you"),
+        ("flange: tip", "flange: base", "no joint moves between 'base' and this link"),
+        ("handle: wrist", "handle: wirst", "there is no such handle; did you mean 'wrist'?"),
+        ("two.urdf", "three.urdf", "it cannot be read as text"),
+        ("start: {lift", "start: {left", "arm.start.left (line 8): there is no such joint; did you mean 'lift'?"),
+        ("start: {lift: 1.57", "start: {lift: 3.57", "3.5707963267948966; allowed by its limits: -2 to 2 rad"),
+        ("start: {", "links: [one, top], start: {", "there is no link 'top'"),
+        ("start: {", "links: [two], start: {", "link 'two' has no <collision>"),
+        ("start: {", "limits: {lift: {velocity: -1}}, start: {", "arm.limits.lift.velocity"),
+        ("start: {", "limits: {lever: {velocity: 1}}, start: {", "no joint 'lever' that moves; joints: lift, bend"),
+        ("at: [-0.6, 0, 0]", "at: [-0.2, 0, 0]", "m inside of the soft body; remedy"),
+        ("where: {face: x-}", "where: {face: x-}, fixed: true", "this handle is fixed or has free axes"),
+        ("arm: {", "arms: {a: {urdf: two.urdf, flange: tip, handle: wrist}}\narm: {", "`arm` is there, too"),
+    ],
+)  # fmt: skip
+def test_defects_of_an_arm_are_named(two_links: Path, old: str, new: str, told: str) -> None:
+    """Refuse a scene whose arm cannot be used and say what to do."""
+    text = SCENE.format(urdf="two.urdf")
+    assert old in text
+    path = two_links.parent / "scene.yaml"
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(SceneError) as error:
+        load_scene(path)
+    assert told in str(error.value)
+
+
+def test_missing_meshes_are_all_named(two_links: Path) -> None:
+    """Name each mesh that is missing, where it was looked for, and what to do."""
+    text = TWO_LINKS.replace('<box size="0.05 0.05 0.3"/>', '<mesh filename="package://my_arm/one.stl"/>')
+    extra = '<visual><geometry><mesh filename="two.stl"/></geometry></visual></link><link name="tip"/>'
+    two_links.write_text(text.replace('</link>\n  <link name="tip"/>', extra))
+    path = two_links.parent / "scene.yaml"
+    path.write_text(SCENE.format(urdf="two.urdf"))
+    with pytest.raises(SceneError) as error:
+        load_scene(path)
+    assert "mesh package://my_arm/one.stl: the mesh is missing" in str(error.value)
+    assert "`packages: {my_arm: <folder of that package>}`" in str(error.value)
+    assert "mesh two.stl: the mesh is missing" in str(error.value)
+
+
+def test_an_arm_that_begins_in_an_obstacle_is_named(two_links: Path) -> None:
+    """Name the link, the obstacle and the depth."""
+    path = two_links.parent / "scene.yaml"
+    path.write_text(SCENE.format(urdf="two.urdf") + "obstacles: {table: {plane: [0, 0, 1], at: [0, 0, -0.02]}}\n")
+    with pytest.raises(
+        SceneError, match=r"link 'one' begins 0\.005 m inside of obstacle 'table'; remedy: another `start`"
+    ):
+        load_scene(path)
+
+
+def test_commands_of_joints_are_checked(held_block: Path) -> None:
+    """Refuse unknown joints, NaN and positions beyond the limits; the state stays."""
+    simulation = Simulation(load_scene(held_block))
+    for joints, told in (
+        ({"lifd": 0.0}, "no joint 'lifd'; did you mean 'lift'"),
+        ({"lift": float("nan")}, "position nan; allowed: finite numbers, -2 to 2 rad"),
+        ({"lift": 2.5}, "position 2.5; allowed: -2 to 2 rad; remedy"),
+    ):
+        with pytest.raises(CommandError, match=told):
+            simulation.step(Command(joints=joints))
+    with pytest.raises(CommandError, match="handle 'wrist' is carried by arm 'arm'; remedy: command the arm's joints"):
+        simulation.step(Command(handles={"wrist": Pose()}))
+    assert simulation.joint_goals == {"lift": np.pi / 2, "bend": 0.0}
+
+
+def test_two_arms_of_one_kind_need_prefixes(two_links: Path) -> None:
+    """Name the collision of names, and take both arms with prefixes."""
+    text = SCENE.format(urdf="two.urdf").split("arm:")[0].replace("handles: {", "handles: {far: {where: {face: x+}}, ")
+    one = (
+        "{{urdf: two.urdf, flange: {0}tip, handle: {1}, at: {2}, rotation_deg: {3}, prefix: '{0}', "
+        "start: {{{0}lift: 1.57}}}}"
+    )
+    path = two_links.parent / "scene.yaml"
+    arms = [one.format("", "wrist", "[-0.6, 0, 0]", "[0, 0, 0]"), one.format("", "far", "[0.64, 0, 0]", "[0, 0, 180]")]
+    path.write_text(f"{text}arms:\n  left: {arms[0]}\n  right: {arms[1]}\n")
+    with pytest.raises(SceneError, match="arm 'left' has the name 'lift', too; remedy: `prefix: right_`"):
+        load_scene(path)
+    arms[1] = one.format("r_", "far", "[0.64, 0, 0]", "[0, 0, 180]")
+    path.write_text(f"{text}arms:\n  left: {arms[0]}\n  right: {arms[1]}\n")
+    simulation = Simulation(load_scene(path))
+    assert simulation.step(Command(joints={"r_lift": 1.56, "lift": 1.56})).converged
+    assert list(simulation.joint_states()) == ["lift", "bend", "r_lift", "r_bend"]
+
+
+def test_steps_go_on_bit_by_bit_from_a_saved_state(held_block: Path) -> None:
+    """Save in the middle of a motion of the joints, load into another simulation, and get the same end."""
+    scene = load_scene(held_block, overrides={"dynamics": {"step": 0.01}})
+    one, two = Simulation(scene), Simulation(scene)
+    one.step(Command(joints={"lift": 1.0}), dt=0.02)
+    load_state(two, save_state(one))
+    for simulation in (one, two):
+        for _ in range(3):
+            simulation.step(dt=0.02)
+    assert not one.settled
+    np.testing.assert_array_equal(one.positions, two.positions)
+    assert one.joint_states() == two.joint_states()

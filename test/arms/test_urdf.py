@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every defect of a URDF is named with its remedy."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gdfe_ros.arms.urdf import parse_urdf
+from gdfe_ros.errors import ArmError
+from test.arms.conftest import ARM, TWO_LINKS
+
+
+def test_links_joints_and_limits_of_an_arm() -> None:
+    """Read the shipped arm: six joints from the base to the flange, with their limits."""
+    robot = parse_urdf(ARM.read_text())
+    assert (robot.root, len(robot.links), len(robot.commanded)) == ("base_link", 8, 6)
+    chain = [joint.name for joint in robot.chain("tool0")]
+    assert chain == ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3", "flange"]
+    elbow = robot.joints["elbow"].limits
+    assert (elbow.lower, elbow.upper, elbow.velocity, elbow.effort) == (-2.8, 2.8, 3.1, 100.0)
+    assert robot.rigid_with("tool0") == {"tool0", "wrist_3_link"}
+
+
+def test_a_prefix_names_all_links_and_joints() -> None:
+    """Give two arms of one kind different names."""
+    robot = parse_urdf(TWO_LINKS, prefix="left_")
+    assert list(robot.links) == ["left_base", "left_one", "left_two", "left_tip"]
+    assert 'link="left_one"' in robot.text
+
+
+def test_a_mimic_joint_takes_no_commands() -> None:
+    """Let one joint follow another."""
+    text = TWO_LINKS.replace(LIMIT, LIMIT + '<mimic joint="lift" multiplier="-2"/>')
+    robot = parse_urdf(text)
+    assert [joint.name for joint in robot.commanded] == ["lift"]
+    assert robot.joints["bend"].mimic.multiplier == -2.0
+
+
+LIMIT = '<limit lower="-2" upper="2" velocity="1.5" effort="20"/>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("<robot", "<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:x/></robot><robot", "not XML"),
+        ('<link name="base"/>', '<link name="base"/><!-- xacro:macro -->', "remedy: `xacro arm.urdf.xacro"),
+        (LIMIT, "", "joint 'bend': it has no limit lower, upper, velocity; remedy: <limit lower="),
+        (LIMIT, LIMIT.replace('"2"', '"nan"'), "upper is 'nan'; allowed: a finite number"),
+        (LIMIT, LIMIT.replace('lower="-2"', 'lower="3"'), "its lower limit 3 is above its upper one, 2"),
+        (LIMIT, LIMIT.replace('"1.5"', '"0"'), 'its largest velocity is 0; remedy: a limit above 0, or type="fixed"'),
+        ('type="fixed"', 'type="floating"', "its type is 'floating'; allowed: fixed, revolute"),
+        ('<child link="tip"/>', '<child link="tipp"/>', "the link 'tipp', which is not there; did you mean 'tip'?"),
+        ('<child link="tip"/>', '<child link="one"/>', "is the child of the joints lift, end: a closed loop"),
+        ('<parent link="base"/>', '<parent link="tip"/>', "closed loop; remedy"),
+        ('<mass value="1.0"/>', '<mass value="-1.0"/>', "link 'two': its <inertial> has no mass of 0 kg or more"),
+        ('ixx="0.004"', 'ixx="0.4"', "belong to no rigid body"),
+        ('<box size="0.05 0.05 0.3"/>', '<box size="0.05 0.3"/>', "size is '0.05 0.3'; allowed: three finite numbers"),
+        ('<box size="0.05 0.05 0.3"/>', "<capsule/>", "has <capsule>; allowed: <box>, <cylinder>"),
+        (LIMIT, LIMIT + '<mimic joint="left"/>', "mimics 'left', which is no joint that moves; did you mean 'lift'?"),
+        ('name="two">\n    <in', 'name="one">\n    <in', "link 'one' is there 2 times"),
+    ],
+)  # fmt: skip
+def test_defects_are_named(old: str, new: str, told: str) -> None:
+    """Refuse a defective URDF and say what to do."""
+    assert old in TWO_LINKS
+    with pytest.raises(ArmError) as error:
+        parse_urdf(TWO_LINKS.replace(old, new, 1))
+    assert told in str(error.value)
+
+
+def test_a_scene_may_give_limits_that_the_urdf_lacks() -> None:
+    """Take limits from the scene; a continuous joint has none of its position."""
+    given = {"bend": {"lower": -1.0, "upper": 1.0, "velocity": 0.5}}
+    assert parse_urdf(TWO_LINKS.replace(LIMIT, ""), limits=given).joints["bend"].limits.velocity == 0.5
+    text = TWO_LINKS.replace('name="bend" type="revolute"', 'name="bend" type="continuous"')
+    assert parse_urdf(text.replace(LIMIT, '<limit velocity="1" effort="0"/>')).joints["bend"].limits.upper == math.inf
+    with pytest.raises(ArmError, match="no joint 'bent' that moves; did you mean 'bend'"):
+        parse_urdf(TWO_LINKS, limits={"bent": {}})

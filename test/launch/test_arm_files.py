@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The files of arm_grasp for ros2_control, MoveIt and RViz fit the scene and the node."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+from gdfe_ros.arms.urdf import parse_urdf
+from gdfe_ros.node.interface.services import FOLLOW_TRAJECTORY
+from gdfe_ros.node.interface.topics import JOINT_COMMAND, JOINT_STATES, ROBOT_DESCRIPTION
+from gdfe_ros.scene import Scene, load_scene
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+@pytest.fixture
+def scene() -> Scene:
+    """Give the scene that the files describe."""
+    return load_scene("arm_grasp")
+
+
+def test_the_urdf_of_ros2_control_is_the_arm_with_the_tendons(scene: Scene) -> None:
+    """Compare joints, interfaces, limits and topics of the URDF with the scene; our own reader takes it, too."""
+    text = (CONFIG / "ros2_control" / "arm_grasp.urdf").read_text(encoding="utf-8")
+    robot, root = parse_urdf(text), ElementTree.fromstring(text)
+    joints = {joint.name: joint for joint in scene.arms[0].joints}
+    names = [*joints, *(actuator.name for actuator in scene.actuators)]
+    controls = {each.get("name"): each for each in root.findall("ros2_control/joint")}
+    assert list(controls) == [joint.name for joint in robot.commanded] == names
+    for name, control in controls.items():
+        command = control.find("command_interface")
+        bounds = [float(entry.text) for entry in command.findall("param")]
+        if name in joints:
+            assert command.get("name") == "position"
+            assert bounds == [joints[name].limits.lower, joints[name].limits.upper]
+            assert robot.joints[name].limits.velocity == joints[name].limits.velocity
+        else:
+            assert (command.get("name"), bounds) == ("effort", [0.0, 20.0])
+        assert [each.get("name") for each in control.findall("state_interface")] == ["position", "velocity", "effort"]
+    given = {entry.get("name"): entry.text for entry in root.findall("ros2_control/hardware/param")}
+    assert given["joint_commands_topic"] == JOINT_COMMAND.name.replace("~", "/gdfe_sim")
+    assert given["joint_states_topic"] == JOINT_STATES.name.replace("~", "/gdfe_sim")
+
+
+def test_controllers_drive_all_joints(scene: Scene) -> None:
+    """Compare the controllers' joints and interfaces with the scene."""
+    given = yaml.safe_load((CONFIG / "ros2_control" / "arm_controllers.yaml").read_text(encoding="utf-8"))
+    arm = given["arm_controller"]["ros__parameters"]
+    assert (arm["joints"], arm["command_interfaces"]) == ([j.name for j in scene.arms[0].joints], ["position"])
+    tension = given["tension_controller"]["ros__parameters"]
+    assert (tension["joints"], tension["interface_name"]) == ([a.name for a in scene.actuators], "effort")
+    assert {"arm_controller", "tension_controller"} < set(given["controller_manager"]["ros__parameters"])
+
+
+def test_moveit_plans_for_the_arm_and_sends_to_the_node(scene: Scene) -> None:
+    """Compare groups, limits and the controller's action with the scene and the node."""
+    folder, joints = CONFIG / "moveit", scene.arms[0].joints
+    root = ElementTree.fromstring((folder / "arm_grasp.srdf").read_text(encoding="utf-8"))
+    links = scene.arms[0].dynamics.description.links
+    chain = root.find("group/chain")
+    assert {chain.get("base_link"), chain.get("tip_link")} <= set(links)
+    for pair in root.findall("disable_collisions"):
+        assert {pair.get("link1"), pair.get("link2")} <= set(links)
+    limits = yaml.safe_load((folder / "joint_limits.yaml").read_text(encoding="utf-8"))["joint_limits"]
+    for joint in joints:
+        assert limits[joint.name]["max_velocity"] == joint.limits.velocity
+        assert limits[joint.name]["max_acceleration"] == pytest.approx(joint.limits.acceleration)
+    given = yaml.safe_load((folder / "moveit_controllers.yaml").read_text(encoding="utf-8"))
+    sent = given["moveit_simple_controller_manager"]["gdfe_sim"]
+    assert FOLLOW_TRAJECTORY.name == f"~/{sent['action_ns']}"
+    assert sent["joints"] == [joint.name for joint in joints]
+    assert yaml.safe_load((folder / "kinematics.yaml").read_text(encoding="utf-8"))["arm"]
+
+
+def test_rviz_shows_the_arm() -> None:
+    """Find the URDF's topic in the configuration."""
+    manager = yaml.safe_load((CONFIG / "rviz" / "arm.rviz").read_text(encoding="utf-8"))["Visualization Manager"]
+    (arm,) = (each for each in manager["Displays"] if each["Class"].endswith("RobotModel"))
+    expected = ROBOT_DESCRIPTION.name.replace("~", "/gdfe_sim").format(arm="arm")
+    assert arm["Description Topic"]["Value"] == expected

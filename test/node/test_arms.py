@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An arm in a node: commands of its joints, states, frames, trajectories, bags."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import PoseStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from gdfe_ros import Command, Simulation, load_scene
+from gdfe_ros.analysis.bag_run import BagRun
+from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.replay import Replay
+from gdfe_ros.errors import CommandError
+from gdfe_ros.testing import Simulator
+from gdfe_ros.testing.node_replay import NodeReplay
+from test.arms.conftest import SCENE, TWO_LINKS
+
+_LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.fixture
+def held_block(tmp_path: Path) -> Path:
+    """Write the scene of a soft block in motion at the end of two links."""
+    (tmp_path / "two.urdf").write_text(TWO_LINKS)
+    path = tmp_path / "held_block.yaml"
+    path.write_text(SCENE.format(urdf="two.urdf") + "dynamics: {step: 0.01}\n")
+    return path
+
+
+def test_joints_are_commanded_and_reported(held_block: Path, tmp_path: Path) -> None:
+    """Command joints in lockstep: states as in the library, bit by bit; the bag replays with equal efforts."""
+    simulation, steps = Simulation(load_scene(held_block)), []
+    commands = [Command(joints={"lift": 1.5}), Command(), Command(joints={"bend": 0.2}), Command()]
+    with Simulator(held_block, bag=tmp_path / "bag") as simulator:
+        for command in commands:
+            steps.append(simulator.step(command))
+            simulation.step(command, dt=0.01)
+            expected = simulation.joint_states()
+            for name, (position, velocity, effort) in steps[-1].joints.items():
+                reading = expected[name]
+                assert (position, velocity, effort) == (reading.position, reading.velocity, reading.effort)
+        with pytest.raises(CommandError, match="allowed: -2 to 2 rad"):
+            simulator.step(Command(joints={"lift": 2.1}))
+    assert steps[0].record.joints["lift"] == 1.5
+    assert list(steps[0].joints) == ["lift", "bend"]
+    run = BagRun(tmp_path / "bag")
+    for replay in (Replay(run), NodeReplay(run)):
+        report = replay.run()
+        assert report.differences.verdict() is Verdict.IDENTICAL, report.differences.differing
+        assert report.unknown == ()
+
+
+def test_a_node_tells_of_the_arm(client: Any, start: Callable, interfaces: Callable, held_block: Path) -> None:
+    """Find the URDF, the frames of all links, and refusals with their reasons."""
+    interfaces("tf2_msgs")
+    from tf2_msgs.msg import TFMessage
+
+    heard: dict[str, Any] = {}
+    told: list[str] = []
+
+    def hear(message: Any) -> None:
+        heard.update({each.child_frame_id: each for each in message.transforms})
+
+    client.node.create_subscription(TFMessage, "/tf", hear, 100)
+    topic = "/gdfe_sim/arms/arm/robot_description"
+    client.node.create_subscription(String, topic, lambda message: told.append(message.data), _LATCHED)
+    start(scene=str(held_block), clock="fast", heartbeat=0.0, dt=0.01)
+    client.wait(lambda: told and "tip" in heard)
+    assert told[0].startswith("<robot")
+    place = heard["tip"].transform.translation
+    assert (place.x, place.z) == (pytest.approx(0.0, abs=1e-12), pytest.approx(0.0, abs=1e-12))
+    client.publish("joint_command", JointState(name=["lift"], position=[0.0]))
+    client.wait(lambda: heard["tip"].transform.translation.z == pytest.approx(0.4, abs=0.3))
+    client.publish("joint_command", JointState(name=["lever"], position=[0.0]))
+    client.publish("joint_command", JointState(name=["lift"], position=[3.0]))
+    client.publish("joint_command", JointState(name=["lift", "bend"], position=[0.1]))
+    client.publish("handles/wrist/target", PoseStamped())
+    client.wait(lambda: client.diagnostics().get("commands refused") == "4")
+
+
+def test_what_is_cut_is_told(client: Any, start: Callable, held_block: Path) -> None:
+    """Command a jump: /diagnostics says that velocity and acceleration are limited, and that an effort is too large."""
+    limits = "arm.limits={bend: {effort: 0.1}}"
+    start(scene=str(held_block), clock="wall", rate=20.0, dt=0.01, scene_overrides=[limits])
+    client.wait(client.records)
+    client.publish("joint_command", JointState(name=["lift"], position=[-1.9]))
+    told: set[str] = set()
+
+    def heard() -> bool:
+        told.add(client.diagnostics().get("joints", ""))
+        text = " ".join(told)
+        return "lift: velocity cut to its limit" in text and "above its limit 0.1" in text
+
+    client.wait(heard)
+
+
+def test_a_foreign_client_moves_the_arm(client: Any, start: Callable, interfaces: Callable, held_block: Path) -> None:
+    """Send goals as to joint_trajectory_controller: tracked to the tolerance, preempted, cancelled, refused."""
+    interfaces("control_msgs")
+    from control_msgs.action import FollowJointTrajectory
+    from control_msgs.msg import JointTolerance
+
+    start(scene=str(held_block), clock="fast", heartbeat=0.0, dt=0.01)
+    client.wait(client.records)
+    states: list[JointState] = []
+    client.node.create_subscription(JointState, "/gdfe_sim/joint_states", states.append, 100)
+    action = client.action(FollowJointTrajectory, "follow_joint_trajectory")
+    feedback: list[Any] = []
+
+    def send(lift: float, bend: float, seconds: float, tolerance: float = 1e-6) -> Any:
+        feedback.clear()
+        point = JointTrajectoryPoint(positions=[lift, bend], velocities=[0.0, 0.0])
+        point.time_from_start = Duration(sec=int(seconds), nanosec=int(seconds % 1 * 1e9))
+        names = ["lift", "bend"]
+        trajectory = JointTrajectory(joint_names=names, points=[point])
+        tolerances = [JointTolerance(name=name, position=tolerance) for name in names]
+        goal = FollowJointTrajectory.Goal(trajectory=trajectory, path_tolerance=tolerances, goal_tolerance=tolerances)
+        sent = action.send_goal_async(goal, feedback_callback=lambda message: feedback.append(message.feedback))
+        client.wait(sent.done)
+        return sent.result()
+
+    def result(goal: Any) -> tuple[int, int]:
+        future = goal.get_result_async()
+        client.wait(future.done)
+        return future.result().status, future.result().result.error_code
+
+    # Tracked: a cubic within the limits is followed to a microradian.
+    assert result(send(1.2, 0.4, 1.0)) == (GoalStatus.STATUS_SUCCEEDED, 0)
+    assert max(abs(each.error.positions[0]) for each in feedback) < 1e-6
+    client.wait(lambda: states and states[-1].position[0] == pytest.approx(1.2, abs=1e-9))
+    # Preempted: the first goal is aborted, the second one succeeds from where the arm is.
+    first = send(-1.0, 0.0, 1000.0)
+    client.wait(lambda: feedback)
+    second = send(1.0, 0.0, 2.0)
+    assert result(first) == (GoalStatus.STATUS_ABORTED, -1)
+    assert result(second) == (GoalStatus.STATUS_SUCCEEDED, 0)
+    # Cancelled: the arm stays where it is.
+    third = send(-1.5, 0.0, 1000.0)
+    client.wait(lambda: feedback)
+    client.wait(third.cancel_goal_async().done)
+    assert result(third)[0] == GoalStatus.STATUS_CANCELED
+    client.wait(lambda: states[-1].velocity[0] == 0.0)
+    assert states[-1].position[0] > 0.9
+    # Too fast: the limit of 1.5 rad/s holds it back, and the path's tolerance tells.
+    assert result(send(-1.5, 0.0, 0.5, tolerance=0.05)) == (GoalStatus.STATUS_ABORTED, -4)
+    # Beyond the limits, and a name that is not there: refused with the code.
+    assert result(send(2.5, 0.0, 1.0)) == (GoalStatus.STATUS_ABORTED, -1)
+    np.testing.assert_array_less(np.abs([state.velocity[0] for state in states]), 1.5 + 1e-9)
+
+
+def test_the_hardware_moves_joints_and_tendons(client: Any, start: Callable) -> None:
+    """Send what JointStateTopicSystem sends: all joints at once, NaN where an interface is not commanded."""
+    start(scene="arm_grasp", clock="fast", heartbeat=0.0, dt=0.01)
+    heard: list[JointState] = []
+    client.node.create_subscription(JointState, "/gdfe_sim/joint_states", heard.append, 100)
+    client.wait(lambda: heard)
+    names = [*list(heard[-1].name)[2:], "left", "right"]
+    rest = dict(zip(heard[-1].name, heard[-1].position, strict=True))
+    wanted = [rest[name] for name in names[:-2]]
+    wanted[0] += 0.02
+    none = math.nan
+    client.publish(
+        "joint_command",
+        JointState(name=names, position=[*wanted, none, none], effort=[none] * len(wanted) + [0.5, 0.5]),
+    )
+    client.wait(lambda: heard[-1].position[2] == pytest.approx(0.02, abs=1e-9))
+    client.wait(lambda: heard[-1].effort[0] == 0.5)
