@@ -43,10 +43,10 @@ def find_crossings(corners, size, column, height):
     found = 0
     for t in range(len(corners)):
         a, b, c = corners[t]
-        first = max(int(math.ceil(min(a[0], b[0], c[0]))), 0)
-        last = min(int(math.floor(max(a[0], b[0], c[0]))), nx - 1)
-        low = max(int(math.ceil(min(a[1], b[1], c[1]))), 0)
-        high = min(int(math.floor(max(a[1], b[1], c[1]))), ny - 1)
+        first = max(math.ceil(min(a[0], b[0], c[0])), 0)
+        last = min(math.floor(max(a[0], b[0], c[0])), nx - 1)
+        low = max(math.ceil(min(a[1], b[1], c[1])), 0)
+        high = min(math.floor(max(a[1], b[1], c[1])), ny - 1)
         for y in range(low, high + 1):
             for x in range(first, last + 1):
                 if pierced(corners[t], x, y):
@@ -68,7 +68,7 @@ def add_column(moments, heights, place, column, size, width):
         first = min(int(low), layers - 1)
         moments[7, first * columns + column] += 1.0
         moments[7, min(int(high), layers - 1) * columns + column] += 1.0
-        for layer in range(first, int(math.ceil(high))):
+        for layer in range(first, math.ceil(high)):
             if layer != current:
                 if current >= 0:
                     for row in range(7):
@@ -108,7 +108,11 @@ def integrate_columns(vertices, triangles, places, size, moments):
         for t in range(len(triangles)):
             for a in range(3):
                 vertex = vertices[triangles[t, a]]
-                corners[t, a, 0], corners[t, a, 1], corners[t, a, 2] = vertex[0] - place[0], vertex[1] - place[1], vertex[2]
+                corners[t, a, 0], corners[t, a, 1], corners[t, a, 2] = (
+                    vertex[0] - place[0],
+                    vertex[1] - place[1],
+                    vertex[2],
+                )
         found = find_crossings(corners, size, column, height)
         if found > len(column):
             column, height = np.empty(2 * found, np.int64), np.empty(2 * found)

@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-
 #: Columns through a cube along an axis, on a lattice of two Fibonacci numbers: a wall perpendicular to one of the
 #: other axes never crosses two at once. Along a column the integrals are exact.
 COLUMNS, LATTICE = 144, 89
