@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.obstacle import Obstacle
 
 if TYPE_CHECKING:
     from gdfe_ros.scene import Scene

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.analysis.obstacle_faces import faces_of, obstacle_faces, recorded_faces
 from gdfe_ros.analysis.picture import OBSTACLE, draw_body
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Form, Obstacle, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.mesh.solid import make_solid
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation

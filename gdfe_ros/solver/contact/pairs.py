@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from gdfe_ros.constraints.form import Sphere
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.body import Body
@@ -10,6 +11,7 @@ from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
+from gdfe_ros.solver.contact.round_contact import RoundContact
 from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.surface import Surface
 
@@ -22,7 +24,16 @@ def contacts_of(body: Body) -> list[ContactTerm]:
         found.append(Contact(thing.name, thing, body, surface, thing.friction))
     for rigid in (thing for thing in touched if isinstance(thing, RigidBody)):
         for thing in (other for other in touched if other is not rigid):
-            found.append(RigidContact(rigid, thing, body))
+            if not _told_by_other(rigid, thing, touched):
+                kind = RoundContact if rigid.form.rounding > 0.0 else RigidContact
+                found.append(kind(rigid, thing, body))
     if body.self_contact is not None:
         found.append(OwnContact(body.self_contact, body))
     return found
+
+
+def _told_by_other(rigid: RigidBody, thing: Obstacle, touched: list[Obstacle]) -> bool:
+    """Return whether the contact of a rigid body's points with a ball is found, exactly, by the ball's own centre."""
+    if not (isinstance(thing, RigidBody) and isinstance(thing.form, Sphere)):
+        return False
+    return not isinstance(rigid.form, Sphere) or touched.index(thing) < touched.index(rigid)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.constraints.obstacle import Box, Cylinder
+from gdfe_ros.constraints.form import Box, Cylinder
 from gdfe_ros.contacts import contact_names
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.motion import inertia
