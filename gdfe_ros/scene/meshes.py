@@ -63,8 +63,14 @@ def _body(
     model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
 ) -> HexMesh | None:
     """Return a mesh in its own frame; ``paths`` are the key paths of it and of its skin."""
-    if model is None:
-        return None
+    mesh = None if model is None else _made(model, skin, paths, carried, report)
+    return None if mesh is None else model.reflect(mesh)
+
+
+def _made(
+    model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
+) -> HexMesh | None:
+    """Return a mesh with its skin as their files have them."""
     store = BodyStore(model, skin)
     found = store.recall()
     if found is not None:
