@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-from gdfe_ros.constraints.form import Sphere
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.rigid_body import rigid_pairs
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.contact_term import ContactTerm
@@ -22,18 +21,9 @@ def contacts_of(body: Body) -> list[ContactTerm]:
     surface, found = (Surface if body.skin is None else Skin).of(body) if touched else None, []
     for thing in touched:
         found.append(Contact(thing.name, thing, body, surface, thing.friction))
-    for rigid in (thing for thing in touched if isinstance(thing, RigidBody)):
-        for thing in (other for other in touched if other is not rigid):
-            if not _told_by_other(rigid, thing, touched):
-                kind = RoundContact if rigid.form.rounding > 0.0 else RigidContact
-                found.append(kind(rigid, thing, body))
+    for rigid, thing in rigid_pairs(touched):
+        kind = RoundContact if rigid.form.rounding > 0.0 else RigidContact
+        found.append(kind(rigid, thing, body))
     if body.self_contact is not None:
         found.append(OwnContact(body.self_contact, body))
     return found
-
-
-def _told_by_other(rigid: RigidBody, thing: Obstacle, touched: list[Obstacle]) -> bool:
-    """Return whether the contact of a rigid body's points with a ball is found, exactly, by the ball's own centre."""
-    if not (isinstance(thing, RigidBody) and isinstance(thing.form, Sphere)):
-        return False
-    return not isinstance(rigid.form, Sphere) or touched.index(thing) < touched.index(rigid)

@@ -142,6 +142,7 @@ def test_a_ball_that_hits_another_body_keeps_momenta(pair: Callable[..., Simulat
         np.testing.assert_allclose(now[0], start[0], atol=1e-6 * np.abs(start[0]).max())
         errors.append(np.abs(now[1] - start[1]).max() / (0.02 * np.abs(start[0]).max()))
         assert simulation.handle_pose("two").translation[0] > 0.005
+        assert list(simulation.result.contacts) == contact_names(simulation.scene.handles)
     assert errors[0] < 0.02
     assert errors[1] < 0.6 * errors[0]
 
