@@ -109,9 +109,9 @@ def _clean(values: object) -> list[float]:
 
 
 def _draw(path: Path, simulation: Simulation, result: StepResult) -> None:
-    from gdfe_ros.analysis.obstacle_faces import faces_of
     from gdfe_ros.analysis.picture import draw_body  # matplotlib takes a second to import
+    from gdfe_ros.analysis.scenery import Scenery
 
     title = f"{simulation.scene.name} at t = {result.time:g} s"
-    words = {"title": title, "label": "equivalent strain", "obstacles": faces_of(simulation)}
+    words = {"title": title, "label": "equivalent strain", "scenery": Scenery.of(simulation)}
     draw_body(path, simulation.mesh, result.positions, simulation.fields().eps_eq, **words)
