@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators import Embedding
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.rigid_body import rigid_pairs
 from gdfe_ros.constraints.self_contact import NAME as SELF
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.solver.contact.touch import Touch
@@ -74,13 +74,13 @@ def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = 
     """Return the names in `StepResult.contacts` for a scene's handles, in their order.
 
     They are the contacts of the body with each obstacle and rigid body, by the name of these; of each rigid body's
-    corners with each obstacle and each other rigid body; and of the body with itself, with ``self_contact``.
+    points with each obstacle and other rigid body, as in `rigid_pairs`; and of the body with itself, with
+    ``self_contact``.
     """
     touched = [handle for handle in handles if isinstance(handle, Obstacle)]
-    rigid = [handle.name for handle in touched if isinstance(handle, RigidBody)]
     return (
         [handle.name for handle in touched]
-        + [f"{name} on {other.name}" for name in rigid for other in touched if other.name != name]
+        + [f"{rigid.name} on {other.name}" for rigid, other in rigid_pairs(touched)]
         + [SELF] * (self_contact is not None)
     )
 

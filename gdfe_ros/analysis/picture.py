@@ -3,16 +3,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
+from gdfe_ros.analysis.scenery import Scenery
 from gdfe_ros.colour_map import colour_range
 from gdfe_ros.mesh import HexMesh
 
@@ -21,6 +23,14 @@ COLOURS = "viridis"
 LIGHT = np.array([0.35, -0.75, 0.65]) / np.linalg.norm([0.35, -0.75, 0.65])
 SHADE = 0.35
 OBSTACLE = (0.80, 0.62, 0.45, 0.35)
+CABLE, FORCE = (0.75, 0.10, 0.10), (0.95, 0.15, 0.55)
+CHAMBER, CHAMBER_EDGES = (0.55, 0.80, 1.0, 0.12), (0.75, 0.90, 1.0, 0.45)
+ARROW = 0.25
+"""Length of the arrow of the largest force, over the size of the body."""
+LEAST_FORCE = 0.02
+"""Share of the largest force below which a force has no arrow."""
+TICKS = 5
+"""Intervals between ticks along the longest axis; shorter axes have fewer, so that labels do not overlap."""
 
 
 def draw_body(
@@ -33,7 +43,7 @@ def draw_body(
     label: str,
     limits: tuple[float, float] | None = None,
     around: NDArray[np.float64] | None = None,
-    obstacles: Sequence[NDArray[np.float64]] = (),
+    scenery: Scenery | None = None,
 ) -> None:
     """Draw the surface at ``positions`` (n, 3) [m] coloured by cell ``values`` (m,), over the outline at rest.
 
@@ -49,7 +59,7 @@ def draw_body(
         limits: least and largest value of the colours; None: those of ``values``. If they differ by less than `NOISE`,
             the body has one colour.
         around: points (k, 3) [m] that the axes include, for pictures on one scale.
-        obstacles: faces (f, k, 3) [m] of each.
+        scenery: obstacles, cables, chambers and contact forces.
 
     Raises:
         OSError: the file cannot be written.
@@ -64,12 +74,17 @@ def draw_body(
     edges = {"edgecolors": lit} if outside.skin else {"edgecolors": (0, 0, 0, 0.25)}
     body = Poly3DCollection(faces, facecolors=lit, linewidths=0.3, zorder=1, clip_on=False, **edges)
     axes.add_collection3d(body)
-    for solid in obstacles:
+    scenery = scenery or Scenery()
+    for solid in scenery.obstacles:
         before = (solid.mean(axis=(0, 1)) - positions.mean(axis=0)) @ _towards_the_eye() > 0.0
         axes.add_collection3d(obstacle_collection(solid, zorder=2 if before else 0))
     axes.add_collection3d(Line3DCollection(_box_edges(mesh.bounds), colors="0.6", linewidths=0.7, linestyles="dashed"))
-    shown = [solid.reshape(-1, 3) for solid in obstacles]
+    arrows, largest = _arrows(scenery, mesh.size)
+    _draw_inside(axes, scenery, arrows)
+    shown = [solid.reshape(-1, 3) for solid in scenery.obstacles]
     _frame(axes, np.vstack([positions, mesh.bounds, *shown, *([] if around is None else [around])]))
+    if len(arrows):
+        axes.text2D(0.02, 0.02, f"longest arrow: {largest:.3g} N", transform=axes.transAxes, fontsize=8, color=FORCE)
     bar = figure.colorbar(matplotlib.cm.ScalarMappable(norm, colours), cax=figure.add_axes((0.88, 0.2, 0.016, 0.55)))
     bar.set_label(label)
     figure.suptitle(title, x=0.04, y=0.96, ha="left", fontsize=12)
@@ -81,6 +96,28 @@ def obstacle_collection(faces: NDArray[np.float64], *, zorder: float = 0.0) -> P
     colours = shaded(np.tile(OBSTACLE, (len(faces), 1)), faces)
     options = {"edgecolors": (0, 0, 0, 0.08), "linewidths": 0.2, "clip_on": False, "zorder": zorder}
     return Poly3DCollection(faces, facecolors=colours, **options)
+
+
+def _arrows(scenery: Scenery, size: float) -> tuple[NDArray[np.float64], float]:
+    """Return arrows (a, 2, 3) [m] that end at the points on which forces act, and the largest force [N]."""
+    lengths = np.linalg.norm(scenery.forces, axis=1)
+    largest = float(lengths.max(initial=0.0))
+    some = lengths > LEAST_FORCE * largest
+    ends = scenery.places[some]
+    return np.stack([ends - scenery.forces[some] * (ARROW * size / (largest or 1.0)), ends], axis=1), largest
+
+
+def _draw_inside(axes: Axes3D, scenery: Scenery, arrows: NDArray[np.float64]) -> None:
+    """Draw cables, chambers and forces over the body, through which they are seen."""
+    for faces in scenery.chambers:
+        look = {"facecolors": CHAMBER, "edgecolors": CHAMBER_EDGES, "linewidths": 0.4}
+        axes.add_collection3d(Poly3DCollection(faces, **look, clip_on=False, zorder=3))
+    over = {"clip_on": False, "zorder": 4}
+    for cable in scenery.cables:
+        axes.plot(*cable.T, linewidth=1.4, marker="o", markersize=2.0, color=CABLE, **over)
+    if len(arrows):
+        axes.add_collection3d(Line3DCollection(arrows, colors=FORCE, linewidths=1.2, **over))
+        axes.plot(*arrows[:, 1].T, linestyle="none", marker="o", markersize=2.5, color=FORCE, **over)
 
 
 def shaded(colours: NDArray[np.float64], faces: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -105,14 +142,16 @@ def _box_edges(bounds: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     return [corners[list(pair)] for pair in pairs]
 
 
-def _frame(axes: object, points: NDArray[np.float64]) -> None:
+def _frame(axes: Axes3D, points: NDArray[np.float64]) -> None:
     low, high = points.min(axis=0), points.max(axis=0)
     span = np.maximum(high - low, 0.05 * (high - low).max())
     middle = 0.5 * (low + high)
     for name, centre, width in zip("xyz", middle, span, strict=True):
         getattr(axes, f"set_{name}lim")(centre - 0.5 * width, centre + 0.5 * width)
         getattr(axes, f"set_{name}label")(f"{name} [m]", fontsize=8)
-    axes.set_box_aspect(span, zoom=1.15)
+    axes.set_box_aspect(span, zoom=1.08)
     axes.tick_params(labelsize=7)
-    axes.locator_params(nbins=5)
+    for name, width in zip("xyz", span, strict=True):
+        bins = max(1, round(TICKS * width / span.max()))
+        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(nbins=bins, min_n_ticks=min(3, bins + 1)))
     axes.view_init(**VIEW)

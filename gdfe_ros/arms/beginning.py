@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.arm_link import ArmLink
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.mesh import HexMesh
 
 TOUCHING = 1e-3

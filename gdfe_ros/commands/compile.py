@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Compile with a progress bar; return 0."""
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("compiling", total=len(work()))
+        task = progress.add_task("compiling", total=len(work()) + 1)
         for name in _compiled(max(1, arguments.jobs)):
             progress.update(task, advance=1, description=f"compiling, {name} is ready")
     return 0
@@ -50,8 +50,23 @@ def _compiled(jobs: int) -> Iterator[str]:
     first, *others = work()
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         yield pool.submit(_compile, *first).result()
-        for done in as_completed([pool.submit(_compile, *item) for item in others]):
+        for done in as_completed([pool.submit(_compile_surfaces), *(pool.submit(_compile, *item) for item in others)]):
             yield done.result()
+
+
+def _compile_surfaces() -> str:
+    """Compile what bodies and obstacles from surface files need, which no shipped scene has."""
+    from gdfe_ros.mesh import bar
+    from gdfe_ros.mesh.outside import carry_skin
+    from gdfe_ros.mesh.solid import make_solid
+    from gdfe_ros.mesh.voxels import Cells, fill_surface
+
+    cube = bar((1.0, 1.0, 1.0), (1, 1, 1))
+    triangles = cube.surface()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype("int64")
+    fill_surface(cube.vertices, triangles, cell=0.6, cells=Cells.CUT)
+    carry_skin(cube.vertices, cube.cells, cube.vertices, triangles)
+    make_solid(cube.vertices, triangles, cell=0.2)
+    return "surfaces"
 
 
 def _compile(name: str, overrides: dict[str, object]) -> str:

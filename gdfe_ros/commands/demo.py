@@ -15,6 +15,7 @@ from rich.table import Table
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.commands.convergence import convergence, print_failures
+from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.recording.bag_info import IN_RUN
 from gdfe_ros.scene import Scene, load_scene
@@ -34,7 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Play the scene's program; return 0, or 1 where the node did not follow."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    scene = load_scene(arguments.scene)
+    with waiting(f"loading {arguments.scene}"):
+        scene = load_scene(arguments.scene)
     if scene.program is None:
         raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program'")
     out = arguments.out or Path("runs") / f"{scene.name}_{datetime.now():%Y%m%d_%H%M%S}"

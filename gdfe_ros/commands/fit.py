@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
@@ -119,7 +120,8 @@ def _fit_scene(arguments: argparse.Namespace) -> int:
     from gdfe_ros.scene import load_scene
 
     started = time.perf_counter()
-    scene = load_scene(arguments.scene)
+    with waiting(f"loading {arguments.scene}"):
+        scene = load_scene(arguments.scene)
     parameters = read_parameters(arguments.vary, scene)
     recordings = read_recordings(arguments.data, arguments.match, scene)
     fitted, held_out = split_held_out(recordings, arguments.holdout)

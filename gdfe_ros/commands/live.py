@@ -14,6 +14,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.entry import collect, without_collection
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import NODE_NAME
@@ -80,7 +81,8 @@ def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
     with without_collection():
         from gdfe_ros.scene import load_scene
 
-        scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
+        with waiting(f"loading {arguments.scene}"):
+            scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
         if arguments.play and scene.program is None:
             raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program', or leave out --play")
         from gdfe_ros.live.page import Page
@@ -112,7 +114,8 @@ def _session_of(scene: Scene, arguments: argparse.Namespace, page: Page) -> Live
     from gdfe_ros.live.session import LiveSession
     from gdfe_ros.simulation import Simulation
 
-    simulation = Simulation(scene)
+    with waiting(f"preparing {scene.name}"):
+        simulation = Simulation(scene)
     for remark in simulation.remarks():
         print(f"warning: {remark}", file=sys.stderr)
     clock = ClockMode.FAST if arguments.fast else ClockMode.WALL

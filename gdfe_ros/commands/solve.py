@@ -15,6 +15,7 @@ from rich.table import Table
 from gdfe_ros.analysis.result_file import write_result
 from gdfe_ros.commands.convergence import convergence, print_failures
 from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.result import StepResult
@@ -42,11 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve; return 0, or 3 if a step did not converge."""
-    scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
-    simulation = Simulation(scene, settings=_settings(scene, arguments))
+    with waiting(f"loading {arguments.scene}"):
+        scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
+        simulation = Simulation(scene, settings=_settings(scene, arguments))
     for remark in simulation.remarks():
         Console(stderr=True).print(f"warning: {remark}", style="yellow", highlight=False)
-    simulation.warm_up()
+    with waiting(f"preparing {scene.name}"):
+        simulation.warm_up()
     started = time.perf_counter()
     results = _play(simulation)
     wall_time = time.perf_counter() - started
@@ -106,9 +109,9 @@ def _clean(values: object) -> list[float]:
 
 
 def _draw(path: Path, simulation: Simulation, result: StepResult) -> None:
-    from gdfe_ros.analysis.obstacle_faces import faces_of
     from gdfe_ros.analysis.picture import draw_body  # matplotlib takes a second to import
+    from gdfe_ros.analysis.scenery import Scenery
 
     title = f"{simulation.scene.name} at t = {result.time:g} s"
-    words = {"title": title, "label": "equivalent strain", "obstacles": faces_of(simulation)}
+    words = {"title": title, "label": "equivalent strain", "scenery": Scenery.of(simulation)}
     draw_body(path, simulation.mesh, result.positions, simulation.fields().eps_eq, **words)

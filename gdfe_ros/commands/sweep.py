@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from gdfe_ros.analysis.sweep.archive import Archive
 from gdfe_ros.analysis.sweep.cases import Case, grid_cases, read_axes, read_list
+from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 
@@ -50,7 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
     from gdfe_ros.analysis.export.table import write_parquet
     from gdfe_ros.analysis.sweep.results import draw_results, flat_row
 
-    scene = load_scene(arguments.scene)
+    with waiting(f"loading {arguments.scene}"):
+        scene = load_scene(arguments.scene)
     if scene.program is None:
         raise GdfeError(f"scene {scene.name!r} has no program to play; add the key 'program'")
     cases = _cases(arguments)

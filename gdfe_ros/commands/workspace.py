@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from gdfe_ros.commands.overrides import read_overrides
+from gdfe_ros.commands.waiting import waiting
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.scene import load_scene
 
@@ -48,7 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
     from gdfe_ros.analysis.workspace_report import draw_workspace, workspace_rows, write_workspace
 
     started = time.perf_counter()
-    scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
+    with waiting(f"loading {arguments.scene}"):
+        scene = load_scene(arguments.scene, overrides=read_overrides(arguments.set))
     names = arguments.actuators or [actuator.name for actuator in scene.actuators]
     if not names or not scene.probes:
         raise GdfeError(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Sphere, TriangleMesh
+from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Sphere, TriangleMesh
 
 AROUND, ALONG = 32, 16
 """Numbers of faces of a drawn round shape: around its axis, and from pole to pole."""

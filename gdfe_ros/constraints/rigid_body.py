@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.actuators.load import AttachedMass
+from gdfe_ros.constraints.form import Sphere
 from gdfe_ros.constraints.handle import Axis
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.pose import Pose
@@ -80,3 +82,16 @@ class RigidBody(Obstacle):
         origin, axes = self.found(positions)
         turned = Rotation.from_matrix(axes) * Rotation.from_rotvec(self.turn).inv()
         return Pose(tuple(origin - self.origin), tuple(turned.as_rotvec()))
+
+
+def rigid_pairs(touched: Sequence[Obstacle]) -> Iterator[tuple[RigidBody, Obstacle]]:
+    """Yield each rigid body with each obstacle and other rigid body against which its points are tested.
+
+    Points of a body are not tested against a ball: the ball's centre finds that contact exactly. Of two balls, the
+    first one's centre does.
+    """
+    for i, rigid in enumerate(touched):
+        for j, thing in enumerate(touched):
+            ball = isinstance(thing, RigidBody) and isinstance(thing.form, Sphere)
+            if isinstance(rigid, RigidBody) and i != j and not (ball and (j < i or not isinstance(rigid.form, Sphere))):
+                yield rigid, thing

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.arm_link import ArmLink
+from gdfe_ros.constraints.form import Plane
 from gdfe_ros.constraints.form_faces import form_faces
-from gdfe_ros.constraints.obstacle import Obstacle, Plane
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.scene.scene import Scene
 

@@ -6,8 +6,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.shells import crossings
-
 #: Columns through a cube along an axis, on a lattice of two Fibonacci numbers: a wall perpendicular to one of the
 #: other axes never crosses two at once. Along a column the integrals are exact.
 COLUMNS, LATTICE = 144, 89
@@ -47,48 +45,19 @@ def _along(
 
     The surface is closest to perpendicular to the axis with most crossings, and its position is exact along it.
     """
+    from gdfe_ros.mesh.columns import integrate_columns  # scenes without cut cells load without numba
+
     turn = [(axis + 1) % 3, (axis + 2) % 3, axis]
     size = tuple(count[i] for i in turn)
     moments = np.zeros((8, np.prod(size)))
-    for number in range(COLUMNS):
-        place = (number + 0.5) / COLUMNS, (number * LATTICE % COLUMNS + 0.5) / COLUMNS
-        x, y, height = crossings(vertices[:, turn] - [*place, 0.0], triangles, size[:2])
-        order = np.lexsort((height, y, x))
-        _add_columns(moments, x[order], y[order], np.clip(height[order], 0.0, size[2]), place, size)
+    number = np.arange(COLUMNS)
+    places = np.column_stack([number + 0.5, number * LATTICE % COLUMNS + 0.5]) / COLUMNS
+    integrate_columns(np.ascontiguousarray(vertices[:, turn]), triangles.astype(np.int64), places, size, moments)
     back = [turn.index(i) for i in range(3)]
     rows = [0, *(1 + i for i in back), *(4 + i for i in back), 7]
     grid = moments[rows].reshape(8, *size[::-1]).transpose(0, *(3 - back[i] for i in (2, 1, 0)))
     grid = grid.reshape(8, -1).T
     return grid[:, :7] / COLUMNS, grid[:, 7]
-
-
-def _add_columns(
-    moments: NDArray[np.float64],
-    x: NDArray[np.int64],
-    y: NDArray[np.int64],
-    height: NDArray[np.float64],
-    place: tuple[float, float],
-    size: tuple[int, int, int],
-) -> None:
-    """Add to ``moments`` (8, cubes) the columns at a place in the cubes x, y between each pair of heights.
-
-    The last row counts crossings.
-    """
-    nx, ny, nz = size
-    below = np.minimum(height.astype(np.int64), nz - 1)
-    moments[7] += np.bincount((below * ny + y) * nx + x, minlength=nx * ny * nz)
-    x, y, low, high = x[::2], y[::2], height[::2], height[1::2]
-    first = below[::2]
-    layers = np.maximum(np.ceil(high).astype(np.int64) - first, 0)
-    which = np.repeat(np.arange(len(x)), layers)
-    layer = first[which] + np.arange(len(which)) - np.repeat(np.cumsum(layers) - layers, layers)
-    start, end = np.maximum(low[which], layer) - layer, np.minimum(high[which], layer + 1) - layer
-    length, zeta = np.maximum(end - start, 0.0), start + end - 1.0
-    (xi, eta), width = 2.0 * np.array(place) - 1.0, 1.0 / (3.0 * COLUMNS**2)
-    cube = (layer * ny + y[which]) * nx + x[which]
-    values = (1.0, xi, eta, zeta, xi**2 + width, eta**2 + width, zeta**2 + length**2 / 3.0)
-    for row, value in zip(moments[:7], values, strict=True):
-        row += np.bincount(cube, weights=length * value, minlength=len(row))
 
 
 def gather_slivers(moments: NDArray[np.float64], count: tuple[int, int, int]) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
-from gdfe_ros.mesh.operators import SETTLED, reference_coordinates, trilinear_weights
+from gdfe_ros.mesh.operators import CORNERS, MODES, NEWTON_STEPS, SETTLED, trilinear_weights
 from gdfe_ros.mesh.refinement import refine
 
 NEAR = 12
@@ -21,6 +21,8 @@ WITHIN = 1.0 - 1e-9
 """Reference coordinate up to which a point certainly lies in a cell, and in no other."""
 REACH = 2.5
 """Largest reference coordinate of a carried point in its cell: three quarters of an edge outside."""
+_TRILINEAR = np.concatenate([np.ones((1, 8)), CORNERS.T, MODES])
+"""Corner values (8, 8) of the fields of which a trilinear map is a sum, in the order of `find_carriers`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,18 +126,15 @@ def hang(
     Raises:
         MeshError: points are too far outside of the cells.
     """
+    from gdfe_ros.mesh.carriers import find_carriers  # scenes without skins load without numba
+
     corners = vertices[cells]
     _, near = cKDTree(corners.mean(axis=1)).query(points, k=min(NEAR, len(cells)))
-    near = near.reshape(len(points), -1)
-    best, place = near[:, 0].copy(), np.full((len(points), 3), np.inf)
-    beyond, sought = np.full(len(points), np.inf), np.arange(len(points))
-    for candidate in near.T:
-        found = reference_coordinates(points[sought], corners[candidate[sought]], within=within)
-        away = np.abs(found).max(axis=1)
-        closer = away < beyond[sought]
-        chosen = sought[closer]
-        best[chosen], place[chosen], beyond[chosen] = candidate[chosen], found[closer], away[closer]
-        sought = sought[beyond[sought] >= WITHIN]
+    near = np.ascontiguousarray(near.reshape(len(points), -1), dtype=np.int64)
+    maps = np.einsum("ka,mai->mki", 0.125 * _TRILINEAR, corners)
+    best, place = np.empty(len(points), np.int64), np.full((len(points), 3), np.inf)
+    beyond = np.empty(len(points))
+    find_carriers(np.ascontiguousarray(points), near, maps, (NEWTON_STEPS, within, WITHIN), best, place, beyond)
     far = ~(beyond <= REACH)
     if far.any():
         raise MeshError("skin", [_too_far(points, far, corners[best], place)])

@@ -25,13 +25,18 @@ _FILLED = tuple(item.name for item in fields(Filling))
 
 
 def pack_mesh(mesh: HexMesh) -> str:
-    """Return the mesh as base64 of a compressed npz archive; exact bit by bit."""
+    """Return the mesh, without its skin, as base64 of a compressed npz archive; exact bit by bit."""
+    return _pack(mesh_arrays(mesh))
+
+
+def mesh_arrays(mesh: HexMesh) -> dict[str, NDArray]:
+    """Return the arrays of a mesh by name, without those of its skin."""
     arrays = {"vertices": mesh.vertices, "cells": mesh.cells}
     arrays |= {_CELL_SET + name: ids for name, ids in mesh.cell_sets.items()}
     arrays |= {_VERTEX_SET + name: ids for name, ids in mesh.vertex_sets.items()}
     if mesh.filling is not None:
         arrays |= {_FILLING + item.name: getattr(mesh.filling, item.name) for item in fields(mesh.filling)}
-    return _pack(arrays)
+    return arrays
 
 
 def pack_surface(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> str:
@@ -67,16 +72,20 @@ def unpack_mesh(text: str) -> HexMesh:
         MeshError: the text is not such a mesh.
     """
     with _undamaged("mesh"):
-        arrays = _unpack(text)
-        vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
-        filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
-        filling = Filling(**filled) if filled else None
+        return mesh_of(_unpack(text))
+
+
+def mesh_of(arrays: dict[str, NDArray]) -> HexMesh:
+    """Return the mesh with the arrays of `mesh_arrays`."""
+    arrays = dict(arrays)
+    vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
+    filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
     return HexMesh(
         vertices,
         cells,
         {name.removeprefix(_CELL_SET): ids for name, ids in arrays.items() if name.startswith(_CELL_SET)},
         {name.removeprefix(_VERTEX_SET): ids for name, ids in arrays.items() if name.startswith(_VERTEX_SET)},
-        filling,
+        Filling(**filled) if filled else None,
     )
 
 

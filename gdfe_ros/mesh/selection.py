@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -87,7 +88,14 @@ class Within:
     where: Where | None = None
 
 
-Where = Face | Box | Sphere | Vertices | Cells | NamedSet | Within
+@dataclass(frozen=True)
+class AnyOf:
+    """What at least one of several selections selects."""
+
+    places: tuple[Where, ...]
+
+
+Where = Face | Box | Sphere | Vertices | Cells | NamedSet | Within | AnyOf
 
 
 def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
@@ -116,6 +124,8 @@ def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             part = part_of(mesh, name)
             own = np.arange(part.mesh.n_vertices) if inner is None else select_vertices(part.mesh, inner)
             return (own + part.first_vertex).astype(np.int32)
+        case AnyOf(places):
+            return _together(select_vertices(mesh, place) for place in places)
         case NamedSet(name) if name in mesh.vertex_sets:
             return mesh.vertex_sets[name]
         case NamedSet(name) if name in mesh.cell_sets:
@@ -152,6 +162,8 @@ def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             part = part_of(mesh, name)
             own = np.arange(part.mesh.n_cells) if inner is None else select_cells(part.mesh, inner)
             return (own + part.first_cell).astype(np.int32)
+        case AnyOf(places):
+            return _together(select_cells(mesh, place) for place in places)
         case NamedSet(name) if name in mesh.cell_sets:
             return mesh.cell_sets[name]
         case NamedSet(name) if name in mesh.vertex_sets:
@@ -161,7 +173,7 @@ def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
 
 
 def select_faces(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
-    """Return the boundary quads whose four vertices are all selected (perhaps none).
+    """Return the boundary quads whose four vertices are all selected, by one selection of several (perhaps none).
 
     Args:
         mesh: the mesh.
@@ -173,10 +185,12 @@ def select_faces(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
     Raises:
         MeshError: an id is out of range, or a set or a mesh is unknown.
     """
-    chosen = np.zeros(mesh.n_vertices, dtype=bool)
-    chosen[select_vertices(mesh, where)] = True
-    quads = mesh.surface()
-    return quads[chosen[quads].all(axis=1)]
+    quads, all_selected = mesh.surface(), False
+    for place in where.places if isinstance(where, AnyOf) else (where,):
+        chosen = np.zeros(mesh.n_vertices, dtype=bool)
+        chosen[select_vertices(mesh, place)] = True
+        all_selected = all_selected | chosen[quads].all(axis=1)
+    return quads[all_selected]
 
 
 def part_of(mesh: HexMesh, name: str) -> Part:
@@ -201,6 +215,8 @@ def select_skin(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
     """
     points = mesh.skin.at(mesh.vertices)
     match where:
+        case AnyOf(places):
+            return np.unique(np.concatenate([select_skin(mesh, place) for place in places]), axis=0)
         case Face(side):
             chosen = _at_end(points, side, FACE_SLACK * mesh.size)
         case Box() | Sphere():
@@ -225,6 +241,8 @@ def select_touching(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
         count = 0 if part.mesh.touching is None else len(part.mesh.touching.corners)
         own = np.arange(count) if where.where is None or not count else select_touching(part.mesh, where.where)
         return (own + first).astype(np.int32)
+    if isinstance(where, AnyOf):
+        return _together(select_touching(mesh, place) for place in where.places)
     points = mesh.touching.at(mesh.vertices)
     match where:
         case Face(side):
@@ -234,6 +252,11 @@ def select_touching(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             return _ids(_inside(mesh, points, where))
         case _:
             raise _of_cells()
+
+
+def _together(selected: Iterable[NDArray[np.int32]]) -> NDArray[np.int32]:
+    """Return the sorted union of several selections."""
+    return np.unique(np.concatenate([np.zeros(0, np.int32), *selected])).astype(np.int32)
 
 
 def _on_side(mesh: HexMesh, side: Side) -> NDArray[np.bool_]:

@@ -109,19 +109,6 @@ def inside(
     return found % 2 == 1
 
 
-def crossings(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return the crossings of columns along z with a surface: x, y of the column and the height, each (k,).
-
-    A column crosses a closed surface an even number of times; the arguments are those of `points_inside`.
-    """
-    none = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
-    parts = [none, *_crossings(vertices[triangles], count)]
-    x, y, height = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return x, y, height
-
-
 def _crossings(
     corners: NDArray[np.float64], count: tuple[int, int]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]]:

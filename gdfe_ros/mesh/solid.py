@@ -82,11 +82,7 @@ def make_solid(
         MeshError: the surface is inside out, or the grid too fine or too coarse for it.
     """
     vertices, triangles = np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
-    a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
-    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
-    if not volume > 0.0:
-        remedy = "remedy: turn its triangles around (MeshLab: Invert Faces Orientation, Blender: Recalculate Outside)"
-        raise MeshError(where, [f"the surface is inside out: it bounds a volume of {volume:.3g} m^3; {remedy}"])
+    require_outward(vertices, triangles, where=where)
     extent = np.ptp(vertices, axis=0)
     cell = float(extent.max()) / CELLS if cell is None else cell
     count = np.ceil(extent / cell) + 2 * MARGIN + 1
@@ -100,6 +96,19 @@ def make_solid(
         remedy = "remedy: a smaller cell, at most half the thinnest wall; parts that overlap must be made one"
         raise MeshError(where, [f"cell = {cell:g} m: the grid has {share:.0%} of the surface's volume; {remedy}"])
     return solid
+
+
+def require_outward(vertices: NDArray[np.float64], triangles: NDArray[np.int64], *, where: str) -> None:
+    """Raise an error if a surface is inside out; the arguments are those of `make_solid`.
+
+    Raises:
+        MeshError: with the volume and the remedy.
+    """
+    a, b, c = np.moveaxis(vertices[triangles] - vertices.mean(axis=0), 1, 0)
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+    if not volume > 0.0:
+        remedy = "remedy: turn its triangles around (MeshLab: Invert Faces Orientation, Blender: Recalculate Outside)"
+        raise MeshError(where, [f"the surface is inside out: it bounds a volume of {volume:.3g} m^3; {remedy}"])
 
 
 @lru_cache(maxsize=8)

@@ -14,7 +14,8 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Obstacle, Sphere, TriangleMesh
+from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Sphere, TriangleMesh
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.scene.scene import Scene

@@ -255,7 +255,7 @@ def select(
     """
     if where is None:
         return np.arange(mesh.n_cells, dtype=np.int32)
-    if not known_part(mesh, where.mesh, path, report):
+    if not all([known_part(mesh, name, path, report) for name in where.names]):
         return None
     try:
         ids = selector(mesh, where.build())

@@ -35,6 +35,7 @@ obstacles:
   table: {plane: [0, 0, 1], at: [0, 0, -0.10], friction: 0.5}
 bodies:
   part: {box: {size: [0.02, 0.02, 0.02]}, density: 800, at: [0.1, 0, -0.09], friction: 0.5}
+  ball: {sphere: {radius: 0.01}, mass: 0.02, at: [0.15, 0, -0.09], friction: 0.5}
 actuators:
   tendon: {cable: {points: [[0.0, 0.0, 0.02], [0.2, 0.0, 0.02]], command: tension, range: [0.0, 20.0]}}
 loads:

@@ -12,6 +12,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from gdfe_ros.constraints import Handle
+from gdfe_ros.constraints.form import TriangleMesh
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import SceneError
 from gdfe_ros.scene import actuation, builder, touchable
 from gdfe_ros.scene.arms import build_arms, joint_starts, require_arms
@@ -211,9 +213,9 @@ def _source(
         within[path[-1]] = entry
         changed = True
     for handle in handles:
-        model = draft.obstacles.get(handle.name)
-        if model is not None and model.mesh is not None:
-            data["obstacles"][handle.name]["mesh"] = model.mesh.embed(handle.form)
+        if isinstance(handle, Obstacle) and isinstance(handle.form, TriangleMesh):
+            model = getattr(draft, handle.section)[handle.name]
+            data[handle.section][handle.name]["mesh"] = model.mesh.embed(handle.form)
             changed = True
     for name, material in draft.materials.items():
         table = getattr(material, "csv", None)

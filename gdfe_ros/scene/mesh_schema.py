@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.assembly import Part
 from gdfe_ros.mesh.importer import read_mesh
+from gdfe_ros.mesh.mirror import mirrored
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.voxels import Cells, read_voxels
 from gdfe_ros.scene.entry import Choice, Entry
@@ -24,6 +25,7 @@ _CELL = Quantity("edge of the cubes", "m", above=0.0, most=1.0)
 _AT = Quantity("position of the origin of its own frame [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _ROTATION = Quantity("rotation vector of its own frame [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 _OF_A_FILE = ("scale", "merge", "first_order")
+_ANYWHERE = (*_OF_A_FILE, "mirror")
 
 
 class VoxelsModel(Entry):
@@ -46,7 +48,7 @@ class VoxelsModel(Entry):
 class MeshModel(Choice):
     """Exactly one kind of body."""
 
-    options: ClassVar[tuple[str, ...]] = _OF_A_FILE
+    options: ClassVar[tuple[str, ...]] = _ANYWHERE
 
     bar: BarModel | None = None
     grid: GridModel | None = None
@@ -60,6 +62,11 @@ class MeshModel(Choice):
     scale: Annotated[float, SCALE] | None = None
     merge: bool = Field(False, description="merge vertices at the same position")
     first_order: bool = Field(False, description="use only the corners of second-order hexahedra")
+    mirror: Literal["x", "y", "z"] | None = Field(
+        None,
+        description="reflects the mesh, with its skin, in its own frame at the plane x = 0, y = 0 or z = 0: a left "
+        "hand from the file of a right one; all other keys refer to the reflected mesh",
+    )
 
     @model_validator(mode="after")
     def _options_of_a_file(self) -> MeshModel:
@@ -87,13 +94,20 @@ class MeshModel(Choice):
 
     def embed(self, mesh: HexMesh) -> dict[str, Any] | None:
         """Return the entry that contains the mesh itself, or None if the entry needs no file."""
-        return {"embedded": pack_mesh(mesh)} if self.chosen[0] in ("file", "voxels") else None
+        if self.chosen[0] not in ("file", "voxels"):
+            return None
+        mirror = {} if self.mirror is None else {"mirror": self.mirror}
+        return {"embedded": pack_mesh(mesh), **mirror}
+
+    def reflect(self, mesh: HexMesh) -> HexMesh:
+        """Return the mesh made by `build`, with its skin, as `mirror` says."""
+        return mesh if self.mirror is None else mirrored(mesh, "xyz".index(self.mirror))
 
 
 class PlacedMeshModel(MeshModel):
     """One of several meshes: exactly one kind of body, and its place."""
 
-    options: ClassVar[tuple[str, ...]] = (*_OF_A_FILE, "at", "rotation_deg", "skin")
+    options: ClassVar[tuple[str, ...]] = (*_ANYWHERE, "at", "rotation_deg", "skin")
 
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)

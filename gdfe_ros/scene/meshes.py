@@ -12,6 +12,7 @@ from gdfe_ros.mesh import HexMesh, check_mesh
 from gdfe_ros.mesh.assembly import Part, assemble
 from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.scene.document import KeyPath
+from gdfe_ros.scene.lined_mesh import BodyStore
 from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.report import NO_VALUE, Report, suggest
 from gdfe_ros.scene.schema import Draft
@@ -62,8 +63,19 @@ def _body(
     model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
 ) -> HexMesh | None:
     """Return a mesh in its own frame; ``paths`` are the key paths of it and of its skin."""
-    if model is None:
-        return None
+    mesh = None if model is None else _made(model, skin, paths, carried, report)
+    return None if mesh is None else model.reflect(mesh)
+
+
+def _made(
+    model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
+) -> HexMesh | None:
+    """Return a mesh with its skin as their files have them."""
+    store = BodyStore(model, skin)
+    found = store.recall()
+    if found is not None:
+        carried |= {path: entry for path, entry in zip(paths, found[1], strict=True) if entry}
+        return found[0]
     try:
         mesh = model.build()
         defects = check_mesh(mesh).defects
@@ -75,11 +87,10 @@ def _body(
         return None
     if entry := model.embed(mesh):
         carried[paths[0]] = entry
-    if skin is None:
-        return mesh
     try:
-        lined, carried[paths[1]] = skin.build(mesh)
-        return lined
+        if skin is not None:
+            mesh, carried[paths[1]] = skin.build(mesh)
+        store.keep(mesh, (entry, carried.get(paths[1])))
     except MeshError as error:
         for defect in error.defects:
             report.add((*paths[1], *skin.place), defect)

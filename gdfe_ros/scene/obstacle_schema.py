@@ -6,23 +6,19 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.constraints.obstacle import (
-    Box,
-    Capsule,
-    ContactPoints,
-    Cylinder,
-    Form,
-    Obstacle,
-    Plane,
-    Sphere,
-    TriangleMesh,
-)
+from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.inertia import inertia_of
 from gdfe_ros.mesh.packing import pack_surface, unpack_surface
-from gdfe_ros.mesh.solid import make_solid, read_solid
+from gdfe_ros.mesh.solid import make_solid, read_solid, require_outward
+from gdfe_ros.mesh.touching import facing_out
+from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.paths import FilePath
 from gdfe_ros.scene.quantity import Quantity
@@ -39,6 +35,7 @@ _AT = Quantity(
 )
 _ROTATION = Quantity("rotation vector at rest [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 _DENSITY = Quantity("density", "kg/m^3", above=0.0, most=1e6)
+_MASS = Quantity("mass, instead of the density", "kg", above=0.0, most=1e6)
 _SCALE = Quantity("metres per unit of the file", above=0.0, most=1000.0, remedy="millimetres: 0.001")
 _CELL = Quantity(
     "spacing of the grid that stores the distances to the surface; default: 1/64 of its longest edge",
@@ -92,7 +89,7 @@ class TriangleMeshModel(Choice):
         return self
 
     def build(self) -> TriangleMesh:
-        """Return the shape.
+        """Return the shape in the file's frame.
 
         Raises:
             MeshError: the surface cannot be read or used.
@@ -101,10 +98,30 @@ class TriangleMeshModel(Choice):
             return TriangleMesh(read_solid(self.file, scale=self.scale, cell=self.cell))
         return TriangleMesh(make_solid(*unpack_surface(self.embedded), cell=self.cell, where="the embedded surface"))
 
+    def build_free(self) -> tuple[TriangleMesh, NDArray[np.float64], NDArray[np.float64]]:
+        """Return the shape about its centre of mass, that centre (3,) [m] and the shape's axes (3, 3) in the file.
+
+        The axes are the principal axes of inertia.
+
+        Raises:
+            MeshError: the surface cannot be read or used.
+        """
+        where = "the embedded surface" if self.file is None else f"surface {self.file}"
+        if self.file is None:
+            vertices, triangles = unpack_surface(self.embedded)
+        else:
+            vertices, triangles, defects = examine_surface(self.file, scale=self.scale)
+            if defects:
+                raise MeshError(where, defects)
+        require_outward(vertices, triangles, where=where)
+        found = inertia_of(vertices, facing_out(vertices, triangles))
+        solid = make_solid((vertices - found.centre) @ found.axes, triangles, cell=self.cell, where=where)
+        return TriangleMesh(solid, original=(vertices, triangles)), found.centre, found.axes
+
     def embed(self, form: TriangleMesh) -> dict[str, Any]:
         """Return the entry that contains the surface itself."""
-        solid = form.solid
-        return {"embedded": pack_surface(solid.vertices, solid.triangles), "cell": solid.cell}
+        vertices, triangles = form.original or (form.solid.vertices, form.solid.triangles)
+        return {"embedded": pack_surface(vertices, triangles), "cell": form.solid.cell}
 
 
 class ObstacleModel(Choice):
@@ -147,47 +164,80 @@ class ObstacleModel(Choice):
         return Obstacle(
             name=name,
             fixed=self.fixed,
-            form=self._form(),
+            form=form_of(self),
             origin=self.at,
             turn=tuple(turn.as_rotvec().tolist()),
             friction=self.friction,
             points=self.gaps,
         )
 
-    def _form(self) -> Form:
-        if self.sphere is not None:
-            return Sphere(self.sphere.radius)
-        if self.box is not None:
-            return Box(self.box.size)
-        if self.capsule is not None:
-            return Capsule(self.capsule.radius, self.capsule.length)
-        if self.cylinder is not None:
-            return Cylinder(self.cylinder.radius, self.cylinder.length)
-        return self.mesh.build() if self.mesh is not None else Plane()
+
+def form_of(model: ObstacleModel | BodyModel) -> Form:
+    """Return the shape that an entry chooses.
+
+    Raises:
+        MeshError: its surface cannot be read or used.
+    """
+    kind, chosen = model.chosen
+    match kind:
+        case "sphere":
+            return Sphere(chosen.radius)
+        case "box":
+            return Box(chosen.size)
+        case "capsule":
+            return Capsule(chosen.radius, chosen.length)
+        case "cylinder":
+            return Cylinder(chosen.radius, chosen.length)
+        case "mesh":
+            return chosen.build()
+    return Plane()
 
 
 class BodyModel(Choice):
-    """A rigid body that moves freely; it touches the body and obstacles, and needs `dynamics`."""
+    """A rigid body that moves freely; it touches the body, obstacles and others, and needs `dynamics`."""
 
-    options: ClassVar[tuple[str, ...]] = ("density", "at", "rotation_deg", "friction", "gaps")
+    options: ClassVar[tuple[str, ...]] = ("density", "mass", "at", "rotation_deg", "friction", "gaps")
 
+    sphere: SphereObstacleModel | None = None
     box: BoxObstacleModel | None = None
+    capsule: CapsuleModel | None = None
     cylinder: CylinderModel | None = None
-    density: Annotated[float, _DENSITY]
+    mesh: TriangleMeshModel | None = None
+    density: Annotated[float, _DENSITY] | None = None
+    mass: Annotated[float, _MASS] | None = None
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     friction: Annotated[float, _FRICTION] = 0.0
     gaps: ContactPoints = Field(ContactPoints.FACES, description="as for obstacles")
 
+    @model_validator(mode="after")
+    def _one_of_density_and_mass(self) -> BodyModel:
+        if (self.density is None) == (self.mass is None):
+            raise ValueError("give exactly one of density [kg/m^3] and mass [kg], e.g. density: 500")
+        return self
+
     def build(self, name: str, first: int) -> RigidBody:
-        """Return the rigid body with vertex ids from ``first`` on."""
-        form: Form = Box(self.box.size) if self.box else Cylinder(self.cylinder.radius, self.cylinder.length)
+        """Return the rigid body with vertex ids from ``first`` on.
+
+        The frame of a mesh moves from the file's origin and axes to its centre of mass and its principal axes.
+
+        Raises:
+            MeshError: its surface cannot be read or used.
+        """
+        turn, origin = Rotation.from_rotvec(np.radians(self.rotation_deg)), self.at
+        vector = tuple(np.radians(self.rotation_deg).tolist())
+        if self.mesh is None:
+            form = form_of(self)
+        else:
+            form, centre, axes = self.mesh.build_free()
+            origin = tuple((np.array(self.at) + turn.apply(centre)).tolist())
+            vector = tuple((turn * Rotation.from_matrix(axes)).as_rotvec().tolist())
         return RigidBody(
             name=name,
             form=form,
-            mass=self.density * form.volume,
-            origin=self.at,
-            turn=tuple(np.radians(self.rotation_deg).tolist()),
+            mass=self.density * form.volume if self.mass is None else self.mass,
+            origin=origin,
+            turn=vector,
             friction=self.friction,
             points=self.gaps,
         ).numbered(first)

@@ -7,7 +7,8 @@ import numpy as np
 
 from gdfe_ros.actuators import Chamber
 from gdfe_ros.actuators.load import corner_areas
-from gdfe_ros.constraints.obstacle import Obstacle, Sphere
+from gdfe_ros.constraints.form import Sphere
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.scene.scene import Scene
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from gdfe_ros.actuators import Embedding
-from gdfe_ros.constraints.obstacle import Obstacle, TriangleMesh
+from gdfe_ros.constraints.form import TriangleMesh
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.contacts import ContactSensor
@@ -21,9 +22,9 @@ from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.where_schema import WhereModel
 
 SMALLEST, LARGEST = 1e-3, 1e3
-"""Size of a mesh obstacle over the body's, outside of which its unit is probably wrong."""
+"""Size of a surface over the body's, outside of which its unit is probably wrong."""
 COARSEST = 0.25
-"""Grid cell of a mesh obstacle over the body's size above which the body would not feel its shape."""
+"""Grid cell of a surface over the body's size above which the body would not feel its shape."""
 
 
 def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Obstacle, ...]:
@@ -60,12 +61,22 @@ def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Report) -
 
 
 def build_bodies(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[RigidBody, ...]:
-    """Return the rigid bodies; no handle or obstacle may have the name of one."""
+    """Return the valid rigid bodies; no handle or obstacle may have the name of one."""
     for name in draft.bodies:
         if name in draft.handles or name in draft.obstacles:
             report.add(("bodies", name), "a handle or an obstacle has this name; remedy: another one", value=NO_VALUE)
-    first = mesh.n_vertices if mesh is not None else 0
-    return tuple(model.build(name, first + 4 * i) for i, (name, model) in enumerate(draft.bodies.items()))
+    first, bodies = mesh.n_vertices if mesh is not None else 0, []
+    for name, model in draft.bodies.items():
+        try:
+            body = model.build(name, first + 4 * len(bodies))
+        except MeshError as error:
+            for defect in error.defects:
+                report.add(("bodies", name, "mesh", model.mesh.chosen[0]), defect)
+            continue
+        bodies.append(body)
+        if mesh is not None and isinstance(body.form, TriangleMesh):
+            _require_scale(body.form.solid, mesh, ("bodies", name, "mesh"), report)
+    return tuple(bodies)
 
 
 def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Report) -> SelfContact | None:

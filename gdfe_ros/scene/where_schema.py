@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from gdfe_ros.mesh.selection import Box, Cells, Face, NamedSet, Side, Sphere, Vertices, Where, Within
+from gdfe_ros.mesh.selection import AnyOf, Box, Cells, Face, NamedSet, Side, Sphere, Vertices, Where, Within
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.quantity import ANY, Quantity
 
@@ -41,7 +41,7 @@ class SphereModel(Entry):
 
 
 class WhereModel(Choice):
-    """Exactly one kind of selection, in the whole body or in one of several meshes."""
+    """Exactly one kind of selection, in the whole body or in one of several meshes, or several of them together."""
 
     options: ClassVar[tuple[str, ...]] = ("mesh",)
     alone: ClassVar[tuple[str, ...]] = ("mesh",)
@@ -54,10 +54,22 @@ class WhereModel(Choice):
     vertices: Annotated[tuple[int, ...], _IDS] | None = None
     cells: Annotated[tuple[int, ...], _IDS] | None = None
     set: str | None = Field(None, description="name of a set in the mesh file")
+    any: tuple[WhereModel, ...] | None = Field(
+        None,
+        min_length=1,
+        description="several selections: what at least one of them selects, e.g. the roots of two fingers on one "
+        "flange: [{mesh: left, face: x-}, {mesh: right, face: x-}]",
+    )
     mesh: str | None = Field(
         None,
         description="name of one of the `meshes`; coordinates and ids are then its own; without another key: all of it",
     )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the meshes that it refers to."""
+        own = () if self.mesh is None else (self.mesh,)
+        return own + tuple(name for place in self.any or () for name in place.names)
 
     def build(self) -> Where:
         """Return the selection."""
@@ -67,6 +79,8 @@ class WhereModel(Choice):
         return inner
 
     def _place(self) -> Where | None:
+        if self.any is not None:
+            return AnyOf(tuple(place.build() for place in self.any))
         if self.face is not None:
             return Face(Side(self.face))
         if self.box is not None:

@@ -13,8 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.analysis.obstacle_faces import faces_of, obstacle_faces, recorded_faces
 from gdfe_ros.analysis.picture import OBSTACLE, draw_body
+from gdfe_ros.analysis.scenery import Scenery
 from gdfe_ros.constraints import Pose
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Form, Obstacle, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.mesh.solid import make_solid
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Simulation
@@ -78,7 +80,8 @@ def test_pictures_show_the_obstacles_of_a_scene() -> None:
     simulation = Simulation(load_scene("finger_press"))
     mesh, picture = simulation.mesh, BytesIO()
     found = faces_of(simulation)
-    draw_body(picture, mesh, mesh.vertices, np.zeros(mesh.n_cells), title="", label="", obstacles=found)
+    scenery = Scenery(obstacles=found)
+    draw_body(picture, mesh, mesh.vertices, np.zeros(mesh.n_cells), title="", label="", scenery=scenery)
     picture.seek(0)
     pixels = matplotlib.image.imread(picture)[:, :1150]
     assert [faces.shape for faces in found] == [(6, 4, 3)]

@@ -116,3 +116,25 @@ def test_pictures_and_the_page_show_the_skin(folder: Path) -> None:
         draw_body(picture := io.BytesIO(), shown, shown.vertices, shown.centroids[:, 0], title="rod", label="x [m]")
         pictures.append(picture.getvalue())
     assert pictures[0] != pictures[1]
+
+
+def test_a_body_that_was_made_once_is_recalled(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Load the same bits and the same source from the store, and make the body anew when its file changes."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(folder / "cache"))
+    made, found = load(folder), None
+    with monkeypatch.context() as patch:
+        patch.setattr("gdfe_ros.scene.skin_schema.carry_skin", None)  # what is recalled is not made again
+        patch.setattr("gdfe_ros.scene.mesh_schema.read_voxels", None)
+        found = load(folder)
+    for kind, names in (("skin", ("faces", "cells", "corners", "weights")), ("touching", ("corners", "weights"))):
+        for name in names:
+            first, second = (getattr(getattr(scene.mesh, kind), name) for scene in (made, found))
+            assert first.dtype == second.dtype
+            assert np.array_equal(first, second)
+    assert np.array_equal(made.mesh.vertices, found.mesh.vertices)
+    assert np.array_equal(made.mesh.filling.spread, found.mesh.filling.spread)
+    assert made.source == found.source
+    rod = trimesh.load(folder / "rod.stl")
+    rod.apply_scale([1.1, 1.0, 1.0])
+    rod.export(folder / "rod.stl")
+    assert np.ptp(load(folder).mesh.vertices[:, 0]) > np.ptp(made.mesh.vertices[:, 0])

@@ -15,9 +15,8 @@ from PIL import Image
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
 from gdfe_ros.analysis.difference_table import unit_of
-from gdfe_ros.analysis.obstacle_faces import pose_topic, recorded_faces
 from gdfe_ros.analysis.picture import draw_body
-from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.analysis.scenery import Scenery
 from gdfe_ros.errors import RecordingError
 from gdfe_ros.scene import Scene
 
@@ -33,13 +32,13 @@ class Shown:
         time: [s].
         positions: of the vertices (n, 3) [m].
         values: of the cells (m,).
-        obstacles: faces (f, k, 3) [m] of each obstacle and rigid body.
+        scenery: obstacles, cables, chambers and contact forces.
     """
 
     time: float
     positions: NDArray[np.float64]
     values: NDArray[np.float64]
-    obstacles: list[NDArray[np.float64]]
+    scenery: Scenery
 
 
 def write_png(bag: str | Path, path: Path, *, field: str = STRAIN) -> Path:
@@ -55,9 +54,7 @@ def write_png(bag: str | Path, path: Path, *, field: str = STRAIN) -> Path:
         raise _nothing(run)
     shown = _shown(most, run.scene, field)
     title = f"{run.scene.name} at t = {shown.time:g} s"
-    draw_body(
-        path, run.mesh, shown.positions, shown.values, title=title, label=_label(field), obstacles=shown.obstacles
-    )
+    draw_body(path, run.mesh, shown.positions, shown.values, title=title, label=_label(field), scenery=shown.scenery)
     return path
 
 
@@ -80,14 +77,14 @@ def draw_steps(bag: str | Path, *, field: str = STRAIN, frames: int = 40) -> Ite
     for shown in chosen:
         buffer, title = BytesIO(), f"{run.scene.name} at t = {shown.time:.3f} s"
         given = {"title": title, "label": _label(field), "limits": limits, "around": corners}
-        draw_body(buffer, run.mesh, shown.positions, shown.values, **given, obstacles=shown.obstacles)
+        draw_body(buffer, run.mesh, shown.positions, shown.values, **given, scenery=shown.scenery)
         yield Image.open(buffer).convert("RGB")
 
 
 def _steps(run: BagRun, wanted: Collection[int] | None = None) -> Iterator[BagStep]:
     """Yield steps that have a mesh and strains: those with ``wanted`` numbers, or all."""
-    poses = [pose_topic(handle) for handle in run.scene.handles if isinstance(handle, Obstacle)]
-    for number, step in enumerate(BagSteps(run, topics=["mesh", "strain", *poses])):
+    around = [topic for topic in Scenery.topics(run.scene) if topic in BagSteps(run).topics]
+    for number, step in enumerate(BagSteps(run, topics=["mesh", "strain", *around])):
         if (wanted is None or number in wanted) and {"mesh", "strain"} <= step.samples.keys():
             yield step
 
@@ -101,8 +98,8 @@ def _shown(step: BagStep, scene: Scene, field: str) -> Shown:
     if field not in strain:
         raise RecordingError(f"the bag has no field {field!r} of the cells; it has {', '.join(strain)}")
     positions = np.stack([step.samples["mesh"][axis] for axis in "xyz"], axis=1).astype(np.float64)
-    obstacles = recorded_faces(scene, step.samples, positions)
-    return Shown(step.record.time, positions, strain[field].astype(np.float64), obstacles)
+    scenery = Scenery.recorded(scene, step.samples, positions)
+    return Shown(step.record.time, positions, strain[field].astype(np.float64), scenery)
 
 
 def _label(field: str) -> str:

@@ -54,9 +54,10 @@ class Contact(ContactTerm):
     """
 
     kernel, potential = law.contact_entry, staticmethod(law.contact_energy)
+    law = law
 
     def __init__(self, name: str, touched: Obstacle, body: Body, points: Surface | Corners, friction: float) -> None:
-        self._touched, self._points = touched, points
+        self._touched, self._points, self._radius = touched, points, 0.0
         count, carriers = points.carriers.shape
         reals = np.concatenate([np.zeros(HEAD + STRIDE * count), touched.form.samples])
         integers = np.zeros(VERTICES + carriers * count, dtype=np.int32)
@@ -154,7 +155,7 @@ class Contact(ContactTerm):
         """Update multipliers, normals and offsets at ``positions`` (n, 3) [m]; return the remaining error [m]."""
         multipliers = self._rows()[:, PRESS:ANCHOR]
         held = multipliers.copy()
-        miss, change, forces, penalties = law.update_multipliers(positions, self.reals, self.integers)
+        miss, change, forces, penalties = self.law.update_multipliers(positions, self.reals, self.integers)
         if self.reals[gap.FRICTION] > 0.0:
             multipliers[...] = self._damping.shortened(held, multipliers.copy())
         missed = max(miss, self._judge(change, forces, penalties), self._correct(positions))
@@ -179,10 +180,10 @@ class Contact(ContactTerm):
             return {**self._free, "lost": saved["lost"]}
         _, presses, shears, slips = self._forces(positions)
         slips |= ~(presses > 0.0)
-        anchors, places = self._rows()[:, ANCHOR : ANCHOR + 3], self._points.at(positions)[self._chosen]
+        anchors, places = self._rows()[:, ANCHOR : ANCHOR + 3], self._rubbing(positions)
         rubbed = -np.einsum("ki,ki->", shears[slips] @ self._axes, (self._in_frame(places) - anchors)[slips])
         anchor, slipping = self._free["anchor"].copy(), self._free["slips"].copy()
-        anchor[self._chosen[~slips]], slipping[self._chosen] = anchors[~slips], slips
+        anchor[self._chosen[~slips]], slipping[self._chosen] = self._kept(places)[~slips], slips
         kept = {"anchor": anchor, "slips": slipping, "lost": saved["lost"] + self.share * rubbed}
         return {**self._spread(presses, -shears), **kept, "share": np.array([self.share])}
 
@@ -202,7 +203,7 @@ class Contact(ContactTerm):
         rows[:, NORMAL : NORMAL + 3] /= np.where(length > 0.0, length, 1.0)
         shears = rows[:, SHEAR : SHEAR + 3] @ self._axes
         size = np.linalg.norm(shears, axis=1)
-        slid = self._in_frame(self._points.at(positions)[self._chosen]) - rows[:, ANCHOR : ANCHOR + 3]
+        slid = self._in_frame(self._rubbing(positions)) - rows[:, ANCHOR : ANCHOR + 3]
         still = np.linalg.norm(slid, axis=1) < SLIP * self._body.size
         on = (found["slips"][self._chosen] > 0.0) & (size > 0.0) & still
         self._led = SLIP * self._body.size * shears / np.where(size > 0.0, size, 1.0)[:, None] * on[:, None]
@@ -213,9 +214,7 @@ class Contact(ContactTerm):
         if not self.updates:
             return
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
-        anchors = saved["anchor"][self._chosen]
-        starts = self._starts(self._points.at(positions))[self._chosen]
-        self._rows()[:, ANCHOR : ANCHOR + 3] = np.where(np.isnan(anchors), starts, anchors) - self._led
+        self._rows()[:, ANCHOR : ANCHOR + 3] = self._anchors(saved, positions) - self._led
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
@@ -238,7 +237,7 @@ class Contact(ContactTerm):
         held = self.multipliers
         if not self.updates:
             return held
-        law.update_multipliers(positions, self.reals, self.integers)
+        self.law.update_multipliers(positions, self.reals, self.integers)
         self._correct(positions)
         found = self.multipliers
         self.hold(held)
@@ -249,7 +248,7 @@ class Contact(ContactTerm):
         if not self.updates:
             return np.zeros(6)
         forces = self.share * self._forces(positions)[0]
-        arms = self._points.at(positions)[self._chosen] - self._origin
+        arms = self._rubbing(positions) - self._origin
         return np.concatenate([forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)])
 
     def touch(self, state: State, origin: NDArray[np.float64]) -> Touch:
@@ -269,9 +268,9 @@ class Contact(ContactTerm):
         return Touch(
             vertices=self._points.vertices[on] if self.on_body else np.zeros(0, dtype=np.int32),
             points=self._points.points[on] if isinstance(self._points, Skin) else np.zeros(0, dtype=np.int32),
-            places=places + origin,
+            places=places - self._radius * normals + origin,
             normals=normals / steepness[:, None],
-            gaps=gaps,
+            gaps=gaps - self._radius,
             presses=saved["share"] * saved["press"][on] * steepness,
             shears=-saved["share"] * saved["shear"][on] @ axes.T,
             slips=saved["slips"][on] > 0.0,
@@ -355,7 +354,7 @@ class Contact(ContactTerm):
         """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or pass through."""
         points, integers, places = self._points, self.integers, self._points.at(positions)
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
-        gap.distances(places, self.reals, integers[gap.KIND], self._distances, self._normals)
+        self._measure(places)
         self._seen, self._seen_at, self._lag = positions.copy(), self._pose, 0.0
         self._clear = self._distances.min(initial=np.inf) - REACH * self._body.size
         starts = self._starts(places)
@@ -369,13 +368,32 @@ class Contact(ContactTerm):
         rows[:, WEIGHTS : WEIGHTS + points.weights.shape[1]] = points.weights[chosen]
         rows[:, PLANE:] = planes[chosen]
         rows[:, SHEAR : SHEAR + 3] = saved["shear"][chosen] @ self._axes.T
-        anchors = saved["anchor"][chosen]
-        rows[:, ANCHOR : ANCHOR + 3] = np.where(np.isnan(anchors), starts[chosen], anchors)
+        rows[:, ANCHOR : ANCHOR + 3] = self._anchored(saved, starts)
         came = entered[chosen][:, None]
         rows[:, NORMAL : NORMAL + 3] = np.where(came, planes[chosen, :3] @ self._axes.T, self._normals[chosen])
         self._expect(press, rows[:, gap.PENALTY])
         self._faces = points.about(chosen) if self._touched.points is ContactPoints.FACES else np.zeros(0, np.int64)
         self._correct(positions)
+
+    def _measure(self, places: NDArray[np.float64]) -> None:
+        """Compute the distances and normals of all points at ``places`` (p, 3) [m]."""
+        gap.distances(places, self.reals, self.integers[gap.KIND], self._distances, self._normals)
+
+    def _anchors(self, saved: Saved, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the anchors (k, 3) [m] of the chosen points, in the obstacle's frame, as a step starts with them."""
+        return self._anchored(saved, self._starts(self._points.at(positions)))
+
+    def _anchored(self, saved: Saved, starts: NDArray[np.float64]) -> NDArray[np.float64]:
+        anchors = saved["anchor"][self._chosen]
+        return np.where(np.isnan(anchors), starts[self._chosen], anchors)
+
+    def _kept(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what the state stores of the anchors (k, 3) [m] of points at ``places`` (k, 3) [m]."""
+        return self._rows()[:, ANCHOR : ANCHOR + 3]
+
+    def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the places (k, 3) [m] at which friction acts on the chosen points."""
+        return self._points.at(positions)[self._chosen]
 
     def _correct(self, positions: NDArray[np.float64]) -> float:
         """Update the offsets, by which faces are nearer than their corners; return the largest change [m]."""
@@ -396,7 +414,7 @@ class Contact(ContactTerm):
         count = len(self._chosen)
         forces, shears = np.zeros((count, 3)), np.zeros((count, 3))
         presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)
-        law.contact_forces(positions, self.reals, self.integers, forces, presses, shears, slips)
+        self.law.contact_forces(positions, self.reals, self.integers, forces, presses, shears, slips)
         return forces, presses, shears, slips
 
     def _spread(self, presses: NDArray[np.float64], shears: NDArray[np.float64]) -> Saved:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Handle, Pose
-from gdfe_ros.constraints.obstacle import Box, Form, Obstacle
+from gdfe_ros.constraints.form import Form
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.solver.contact import gap
 
@@ -43,8 +44,7 @@ class Placed:
     @property
     def half(self) -> NDArray[np.float64]:
         """Half edges (3,) [m] of the box around a rigid body."""
-        form = self.thing.form
-        return np.array(form.numbers if isinstance(form, Box) else (form.radius, form.radius, 0.5 * form.length))
+        return np.array(self.thing.form.half)
 
     def world(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points (k, 3) [m] of its frame in world coordinates."""

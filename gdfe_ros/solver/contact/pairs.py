@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from gdfe_ros.constraints.obstacle import Obstacle
-from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.constraints.rigid_body import rigid_pairs
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.contact import Contact
 from gdfe_ros.solver.contact.contact_term import ContactTerm
 from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
+from gdfe_ros.solver.contact.round_contact import RoundContact
 from gdfe_ros.solver.contact.skin import Skin
 from gdfe_ros.solver.contact.surface import Surface
 
@@ -20,9 +21,9 @@ def contacts_of(body: Body) -> list[ContactTerm]:
     surface, found = (Surface if body.skin is None else Skin).of(body) if touched else None, []
     for thing in touched:
         found.append(Contact(thing.name, thing, body, surface, thing.friction))
-    for rigid in (thing for thing in touched if isinstance(thing, RigidBody)):
-        for thing in (other for other in touched if other is not rigid):
-            found.append(RigidContact(rigid, thing, body))
+    for rigid, thing in rigid_pairs(touched):
+        kind = RoundContact if rigid.form.rounding > 0.0 else RigidContact
+        found.append(kind(rigid, thing, body))
     if body.self_contact is not None:
         found.append(OwnContact(body.self_contact, body))
     return found

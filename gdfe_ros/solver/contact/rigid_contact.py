@@ -29,10 +29,12 @@ class RigidContact(Contact):
         rigid: the body whose points touch.
         touched: the obstacle or rigid body that the points must stay outside of.
         body: the discretised body.
+        points: that touch; by default the corners, and for another rigid body points all over the surface.
     """
 
-    def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
-        points = Corners.over(rigid) if isinstance(touched, RigidBody) else Corners.of(rigid)
+    def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body, *, points: Corners | None = None) -> None:
+        if points is None:
+            points = Corners.over(rigid) if isinstance(touched, RigidBody) else Corners.of(rigid)
         friction = max(rigid.friction, touched.friction)
         super().__init__(f"{rigid.name} on {touched.name}", touched, body, points, friction)
 
@@ -62,7 +64,7 @@ class RigidContact(Contact):
         """
         if not self.updates:
             return
-        pushes, presses, _, _ = self._forces(positions)
+        pushes, presses, shears, _ = self._forces(positions)
         ends, ways = self.couplings()[self._chosen], self._ways(positions)
         normals = self._rows()[:, NORMAL : NORMAL + 3]
         came, stopped, alone = (np.einsum("ka,kai,ki->k", ways, each[ends], normals) for each in (approach, *moved))
@@ -70,7 +72,17 @@ class RigidContact(Contact):
             came -= np.einsum("ki,ki->k", self._carried(positions, before), normals)
         way = np.maximum(stopped, SUPPORTED * alone)
         spent = np.where((presses > 0.0) & (way > 0.0), np.clip(-came / np.where(way > 0.0, way, 1.0), 0.0, 1.0), 0.0)
-        np.add.at(forces, ends, ways[:, :, None] * (spent[:, None] * pushes)[:, None, :])
+        self._scatter(forces, ways, spent[:, None] * pushes, spent[:, None] * shears)
+
+    def _scatter(
+        self,
+        forces: NDArray[np.float64],
+        ways: NDArray[np.float64],
+        pushes: NDArray[np.float64],
+        shears: NDArray[np.float64],
+    ) -> None:
+        """Add ``pushes`` (k, 3) [N] on the chosen points, of which ``shears`` are friction, to the vertices' forces."""
+        np.add.at(forces, self.couplings()[self._chosen], ways[:, :, None] * pushes[:, None, :])
 
     def _carried(self, positions: NDArray[np.float64], before: State) -> NDArray[np.float64]:
         """Return the displacement (k, 3) [m] of the obstacle since ``before`` at the chosen points."""

@@ -22,7 +22,7 @@ from gdfe_ros.solver.stepping.increments import planned_increments
 from gdfe_ros.solver.stepping.march import NEAR, March, crumpled
 from gdfe_ros.solver.stepping.placing import placed, require_own
 from gdfe_ros.solver.stepping.way import Goal, Verdict, Way
-from gdfe_ros.solver.terms.actuation import Actuation
+from gdfe_ros.solver.terms.actuation import Actuation, past_limit
 from gdfe_ros.solver.value import changed
 
 SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling; smaller steps do not change that"
@@ -211,7 +211,8 @@ class Stepper:
         anchor = state.anchor or next(iter(before), None) if fails else None
         changes = {"sound": attempt.sound, "anchor": anchor}
         if attempt.snapped:
-            message = f"{SNAPPED}; {accepted.summary.message}".rstrip("; ")
+            remedy = past_limit(self.actuation.actuators, attempt.began.commands, attempt.way.aim[1])
+            message = "; ".join(text for text in (SNAPPED, remedy, accepted.summary.message) if text)
             changes["summary"] = changed(accepted.summary, converged=False, message=message)
         return accepted.with_(**changes)
 

@@ -232,3 +232,14 @@ def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]
         f"chamber {name!r} lost its stability between {last[name]:.6g} and {commands[name]:.6g} Pa: it would inflate "
         "without bound; remedy: command its volume instead of its pressure, or stiffen its walls"
     )
+
+
+def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
+    """Return what to command instead of the forces that have changed when a body jumped; empty if none has changed."""
+    other = {Mode.TENSION: Mode.LENGTH, Mode.PRESSURE: Mode.VOLUME}
+    found = [
+        f"`command: {other[each.mode].value}` for {each.name!r}"
+        for each in actuators
+        if each.mode in other and commands.get(each.name) != last.get(each.name)
+    ]
+    return f"remedy: {', '.join(found)}, which holds shapes that a force or a pressure cannot" if found else ""

@@ -9,7 +9,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros import Pose
-from gdfe_ros.constraints.obstacle import Box, Capsule, Cylinder, Form, Obstacle, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Sphere, TriangleMesh
+from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.mesh.solid import make_solid
 from gdfe_ros.solver.contact import gap
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation
-from gdfe_ros.constraints.obstacle import Box, Cylinder
+from gdfe_ros.constraints.form import Box, Cylinder
 from gdfe_ros.contacts import contact_names
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.motion import inertia
@@ -119,6 +119,31 @@ def test_an_oblique_collision_keeps_what_it_must(pair: Callable[..., Simulation]
         errors.append(np.abs(now[1] - start[1]).max() / (0.02 * np.abs(start[0]).max()))
         assert simulation.handle_pose("two").translation[0] > 0.005
     assert errors[0] < 0.01
+    assert errors[1] < 0.6 * errors[0]
+
+
+@pytest.mark.parametrize("other", ["sphere", "capsule", "box"])
+def test_a_ball_that_hits_another_body_keeps_momenta(pair: Callable[..., Simulation], other: str) -> None:
+    """Off its middle, with friction: momentum to 1e-6, angular momentum to the step's order, energy never grows."""
+    shapes = {"sphere": {"radius": 0.02}, "capsule": {"radius": 0.02, "length": 0.03}, "box": {"size": [0.04] * 3}}
+    two = {other: shapes[other], "density": 1200, "at": [0.16, 0.012, 0.006], "friction": 0.3}
+    one = {"sphere": {"radius": 0.02}, "density": 800, "at": [0.1, 0.0, 0.0], "friction": 0.3}
+    errors = []
+    for h in (0.002, 0.0005):
+        simulation = pair(more={"bodies.one": one, "bodies.two": two, "dynamics.step": h})
+        kick(simulation, one=((0.5, 0.0, 0.0), (0.0, 0.0, 5.0)))
+        start, last = momenta(simulation), math.inf
+        for _ in range(round(0.1 / h)):
+            result = simulation.step()
+            assert result.converged, result.message
+            assert result.energies["kinetic"] < last * (1.0 + 1e-4)
+            last = result.energies["kinetic"]
+        now = momenta(simulation)
+        np.testing.assert_allclose(now[0], start[0], atol=1e-6 * np.abs(start[0]).max())
+        errors.append(np.abs(now[1] - start[1]).max() / (0.02 * np.abs(start[0]).max()))
+        assert simulation.handle_pose("two").translation[0] > 0.005
+        assert list(simulation.result.contacts) == contact_names(simulation.scene.handles)
+    assert errors[0] < 0.02
     assert errors[1] < 0.6 * errors[0]
 
 

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a picture shows besides the body: obstacles, rigid bodies, cables, chambers and contact forces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.actuators import Cable, Chamber
+from gdfe_ros.analysis.obstacle_faces import faces_of, pose_topic, recorded_faces
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.contacts import contact_points
+
+if TYPE_CHECKING:
+    from gdfe_ros.scene import Scene
+    from gdfe_ros.simulation import Simulation
+
+CONTACTS = "contacts"
+"""Topic of the contact points, without the node's name."""
+
+
+def _no_points() -> NDArray[np.float64]:
+    return np.zeros((0, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Scenery:
+    """Everything around and inside of a body, at one moment.
+
+    Attributes:
+        obstacles: faces (f, k, 3) [m] of each obstacle and rigid body.
+        cables: points (k, 3) [m] of each cable, from end to end.
+        chambers: faces (f, 4, 3) [m] of each chamber.
+        places: (c, 3) [m] of the contact points.
+        forces: (c, 3) [N] on the body, or on the rigid body whose points touch.
+    """
+
+    obstacles: list[NDArray[np.float64]] = field(default_factory=list)
+    cables: list[NDArray[np.float64]] = field(default_factory=list)
+    chambers: list[NDArray[np.float64]] = field(default_factory=list)
+    places: NDArray[np.float64] = field(default_factory=_no_points)
+    forces: NDArray[np.float64] = field(default_factory=_no_points)
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> Scenery:
+        """Return the scenery of a simulation after its last step."""
+        result = simulation.result
+        points = None if result is None else contact_points(result.contacts)
+        return cls(faces_of(simulation), *_inside(simulation.scene, simulation.positions), *_pushes(points))
+
+    @classmethod
+    def recorded(
+        cls, scene: Scene, samples: Mapping[str, Mapping[str, NDArray]], positions: NDArray[np.float64]
+    ) -> Scenery:
+        """Return the scenery of a recorded step; a topic that is not in the bag leaves out what it holds.
+
+        Args:
+            scene: that was recorded.
+            samples: arrays of a step, by topic and field.
+            positions: of the body's vertices (n, 3) [m].
+        """
+        obstacles = recorded_faces(scene, samples, positions)
+        return cls(obstacles, *_inside(scene, positions), *_pushes(samples.get(CONTACTS)))
+
+    @staticmethod
+    def topics(scene: Scene) -> Iterator[str]:
+        """Yield the topics that `recorded` reads."""
+        yield CONTACTS
+        yield from (pose_topic(handle) for handle in scene.handles if isinstance(handle, Obstacle))
+
+
+def _inside(
+    scene: Scene, positions: NDArray[np.float64]
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """Return the points of the cables, and the faces of the chambers."""
+    cables = [each.points.at(positions) for each in scene.actuators if isinstance(each, Cable)]
+    chambers = [each.at(positions)[each.quads] for each in scene.actuators if isinstance(each, Chamber)]
+    return cables, chambers
+
+
+def _pushes(points: NDArray | Mapping[str, NDArray] | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return places and forces of contact points, whose fields are those of `gdfe_ros.contacts.POINT`."""
+    if points is None:
+        return _no_points(), _no_points()
+    places = np.stack([points[axis] for axis in "xyz"], axis=1)
+    return places, np.stack([points[f"f{axis}"] + points[f"t{axis}"] for axis in "xyz"], axis=1)

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A line at the terminal while a command prepares something."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Timer
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+SILENT = 1.0
+"""Time [s] in which nothing is shown, because most scenes are ready by then."""
+
+
+@contextmanager
+def waiting(text: str, *, console: Console | None = None, silent: float = SILENT) -> Iterator[None]:
+    """Show a text and the elapsed time while the body of the `with` statement runs; remove both at its end.
+
+    Nothing is shown if standard error is not a terminal.
+
+    Args:
+        text: what is being done, e.g. "loading gripper".
+        console: to write to; by default that of standard error.
+        silent: time before the text appears [s].
+    """
+    if not (sys.stderr.isatty() if console is None else console.is_terminal):
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    progress = Progress(*columns, console=console or Console(stderr=True), transient=True)
+    progress.add_task(text, total=None)
+    timer = Timer(silent, progress.start)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
+        progress.stop()

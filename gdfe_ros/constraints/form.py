@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Shapes of obstacles and rigid bodies, in their own frames."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh.inertia import Inertia, inertia_of
+from gdfe_ros.mesh.refinement import refine
+from gdfe_ros.mesh.solid import Solid
+
+NO_SAMPLES = np.zeros(0)
+
+RIM = 48
+"""Points on each rim of a freely moving cylinder."""
+INSET = 0.01
+"""Distance of the points of a box's face from its rim, over the half width. At the rim of an equal face, rounding would
+decide which side is nearer."""
+MOST_ALONG = 8
+"""Limit of intervals between points along a rigid body."""
+AROUND = 16
+"""Points on each circle of a round body's surface that are tested for being inside of the soft body."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The half space below z = 0 of the obstacle's frame."""
+
+    kind: ClassVar[int] = 0
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """Parameters of the shape for the kernels."""
+        return 0.0, 0.0, 0.0
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball of a ``radius`` [m] around the origin of the obstacle's frame."""
+
+    radius: float
+    kind: ClassVar[int] = 1
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """Parameters of the shape for the kernels."""
+        return self.radius, 0.0, 0.0
+
+    @property
+    def rounding(self) -> float:
+        """Distance [m] of its surface from its `corners`."""
+        return self.radius
+
+    @property
+    def half(self) -> tuple[float, float, float]:
+        """Half edges [m] of the box around it."""
+        return self.radius, self.radius, self.radius
+
+    @property
+    def volume(self) -> float:
+        """Its volume [m^3]."""
+        return 4.0 / 3.0 * math.pi * self.radius**3
+
+    @property
+    def moments(self) -> NDArray[np.float64]:
+        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        return np.full(3, self.radius**2 / 5.0)
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Its centre (1, 3) [m], from which its surface is one radius away."""
+        return np.zeros((1, 3))
+
+    @property
+    def skin(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] of its surface."""
+        return Capsule(self.radius, 0.0).skin
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box of a ``size`` (x, y, z) [m] around the origin of the obstacle's frame."""
+
+    size: tuple[float, float, float]
+    kind: ClassVar[int] = 2
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
+    rounding: ClassVar[float] = 0.0
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """Parameters of the shape for the kernels."""
+        x, y, z = self.size
+        return 0.5 * x, 0.5 * y, 0.5 * z
+
+    @property
+    def half(self) -> tuple[float, float, float]:
+        """Half edges [m]."""
+        return self.numbers
+
+    @property
+    def volume(self) -> float:
+        """Its volume [m^3]."""
+        return float(np.prod(self.size))
+
+    @property
+    def moments(self) -> NDArray[np.float64]:
+        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        return np.square(self.size) / 12.0
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Its corners (k, 3) [m], the points that touch first."""
+        return 0.5 * np.array(list(product((-1.0, 1.0), repeat=3))) * self.size
+
+    @property
+    def skin(self) -> NDArray[np.float64]:
+        """Contact points (k, 3) [m] for other bodies: its corners, and points of its faces slightly inside the rims."""
+        half, found = 0.5 * np.array(self.size), [self.corners]
+        for axis in range(3):
+            others = [other for other in range(3) if other != axis]
+            lines = [(1.0 - INSET) * np.linspace(-half[other], half[other], self._along(other)) for other in others]
+            for side in (-half[axis], half[axis]):
+                face = np.empty((len(lines[0]) * len(lines[1]), 3))
+                face[:, axis], face[:, others] = side, list(product(*lines))
+                found.append(face)
+        return np.concatenate(found)
+
+    def _along(self, axis: int) -> int:
+        return 1 + min(MOST_ALONG, math.ceil(self.size[axis] / min(self.size)))
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """The points nearer than ``radius`` [m] to a segment of z of a ``length`` [m], centred at the origin."""
+
+    radius: float
+    length: float
+    kind: ClassVar[int] = 3
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """Parameters of the shape for the kernels."""
+        return self.radius, 0.5 * self.length, 0.0
+
+    @property
+    def rounding(self) -> float:
+        """Distance [m] of its surface from its `corners`."""
+        return self.radius
+
+    @property
+    def half(self) -> tuple[float, float, float]:
+        """Half edges [m] of the box around it."""
+        return self.radius, self.radius, self.radius + 0.5 * self.length
+
+    @property
+    def volume(self) -> float:
+        """Its volume [m^3]."""
+        return math.pi * self.radius**2 * (self.length + 4.0 / 3.0 * self.radius)
+
+    @property
+    def moments(self) -> NDArray[np.float64]:
+        """Mean squares of x, y, z over its volume (3,) [m^2]: those of a cylinder and of two half balls."""
+        r, length = self.radius, self.length
+        across = math.pi * r**4 * (length / 4.0 + 4.0 / 15.0 * r)
+        along = math.pi * r**2 * (length**3 / 12.0 + r * length**2 / 3.0 + r**2 * length / 2.0 + 4.0 / 15.0 * r**3)
+        return np.array([across, across, along]) / self.volume
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] of its axis, at most a radius apart, from which its surface is one radius away."""
+        heights = np.linspace(-0.5, 0.5, 1 + min(2 * MOST_ALONG, math.ceil(self.length / self.radius))) * self.length
+        return heights[:, None] * [0.0, 0.0, 1.0]
+
+    @property
+    def skin(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] of its surface: circles around its ends and between them, and its poles."""
+        turn = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
+        rise = np.linspace(0.0, 0.5 * np.pi, AROUND // 4, endpoint=False)
+        radii, heights = self.radius * np.cos(rise), self.radius * np.sin(rise) + 0.5 * self.length
+        radii, heights = np.concatenate([radii, radii]), np.concatenate([heights, -heights])
+        rings = np.stack(
+            [np.outer(radii, np.cos(turn)), np.outer(radii, np.sin(turn)), np.tile(heights[:, None], AROUND)], axis=-1
+        )
+        pole = np.array([0.0, 0.0, self.radius + 0.5 * self.length])
+        return np.concatenate([rings.reshape(-1, 3), [pole, -pole]])
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder of a ``radius`` and a ``length`` [m] around z, centred at the origin."""
+
+    radius: float
+    length: float
+    kind: ClassVar[int] = 4
+    samples: ClassVar[NDArray[np.float64]] = NO_SAMPLES
+    rounding: ClassVar[float] = 0.0
+
+    @property
+    def half(self) -> tuple[float, float, float]:
+        """Half edges [m] of the box around it."""
+        return self.radius, self.radius, 0.5 * self.length
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """Parameters of the shape for the kernels."""
+        return self.radius, 0.5 * self.length, 0.0
+
+    @property
+    def volume(self) -> float:
+        """Its volume [m^3]."""
+        return float(np.pi * self.radius**2 * self.length)
+
+    @property
+    def moments(self) -> NDArray[np.float64]:
+        """Mean squares of x, y, z over its volume (3,) [m^2]."""
+        return np.array([self.radius**2 / 4.0, self.radius**2 / 4.0, self.length**2 / 12.0])
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] of its two rims."""
+        turn = np.linspace(0.0, 2.0 * np.pi, RIM, endpoint=False)
+        rim = np.column_stack([self.radius * np.cos(turn), self.radius * np.sin(turn), np.full(RIM, 0.5 * self.length)])
+        return np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
+
+    @property
+    def skin(self) -> NDArray[np.float64]:
+        """Contact points (k, 3) [m] for other bodies: of its rims, and of circles between them about a radius apart."""
+        count = 1 + min(MOST_ALONG, math.ceil(self.length / self.radius))
+        rim = self.corners[:RIM] * [1.0, 1.0, 0.0]
+        lifts = np.linspace(-0.5, 0.5, count)[:, None, None] * [0.0, 0.0, self.length]
+        return (rim + lifts).reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """The solid inside a closed surface, in the obstacle's frame.
+
+    Attributes:
+        solid: with its distances.
+        original: vertices (n, 3) [m] and triangles (t, 3) in the frame of the file, if the solid was turned from it.
+    """
+
+    solid: Solid
+    original: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
+    kind: ClassVar[int] = 5
+    rounding: ClassVar[float] = 0.0
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """Number of samples that the kernels find after all other numbers."""
+        return float(len(self.samples)), 0.0, 0.0
+
+    @cached_property
+    def samples(self) -> NDArray[np.float64]:
+        """The grid in the layout of the kernels: first point (3,) [m], spacing [m], counts (3,), distances [m]."""
+        grid = self.solid
+        return np.concatenate([grid.start, [grid.cell], grid.distances.shape, grid.distances.ravel()])
+
+    @property
+    def half(self) -> tuple[float, float, float]:
+        """Half edges [m] of a box around the origin that contains it."""
+        x, y, z = np.abs(self.solid.vertices).max(axis=0).tolist()
+        return x, y, z
+
+    @cached_property
+    def _inertia(self) -> Inertia:
+        return inertia_of(self.solid.vertices, self.solid.triangles)
+
+    @property
+    def volume(self) -> float:
+        """Its volume [m^3]."""
+        return self._inertia.volume
+
+    @property
+    def moments(self) -> NDArray[np.float64]:
+        """Mean squares of x, y, z over its volume (3,) [m^2], if the frame's axes are its principal axes."""
+        return self._inertia.moments
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Its vertices (k, 3) [m], the points that touch first."""
+        return self.solid.vertices[np.unique(self.solid.triangles)]
+
+    @cached_property
+    def skin(self) -> NDArray[np.float64]:
+        """Points (k, 3) [m] all over its surface, an eighth of its longest extent apart or less."""
+        longest = float(np.ptp(self.solid.vertices, axis=0).max()) / MOST_ALONG
+        points, triangles = refine(self.solid.vertices, self.solid.triangles, longest)
+        return points[np.unique(triangles)]
+
+
+Form = Plane | Sphere | Box | Capsule | Cylinder | TriangleMesh

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Search for the cells that carry points, compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gdfe_ros.compiled import inlined, kernel
+
+
+@inlined
+def clipped(value, limit):
+    """Return a value between -``limit`` and ``limit``."""
+    return min(max(value, -limit), limit)
+
+
+@inlined
+def solved(a, b, c, gap):
+    """Return the solution of the 3 x 3 system with the columns a, b, c (Cramer's rule)."""
+    n0, n1, n2 = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
+    m0, m1, m2 = gap[1] * c[2] - gap[2] * c[1], gap[2] * c[0] - gap[0] * c[2], gap[0] * c[1] - gap[1] * c[0]
+    k0, k1, k2 = b[1] * gap[2] - b[2] * gap[1], b[2] * gap[0] - b[0] * gap[2], b[0] * gap[1] - b[1] * gap[0]
+    determinant = a[0] * n0 + a[1] * n1 + a[2] * n2
+    return (
+        (gap[0] * n0 + gap[1] * n1 + gap[2] * n2) / determinant,
+        (a[0] * m0 + a[1] * m1 + a[2] * m2) / determinant,
+        (a[0] * k0 + a[1] * k1 + a[2] * k2) / determinant,
+    )
+
+
+@inlined
+def newton_step(place, point, modes):
+    """Return the next iterate of the trilinear map's inversion; ``modes`` (8, 3) are the map's coefficients."""
+    x, y, z = place
+    gap, a, b, c = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        one, mx, my, mz = modes[0, i], modes[1, i], modes[2, i], modes[3, i]
+        yz, xz, xy, xyz = modes[4, i], modes[5, i], modes[6, i], modes[7, i]
+        gap[i] = point[i] - (one + mx * x + my * y + mz * z + yz * y * z + xz * x * z + xy * x * y + xyz * x * y * z)
+        a[i] = mx + xz * z + xy * y + xyz * y * z
+        b[i] = my + yz * z + xy * x + xyz * x * z
+        c[i] = mz + yz * y + xz * x + xyz * x * y
+    dx, dy, dz = solved(a, b, c, gap)
+    return (
+        clipped(x + clipped(dx, 1.0), 3.0),
+        clipped(y + clipped(dy, 1.0), 3.0),
+        clipped(z + clipped(dz, 1.0), 3.0),
+    )
+
+
+@kernel
+def find_carriers(points, near, modes, settings, best, place, beyond):
+    """Write the cell that carries each point: the one that contains it, else the nearest in its own coordinates.
+
+    Of several that are equally near, as at a face between them, it is the one with the lowest number.
+    Each candidate's reference coordinates are found by Newton's method from its centre.
+
+    Args:
+        points: (k, 3) [m].
+        near: (k, c) candidates, the most likely first.
+        modes: (m, 8, 3) [m] coefficients of the cells' trilinear maps for 1, xi, eta, zeta, eta zeta, xi zeta, xi eta,
+            xi eta zeta.
+        settings: limit of steps; last change of a coordinate; largest coordinate of a point that is surely inside.
+        best: (k,), is written.
+        place: (k, 3) reference coordinates, is written.
+        beyond: (k,) the largest of them in magnitude, is written.
+    """
+    steps, within, inside = settings
+    for k in range(len(points)):
+        best[k], beyond[k] = near[k, 0], math.inf
+        for candidate in near[k]:
+            here = (0.0, 0.0, 0.0)
+            for _ in range(steps):
+                last = here
+                here = newton_step(last, points[k], modes[candidate])
+                change = max(abs(here[0] - last[0]), abs(here[1] - last[1]), abs(here[2] - last[2]))
+                if not change > within:
+                    break
+            away = max(abs(here[0]), abs(here[1]), abs(here[2]))
+            alike = abs(away - beyond[k]) <= 1.0 - inside  # on a face between cells, whatever the rounding
+            if (alike and candidate < best[k]) or (not alike and away < beyond[k]):
+                best[k], beyond[k] = candidate, away
+                place[k, 0], place[k, 1], place[k, 2] = here
+            if beyond[k] < inside:
+                break

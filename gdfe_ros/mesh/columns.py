@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Integrals of the material in cubes along columns through a closed surface, compiled."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gdfe_ros.compiled import inlined, internal, kernel
+
+
+@inlined
+def pierced(corners, x, y):
+    """Return whether the column (x, y) pierces a triangle (3, 3): a ray to +x crosses its outline once."""
+    hit = False
+    for first in range(3):
+        second = (first + 1) % 3
+        ax, ay, bx, by = corners[first, 0], corners[first, 1], corners[second, 0], corners[second, 1]
+        if ay > by or (ay == by and ax > bx):
+            ax, ay, bx, by = bx, by, ax, ay
+        slope = (bx - ax) / (by - ay) if by - ay > 0.0 else 0.0
+        hit ^= ay <= y and y < by and x < ax + (y - ay) * slope
+    return hit
+
+
+@inlined
+def height_at(corners, x, y):
+    """Return the height of a triangle (3, 3) at the column (x, y), clamped to its corners' heights."""
+    ux, uy, uz = corners[1, 0] - corners[0, 0], corners[1, 1] - corners[0, 1], corners[1, 2] - corners[0, 2]
+    vx, vy, vz = corners[2, 0] - corners[0, 0], corners[2, 1] - corners[0, 1], corners[2, 2] - corners[0, 2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    fall = (x - corners[0, 0]) * nx + (y - corners[0, 1]) * ny
+    height = corners[0, 2] - (fall / nz if nz != 0.0 else 0.0)
+    low = min(corners[0, 2], corners[1, 2], corners[2, 2])
+    return min(max(height, low), max(corners[0, 2], corners[1, 2], corners[2, 2]))
+
+
+@internal
+def find_crossings(corners, size, column, height):
+    """Write column and height of each crossing; return their number, also of those that find no room."""
+    nx, ny, nz = size
+    found = 0
+    for t in range(len(corners)):
+        a, b, c = corners[t]
+        first = max(math.ceil(min(a[0], b[0], c[0])), 0)
+        last = min(math.floor(max(a[0], b[0], c[0])), nx - 1)
+        low = max(math.ceil(min(a[1], b[1], c[1])), 0)
+        high = min(math.floor(max(a[1], b[1], c[1])), ny - 1)
+        for y in range(low, high + 1):
+            for x in range(first, last + 1):
+                if pierced(corners[t], x, y):
+                    if found < len(column):
+                        column[found] = y * nx + x
+                        height[found] = min(max(height_at(corners[t], x, y), 0.0), float(nz))
+                    found += 1
+    return found
+
+
+@internal
+def add_column(moments, heights, place, column, size, width):
+    """Add to ``moments`` (8, cubes) the material between each pair of sorted heights of one column."""
+    columns, layers = size[0] * size[1], size[2]
+    xi, eta = 2.0 * place[0] - 1.0, 2.0 * place[1] - 1.0
+    part, current = np.zeros(7), -1
+    for k in range(0, len(heights), 2):
+        low, high = heights[k], heights[k + 1]
+        first = min(int(low), layers - 1)
+        moments[7, first * columns + column] += 1.0
+        moments[7, min(int(high), layers - 1) * columns + column] += 1.0
+        for layer in range(first, math.ceil(high)):
+            if layer != current:
+                if current >= 0:
+                    for row in range(7):
+                        moments[row, current * columns + column] += part[row]
+                part[:] = 0.0
+                current = layer
+            start, end = max(low, float(layer)) - layer, min(high, float(layer + 1)) - layer
+            length, zeta = max(end - start, 0.0), start + end - 1.0
+            part[0] += length
+            part[1] += length * xi
+            part[2] += length * eta
+            part[3] += length * zeta
+            part[4] += length * (xi * xi + width)
+            part[5] += length * (eta * eta + width)
+            part[6] += length * (zeta * zeta + length * length / 3.0)
+    if current >= 0:
+        for row in range(7):
+            moments[row, current * columns + column] += part[row]
+
+
+@kernel
+def integrate_columns(vertices, triangles, places, size, moments):
+    """Add the integrals of the material in each cube along all columns.
+
+    Args:
+        vertices: (n, 3) in units of the cubes' edge; columns run along the last axis.
+        triangles: (t, 3) of a closed surface.
+        places: (c, 2) of the columns in a cube, 0 .. 1.
+        size: number of cubes along each axis.
+        moments: (8, cubes), first axis fastest, is added to: 1, xi, eta, zeta and their squares, and the number of
+            crossings.
+    """
+    columns, width = size[0] * size[1], 1.0 / (3.0 * len(places) ** 2)
+    column, height = np.empty(4 * columns, np.int64), np.empty(4 * columns)
+    corners = np.empty((len(triangles), 3, 3))
+    for place in places:
+        for t in range(len(triangles)):
+            for a in range(3):
+                vertex = vertices[triangles[t, a]]
+                corners[t, a, 0], corners[t, a, 1], corners[t, a, 2] = (
+                    vertex[0] - place[0],
+                    vertex[1] - place[1],
+                    vertex[2],
+                )
+        found = find_crossings(corners, size, column, height)
+        if found > len(column):
+            column, height = np.empty(2 * found, np.int64), np.empty(2 * found)
+            found = find_crossings(corners, size, column, height)
+        order = np.argsort(column[:found], kind="mergesort")
+        start = 0
+        while start < found:
+            here = column[order[start]]
+            end = start
+            while end < found and column[order[end]] == here:
+                end += 1
+            add_column(moments, np.sort(height[order[start:end]]), place, here, size, width)
+            start = end

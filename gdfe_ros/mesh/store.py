@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Results kept on disk by the content from which they were computed, beside the cache of the kernels.
+
+A file is written whole under another name and then renamed, so that processes that run at once never see a part of
+one. It starts with the digest of the rest: one that a power cut or a full disk has truncated is computed again. A key
+contains the sources of this package, numpy's version and the machine, so that another version never reads it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_BYTES = 256_000_000
+"""Total size of the files [B] above which those used least recently are deleted."""
+_DIGEST = 32
+
+
+def key_of(*parts: bytes) -> str:
+    """Return the key of results that depend on these contents, and on the code that computes them."""
+    digest = hashlib.sha256(_code())
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "little") + part)
+    return digest.hexdigest()
+
+
+def recall(key: str) -> dict[str, NDArray] | None:
+    """Return the arrays kept under a key; None if there are none, or if the file is damaged."""
+    path = _folder() / f"{key}.npz"
+    try:
+        content = path.read_bytes()
+        if hashlib.sha256(content[_DIGEST:]).digest() != content[:_DIGEST]:
+            return None
+        os.utime(path)
+        archive = np.load(BytesIO(content[_DIGEST:]), allow_pickle=False)
+    except OSError:
+        return None
+    return {name: archive[name] for name in archive.files}
+
+
+def keep(key: str, arrays: Mapping[str, NDArray]) -> None:
+    """Keep arrays under a key; a disk that is full or read-only is no error, the next process computes again."""
+    buffer = BytesIO()
+    np.savez(buffer, **arrays)
+    content, folder = buffer.getvalue(), _folder()
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        with NamedTemporaryFile(dir=folder, suffix=".part", delete=False) as file:
+            try:
+                file.write(hashlib.sha256(content).digest() + content)
+                file.close()
+                os.replace(file.name, folder / f"{key}.npz")
+            except OSError:
+                Path(file.name).unlink(missing_ok=True)
+                raise
+        _tidy(folder)
+
+
+def _tidy(folder: Path) -> None:
+    """Delete the files used least recently while all together are too large."""
+    files = sorted(((item.stat().st_mtime, item.stat().st_size, item) for item in folder.iterdir()), reverse=True)
+    total = 0
+    for _, size, path in files:
+        total += size
+        if total > MOST_BYTES:
+            path.unlink(missing_ok=True)
+
+
+def _folder() -> Path:
+    """Return the folder of the files: where numba keeps the kernels."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return Path(chosen) / "gdfe_ros_bodies"
+    beside = Path(__file__).parent
+    if os.access(beside, os.W_OK):
+        return beside / "__pycache__" / "bodies"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gdfe_ros" / "bodies"
+
+
+@lru_cache(maxsize=1)
+def _code() -> bytes:
+    """Return a digest of the sources that compute what is kept, and of what they compute with."""
+    digest = hashlib.sha256(f"{np.__version__} {platform.machine()}".encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.digest()

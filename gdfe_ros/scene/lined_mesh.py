@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies made from surfaces, kept by content: a scene that was loaded once loads without filling surfaces again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.outside import Outside
+from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
+from gdfe_ros.mesh.store import keep, key_of, recall
+from gdfe_ros.mesh.touching import Touching
+from gdfe_ros.scene.mesh_schema import MeshModel
+from gdfe_ros.scene.skin_schema import SkinModel
+
+Entries = tuple[dict[str, Any] | None, dict[str, Any] | None]
+"""The entries of a mesh and of its skin that contain them without files; None if the entry needs none."""
+_MESH, _SKIN, _TOUCHING, _ENTRIES = "mesh:", "skin:", "touching:", "entries"
+_CONTACT = ("corners", "weights", "vertices")
+
+
+class BodyStore:
+    """One body on disk, under the contents of its files and entries.
+
+    Args:
+        model: of the mesh.
+        skin: of its skin, or None.
+    """
+
+    def __init__(self, model: MeshModel, skin: SkinModel | None) -> None:
+        slow = skin is not None or model.voxels is not None
+        content = [_content(each) for each in (model, skin) if each is not None]
+        # A file of cells may include others, whose contents are not known here.
+        self._key = None if not slow or model.file is not None or None in content else key_of(*content)
+
+    def recall(self) -> tuple[HexMesh, Entries] | None:
+        """Return the body and its entries; None if they have to be made."""
+        arrays = recall(self._key) if self._key is not None else None
+        if arrays is None:
+            return None
+        first, second = json.loads(str(arrays[_ENTRIES]))
+        mesh = mesh_of(_under(arrays, _MESH))
+        drawn, touching = _under(arrays, _SKIN), _under(arrays, _TOUCHING)
+        skin = Outside(**drawn) if drawn else None
+        return replace(mesh, skin=skin, touching=Touching(**touching, surface=skin) if touching else None), (
+            first,
+            second,
+        )
+
+    def keep(self, mesh: HexMesh, entries: Entries) -> None:
+        """Keep the body and its entries."""
+        if self._key is None:
+            return
+        arrays = {_MESH + name: array for name, array in mesh_arrays(mesh).items()}
+        if mesh.skin is not None:
+            arrays |= {_SKIN + item.name: getattr(mesh.skin, item.name) for item in fields(Outside)}
+        if mesh.touching is not None:
+            arrays |= {_TOUCHING + name: getattr(mesh.touching, name) for name in _CONTACT}
+        keep(self._key, {**arrays, _ENTRIES: np.array(json.dumps(entries))})
+
+
+def _under(arrays: dict[str, NDArray], head: str) -> dict[str, NDArray]:
+    return {name.removeprefix(head): array for name, array in arrays.items() if name.startswith(head)}
+
+
+def _content(model: MeshModel | SkinModel) -> bytes | None:
+    """Return an entry with the contents of its files; None if one cannot be read."""
+    exclude = {"skin"} if "skin" in type(model).model_fields else None
+    text = [json.dumps(model.model_dump(mode="json", exclude=exclude), sort_keys=True).encode()]
+    for path in _paths(model):
+        try:
+            text.append(path.read_bytes())
+        except OSError:
+            return None
+    return b"\0".join(text)
+
+
+def _paths(model: MeshModel | SkinModel) -> list[Path]:
+    values = [value for _, value in model] + [value for _, value in getattr(model, "voxels", None) or ()]
+    return [value for value in values if isinstance(value, Path)]

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact of a ball, or of a row of balls, with an obstacle or another rigid body, as a term."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.constraints.rigid_body import RigidBody
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.contact import gap, round_law
+from gdfe_ros.solver.contact.gap import ANCHOR, NORMAL, OFFSET
+from gdfe_ros.solver.contact.rigid_contact import RigidContact
+from gdfe_ros.solver.contact.surface import Corners
+from gdfe_ros.solver.terms.term import Saved
+
+
+class RoundContact(RigidContact):
+    """Contact of a rigid body that is round: its points are centres, one radius away from its surface.
+
+    A point that sticks stores how far its material point has slipped, not where it was: a ball that rolls touches with
+    another material point in each step, and a ball that rests does not creep.
+
+    Args:
+        rigid: the round body.
+        touched: the obstacle or rigid body that it must stay outside of.
+        body: the discretised body.
+    """
+
+    kernel, potential = round_law.round_entry, staticmethod(round_law.round_energy)
+    law = round_law
+
+    def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body) -> None:
+        super().__init__(rigid, touched, body, points=Corners.of(rigid))
+        self._rigid, self._radius = rigid, rigid.form.rounding
+
+    def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return contact tangents (k, 3 c, 3 c) [N/m] as `Contact.tangents`, of centres and of material points."""
+        count = self.couplings().shape[1]
+        tangents = np.zeros((len(self._penalty), 3 * count, 3 * count))
+        if not self.updates:
+            return tangents
+        total = np.zeros((len(self._chosen), count, 3, count, 3))
+        parts = (
+            (self._ways(positions), round_law.normal_tangents),
+            (self._rub_ways(), round_law.friction_tangents),
+        )
+        for ways, write in parts:
+            held = np.zeros((len(self._chosen), 3, 3))
+            write(positions, self.reals, self.integers, held)
+            total += ways[:, :, None, None, None] * ways[:, None, None, :, None] * held[:, None, :, None, :]
+        tangents[self._chosen] = total.reshape(len(self._chosen), 3 * count, 3 * count)
+        return tangents
+
+    def _measure(self, places: NDArray[np.float64]) -> None:
+        super()._measure(places)
+        self._distances -= self._radius
+
+    def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
+        """Choose the points as `Contact` does, and the material points that touched when the step began."""
+        super()._choose(saved, positions)
+        self._rows()[:, ANCHOR : ANCHOR + 3] = self._anchors(saved, positions)
+
+    def _anchors(self, saved: Saved, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Set the material points; return their anchors (k, 3) [m]: where they were, less what they have slipped."""
+        state, chosen = self._last, self._chosen
+        before = positions if state is None else state.positions
+        pose = self._pose if state is None else state.poses[self._touched.name]
+        origin, axes = self._frame(before, pose)
+        centres = np.ascontiguousarray(self._points.at(before)[chosen])
+        now = self._origin.copy(), self._axes.copy()
+        away, normals = np.empty(len(centres)), np.empty((len(centres), 3))
+        self._origin[...], self._axes[...] = origin, axes
+        gap.distances(centres, self.reals, self._touched.form.kind, away, normals)
+        self._origin[...], self._axes[...] = now
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+        arms = -self._radius * normals
+        own = arms @ self._rigid.found(before)[1] @ self._rigid.signs.T
+        self._rows()[:, round_law.RUB : round_law.RUB + 4] = self._points.weights[chosen] + own
+        slid = saved["anchor"][chosen]
+        return (centres + arms - origin) @ axes - np.where(np.isnan(slid), 0.0, slid)
+
+    def _kept(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far the material points have slipped along the surface (k, 3) [m], in the obstacle's frame."""
+        slid = self._in_frame(places) - self._rows()[:, ANCHOR : ANCHOR + 3]
+        normals = self._rows()[:, NORMAL : NORMAL + 3] @ self._axes
+        return slid - np.einsum("ki,ki->k", slid, normals)[:, None] * normals
+
+    def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        rows = self._rows()
+        return rows[:, round_law.RUB : round_law.RUB + 4] @ positions[self._rigid.vertices]
+
+    def _rub_ways(self) -> NDArray[np.float64]:
+        """Return d(slip of a material point) / d(displacement of each coupled vertex), (k, c)."""
+        rows = self._rows()
+        ways = rows[:, round_law.RUB : round_law.RUB + 4]
+        if not isinstance(self._touched, RigidBody):
+            return ways
+        return np.column_stack([ways, -0.25 - rows[:, ANCHOR : ANCHOR + 3] @ self._touched.signs.T])
+
+    def _scatter(
+        self,
+        forces: NDArray[np.float64],
+        ways: NDArray[np.float64],
+        pushes: NDArray[np.float64],
+        shears: NDArray[np.float64],
+    ) -> None:
+        ends = self.couplings()[self._chosen]
+        np.add.at(forces, ends, ways[:, :, None] * (pushes - shears)[:, None, :])
+        np.add.at(forces, ends, self._rub_ways()[:, :, None] * shears[:, None, :])
+
+    def _correct(self, positions: NDArray[np.float64]) -> float:
+        """Set the offsets to the radius."""
+        self._rows()[:, OFFSET] = self._radius
+        return 0.0

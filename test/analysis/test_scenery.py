@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What pictures show besides the body."""
+
+from io import BytesIO
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from gdfe_ros import Simulation, load_scene
+from gdfe_ros.analysis.picture import CABLE, FORCE, draw_body
+from gdfe_ros.analysis.scenery import Scenery
+from gdfe_ros.contacts import contact_points
+
+
+@pytest.fixture(scope="module")
+def pressing() -> Simulation:
+    """Return the shipped finger, pressing on its plate."""
+    simulation = Simulation(load_scene("finger_press"))
+    for result in simulation.play():
+        if result.time >= 2.5:
+            break
+    return simulation
+
+
+def coloured(simulation: Simulation, scenery: Scenery, colour: tuple[float, float, float]) -> int:
+    """Return the number of pixels of nearly this colour in a picture."""
+    picture = BytesIO()
+    values = np.zeros(simulation.mesh.n_cells)
+    draw_body(picture, simulation.mesh, simulation.positions, values, title="", label="", scenery=scenery)
+    picture.seek(0)
+    return int((np.abs(matplotlib.image.imread(picture)[..., :3] - colour).max(axis=2) < 0.05).sum())
+
+
+def test_cables_and_forces_are_drawn(pressing: Simulation) -> None:
+    """The tendon and the forces of the plate have hundreds of pixels each; without scenery there are none."""
+    scenery = Scenery.of(pressing)
+    for colour in (CABLE, FORCE):
+        assert coloured(pressing, scenery, colour) > 100
+        assert coloured(pressing, Scenery(), colour) == 0
+
+
+def test_forces_are_those_of_the_step(pressing: Simulation) -> None:
+    """Their sum is the force of the plate on the finger; they act at the contact points."""
+    scenery, touch = Scenery.of(pressing), pressing.result.contacts["plate"]
+    np.testing.assert_allclose(scenery.forces.sum(axis=0), touch.forces.sum(axis=0), atol=1e-6)
+    np.testing.assert_allclose(scenery.places, touch.places, atol=1e-8)
+    assert len(scenery.cables) == 1
+    assert [faces.shape for faces in scenery.obstacles] == [(6, 4, 3)]
+
+
+def test_a_recorded_step_has_the_same_scenery(pressing: Simulation) -> None:
+    """Contact points as they are recorded give the same forces; a bag without them gives none."""
+    points = contact_points(pressing.result.contacts)
+    samples = {"contacts": {name: points[name] for name in points.dtype.names}}
+    found = Scenery.recorded(pressing.scene, samples, pressing.positions)
+    assert np.array_equal(found.forces, Scenery.of(pressing).forces)
+    assert len(Scenery.recorded(pressing.scene, {}, pressing.positions).forces) == 0
+    assert "contacts" in list(Scenery.topics(pressing.scene))
+
+
+def test_chambers_are_drawn_where_they_are(tmp_path: Path) -> None:
+    """The faces of a chamber enclose its volume."""
+    simulation = Simulation(load_scene("pneunet"))
+    (faces, *_) = Scenery.of(simulation).chambers
+    a, b, c, d = np.moveaxis(faces, 1, 0)
+    volume = sum(np.einsum("fi,fi->", p, np.cross(q, r)) for p, q, r in ((a, b, c), (a, c, d))) / 6.0
+    (chamber,) = simulation.actuator_states().values()
+    assert abs(volume) == pytest.approx(chamber.extent, rel=1e-6)

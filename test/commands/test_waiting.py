@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The line at the terminal while a command prepares something."""
+
+from io import StringIO
+from threading import Event
+
+import pytest
+from rich.console import Console
+
+from gdfe_ros.commands.waiting import waiting
+
+
+class Screen(StringIO):
+    """A terminal that sets ``seen`` as soon as it shows the text."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen = Event()
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        if "loading hand" in text:
+            self.seen.set()
+        return super().write(text)
+
+
+def test_a_long_wait_is_shown() -> None:
+    """Show the text while the work lasts."""
+    screen = Screen()
+    with waiting("loading hand", console=Console(file=screen, force_terminal=True), silent=0.0):
+        assert screen.seen.wait(60.0)
+
+
+def test_a_short_wait_and_a_file_show_nothing() -> None:
+    """Stay silent before the time is over, and where the output is no terminal; errors pass."""
+    screen = Screen()
+    with pytest.raises(ValueError, match="broken"), waiting("loading hand", console=Console(file=screen)):
+        raise ValueError("broken")
+    with waiting("loading hand", console=Console(file=screen, force_terminal=True), silent=600.0):
+        pass
+    assert "loading" not in screen.getvalue()

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled search for the cells that carry points."""
+
+import numpy as np
+
+from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.operators import reference_coordinates, trilinear_weights
+from gdfe_ros.mesh.outside import hang
+
+
+def test_points_in_distorted_cells_get_their_coordinates() -> None:
+    """Recover cells and reference coordinates of points made by the trilinear map, to 1e-12."""
+    mesh, random = bar((0.3, 0.2, 0.1), (6, 4, 2)), np.random.default_rng(1)
+    vertices = mesh.vertices + random.uniform(-0.008, 0.008, mesh.vertices.shape)
+    owner = random.integers(0, mesh.n_cells, 500)
+    places = random.uniform(-0.99, 0.99, (500, 3))
+    points = np.einsum("ka,kai->ki", trilinear_weights(places), vertices[mesh.cells[owner]])
+    cells, weights = hang(vertices, mesh.cells, points)
+    assert np.array_equal(cells, owner)
+    assert np.abs(weights - trilinear_weights(places)).max() < 1e-12
+    slow = reference_coordinates(points, vertices[mesh.cells[owner]])
+    assert np.abs(weights - trilinear_weights(slow)).max() < 1e-12
+
+
+def test_a_point_on_a_face_has_the_cell_with_the_lowest_number() -> None:
+    """Choose the same cell for points on faces, edges and corners between cells, however they are rounded."""
+    mesh = bar((0.3, 0.2, 0.1), (3, 2, 1))
+    points = np.repeat(mesh.vertices, 50, axis=0)
+    points *= 1.0 + np.random.default_rng(2).uniform(-1e-13, 1e-13, points.shape)
+    cells, weights = hang(mesh.vertices, mesh.cells, points)
+    lowest = np.array([np.flatnonzero((mesh.cells == vertex).any(axis=1)).min() for vertex in range(mesh.n_vertices)])
+    assert np.array_equal(cells, np.repeat(lowest, 50))
+    assert np.abs(np.einsum("ka,kai->ki", weights, mesh.vertices[mesh.cells[cells]]) - points).max() < 1e-15

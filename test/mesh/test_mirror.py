@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reflection of a mesh."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from gdfe_ros import Simulation
+from gdfe_ros.mesh import check_mesh
+from gdfe_ros.mesh.finger import finger
+from gdfe_ros.mesh.mirror import mirrored
+from gdfe_ros.mesh.shape import cell_volumes
+from gdfe_ros.scene import load_scene
+from gdfe_ros.scene.loader import scene_from_text
+
+HAND = """
+name: hand
+meshes:
+  right: {voxels: {surface: part.stl, cell: 0.006, cells: cut}, skin: {file: part.stl}, at: [0, 0.05, 0]}
+  left: {voxels: {surface: part.stl, cell: 0.006, cells: cut}, skin: {file: part.stl}, at: [0, -0.05, 0], mirror: y}
+materials: {soft: {law: neo_hookean, young: 1.0e5, poisson: 0.4}}
+regions: [{material: soft}]
+handles: {flange: {where: {any: [{mesh: left, face: x-}, {mesh: right, face: x-}]}}}
+loads:
+  right: {surface: {force: [0, 0.02, 0.01], where: {mesh: right, face: x+}}}
+  left: {surface: {force: [0, -0.02, 0.01], where: {mesh: left, face: x+}}}
+program:
+  duration: 1.0
+  loads: {right: [{time: 0, value: 0}, {time: 1, value: 1}], left: [{time: 0, value: 0}, {time: 1, value: 1}]}
+"""
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_reflected_mesh_is_sound(axis: int) -> None:
+    """Cells keep their volumes, faces look outwards, and two reflections are none."""
+    mesh = finger((0.1, 0.02, 0.02), joints=2, gap=0.004, web=0.005, cell=0.005, taper=0.7)
+    other = mirrored(mesh, axis)
+    assert not check_mesh(other).defects
+    np.testing.assert_allclose(cell_volumes(other), cell_volumes(mesh), rtol=1e-12)
+    corners = other.vertices[other.surface()]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 3] - corners[:, 0])
+    outwards = np.einsum("qi,qi->q", normals, corners[:, 0])
+    assert outwards.sum() > 0.0
+    again = mirrored(other, axis)
+    assert np.array_equal(again.vertices, mesh.vertices)
+    assert np.array_equal(again.cells, mesh.cells)
+
+
+@pytest.fixture
+def hand(tmp_path: Path) -> Path:
+    """Return the file of a scene with a part and its mirror image on one flange."""
+    part = trimesh.creation.box((0.08, 0.02, 0.02))
+    part.vertices[part.vertices[:, 0] > 0, 1] += 0.006
+    part.export(tmp_path / "part.stl")
+    (tmp_path / "hand.yaml").write_text(HAND)
+    return tmp_path / "hand.yaml"
+
+
+def test_mirrored_loads_give_mirrored_shapes(hand: Path) -> None:
+    """A part and its image, under loads that are images, deform into images; skins and cut cells included."""
+    simulation = Simulation(load_scene(hand))
+    result = list(simulation.play())[-1]
+    assert result.converged
+    right, left = (simulation.scene.mesh.parts[name] for name in ("right", "left"))
+    count = right.mesh.n_vertices
+    first, second = (result.positions[part.first_vertex : part.first_vertex + count] for part in (right, left))
+    np.testing.assert_allclose(first, second * [1.0, -1.0, 1.0], atol=2e-5)
+    assert np.abs(first - right.placed().vertices).max() > 1e-3
+    skin = right.mesh.skin.at(right.mesh.vertices), left.mesh.skin.at(left.mesh.vertices)
+    np.testing.assert_allclose(skin[0], skin[1] * [1.0, -1.0, 1.0], atol=1e-12)
+
+
+def test_a_flange_of_two_parts_turns_as_one(hand: Path) -> None:
+    """One handle holds both roots: a turn by 90 degrees about its middle turns everything, without strain."""
+    keys = [{"time": 0}, {"time": 1, "rotation_deg": [90, 0, 0]}]
+    turn = {"loads": {}, "program": {"duration": 1.0, "handles": {"flange": keys}}}
+    simulation = Simulation(load_scene(hand, overrides=turn))
+    result = list(simulation.play())[-1]
+    assert result.converged
+    rest = simulation.scene.mesh.vertices
+    middle = rest[simulation.scene.handles[0].vertices].mean(axis=0)
+    wanted = middle + (rest - middle) @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    np.testing.assert_allclose(result.positions, wanted, atol=1e-5)
+
+
+def test_a_bag_keeps_the_reflection(hand: Path) -> None:
+    """The scene's own text gives the same mesh without the files."""
+    scene = load_scene(hand)
+    (hand.parent / "part.stl").unlink()
+    again = scene_from_text(scene.source)
+    assert np.array_equal(scene.mesh.vertices, again.mesh.vertices)
+    assert np.array_equal(scene.mesh.skin.faces, again.mesh.skin.faces)
