@@ -18,10 +18,11 @@ HEX_FACES = np.array(
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Quads with the cell to which each belongs.
+    """Faces with the cell to which each belongs.
 
     Attributes:
-        quads: vertex ids, shape (q, 4), int32, VTK quad order, normals out of the owning cell.
+        quads: vertex ids, int32, normals out of the owning cell: of hexahedra (q, 4) in VTK's quad order, of quadratic
+            tetrahedra (q, 6), three corners and the nodes on the edges 01, 12, 20.
         cells: owning cell of each quad, shape (q,), int32.
         crowded: cells that share a face with more than one other cell, sorted, int32; empty for a sound mesh.
     """
