@@ -91,6 +91,11 @@ def enclosed_volume(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> 
     return float(sum(np.einsum("ij,ij", p, np.cross(q, r)) for p, q, r in cuts) / 12)
 
 
+def turned(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return faces (q, 4) or (q, 6) with the opposite orientation."""
+    return np.ascontiguousarray(faces[:, ::-1] if faces.shape[1] == 4 else faces[:, [0, 2, 1, 5, 4, 3]])
+
+
 def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:
     """Return the connected piece of each of ``count`` vertices (n,) by cells or faces (m, c), numbered from 0."""
     row, column = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()

@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.tetmesh import TetMesh
 
 _CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"
 _FILLED = tuple(item.name for item in fields(Filling))
 
 
-def pack_mesh(mesh: HexMesh) -> str:
+def pack_mesh(mesh: Mesh) -> str:
     """Return the mesh as base64 of a compressed npz archive; exact bit by bit."""
     arrays = {"vertices": mesh.vertices, "cells": mesh.cells}
     arrays |= {_CELL_SET + name: ids for name, ids in mesh.cell_sets.items()}
@@ -38,7 +40,7 @@ def pack_surface(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) ->
     return _pack({"vertices": vertices, "triangles": triangles})
 
 
-def unpack_mesh(text: str) -> HexMesh:
+def unpack_mesh(text: str) -> Mesh:
     """Return the mesh that `pack_mesh` wrote.
 
     Raises:
@@ -49,7 +51,8 @@ def unpack_mesh(text: str) -> HexMesh:
         vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
         filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
         filling = Filling(**filled) if filled else None
-    return HexMesh(
+    kind = TetMesh if np.ndim(cells) == 2 and np.shape(cells)[1] == TetMesh.nodes else HexMesh
+    return kind(
         vertices,
         cells,
         {name.removeprefix(_CELL_SET): ids for name, ids in arrays.items() if name.startswith(_CELL_SET)},

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.cavities import corners_of
+from gdfe_ros.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
     from gdfe_ros.mesh.assembly import Part
@@ -60,7 +61,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Vertices:
-    """Vertices by id; cells of which all eight vertices are named."""
+    """Vertices by id; cells of which all vertices are named."""
 
     ids: tuple[int, ...]
 
@@ -90,7 +91,7 @@ class Within:
 Where = Face | Box | Sphere | Vertices | Cells | NamedSet | Within
 
 
-def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the sorted vertex ids of a selection (perhaps none).
 
     Args:
@@ -124,7 +125,7 @@ def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             raise _unknown_set(mesh, name)
 
 
-def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the sorted cell ids of a selection (perhaps none).
 
     Boxes and spheres test the cell centroids; see the selection classes for the others.
@@ -160,15 +161,15 @@ def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             raise _unknown_set(mesh, name)
 
 
-def select_faces(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
-    """Return the boundary quads whose four vertices are all selected (perhaps none).
+def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
+    """Return the boundary faces whose corners are all selected (perhaps none).
 
     Args:
         mesh: the mesh.
         where: the selection, as for `select_vertices`.
 
     Returns:
-        Vertex ids, shape (q, 4), int32, normals out of the material.
+        Vertex ids, shape (q, 4) or (q, 6), int32, normals out of the material.
 
     Raises:
         MeshError: an id is out of range, or a set or a mesh is unknown.
@@ -176,10 +177,10 @@ def select_faces(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
     chosen = np.zeros(mesh.n_vertices, dtype=bool)
     chosen[select_vertices(mesh, where)] = True
     quads = mesh.surface()
-    return quads[chosen[quads].all(axis=1)]
+    return quads[chosen[corners_of(quads)].all(axis=1)]
 
 
-def part_of(mesh: HexMesh, name: str) -> Part:
+def part_of(mesh: Mesh, name: str) -> Part:
     """Return one of the meshes of which a mesh was assembled.
 
     Raises:
@@ -191,7 +192,7 @@ def part_of(mesh: HexMesh, name: str) -> Part:
     raise MeshError("the selection does not fit the mesh", [f"mesh {name!r} does not exist; {known}"])
 
 
-def select_skin(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the triangles (t, 3) int32 of a mesh's skin whose three points are all selected (perhaps none).
 
     A face is a side of the skin's own bounding box.
@@ -210,7 +211,7 @@ def select_skin(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
     return mesh.skin.faces[chosen[mesh.skin.faces].all(axis=1)]
 
 
-def select_touching(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the indices of the selected contact points of a mesh's skin (perhaps none), sorted.
 
     A face is a side of the skin's own bounding box.
@@ -236,7 +237,7 @@ def select_touching(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             raise _of_cells()
 
 
-def _on_side(mesh: HexMesh, side: Side) -> NDArray[np.bool_]:
+def _on_side(mesh: Mesh, side: Side) -> NDArray[np.bool_]:
     return _at_end(mesh.vertices, side, FACE_SLACK * mesh.size)
 
 
@@ -248,7 +249,7 @@ def _at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np
     return coordinate >= coordinate.max() - slack
 
 
-def _inside(mesh: HexMesh, points: NDArray[np.float64], where: Box | Sphere) -> NDArray[np.bool_]:
+def _inside(mesh: Mesh, points: NDArray[np.float64], where: Box | Sphere) -> NDArray[np.bool_]:
     slack = INSIDE_SLACK * mesh.size
     if isinstance(where, Sphere):
         return np.linalg.norm(points - where.center, axis=1) <= where.radius + slack
@@ -273,11 +274,11 @@ def _checked(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
     return np.unique(np.asarray(ids, dtype=np.int32))
 
 
-def _vertices_of(mesh: HexMesh, cells: NDArray[np.int32]) -> NDArray[np.int32]:
+def _vertices_of(mesh: Mesh, cells: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.unique(mesh.cells[cells])
 
 
-def _cells_within(mesh: HexMesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
+def _cells_within(mesh: Mesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
     chosen = np.zeros(mesh.n_vertices, dtype=bool)
     chosen[vertices] = True
     return _ids(chosen[mesh.cells].all(axis=1))
@@ -290,7 +291,7 @@ def _of_cells() -> MeshError:
     )
 
 
-def _unknown_set(mesh: HexMesh, name: str) -> MeshError:
+def _unknown_set(mesh: Mesh, name: str) -> MeshError:
     known = sorted({*mesh.cell_sets, *mesh.vertex_sets})
     text = f"there are: {', '.join(known)}" if known else "the mesh has no sets; use face, box or ids"
     return MeshError("the selection does not fit the mesh", [f"set {name!r} does not exist; {text}"])

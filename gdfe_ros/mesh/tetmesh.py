@@ -29,8 +29,12 @@ class TetMesh(Mesh):
 
     Its ``cells`` (m, 10) are in VTK's order: four corners, the last on the side from which the first three are seen
     counter-clockwise, then the nodes on the edges 01, 12, 02, 03, 13, 23. The other attributes are those of `Mesh`.
+
+    Attributes:
+        linear: whether it was raised from linear tetrahedra of a file, whose edges are straight.
     """
 
+    linear: bool = False
     nodes: ClassVar[int] = 10
     noun: ClassVar[str] = "tetrahedra"
     vtk: ClassVar[str] = "tetra10"
@@ -51,6 +55,8 @@ def raised(
     corners: NDArray[np.integer],
     cell_sets: Mapping[str, NDArray[np.integer]] | None = None,
     vertex_sets: Mapping[str, NDArray[np.integer]] | None = None,
+    *,
+    linear: bool = False,
 ) -> TetMesh:
     """Return linear tetrahedra with a node in the middle of each edge; the corners keep their numbers.
 
@@ -59,6 +65,7 @@ def raised(
         corners: (m, 4) vertex ids.
         cell_sets: named cell ids.
         vertex_sets: named vertex ids; the node of an edge joins the sets that both ends belong to.
+        linear: as in `TetMesh`.
     """
     ends = np.sort(corners[:, EDGES].reshape(-1, 2), axis=1)
     edges, number = np.unique(ends, axis=0, return_inverse=True)
@@ -69,7 +76,7 @@ def raised(
         chosen[ids] = True
         sets[name] = np.concatenate([ids, len(vertices) + np.flatnonzero(chosen[edges].all(axis=1))])
     points = np.concatenate([vertices, vertices[edges].mean(axis=1)])
-    return TetMesh(points, np.concatenate([corners, middles], axis=1), cell_sets or {}, sets)
+    return TetMesh(points, np.concatenate([corners, middles], axis=1), cell_sets or {}, sets, linear=linear)
 
 
 def divided(mesh: HexMesh) -> TetMesh:

@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Any
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh import HexMesh, check_mesh
+from gdfe_ros.mesh import Mesh, TetMesh, check_mesh
 from gdfe_ros.mesh.assembly import Part, assemble
 from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.scene.document import KeyPath
@@ -37,7 +37,7 @@ def require_body(data: Mapping[str, Any], report: Report) -> None:
         )
 
 
-def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[HexMesh | None, Carried]:
+def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[Mesh | None, Carried]:
     """Return the mesh with its skin, None if it has defects, and the entries that contain it without files.
 
     Args:
@@ -54,13 +54,18 @@ def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[HexM
         mesh = _body(model, model.skin, (path, (*path, "skin")), carried, report)
         if mesh is not None:
             parts[name] = model.place_part(mesh)
+    if len({type(part.mesh) for part in parts.values()}) > 1:
+        kinds = ", ".join(f"{name!r} has {part.mesh.noun}" for name, part in parts.items())
+        text = f"all meshes of a scene need cells of one kind, and {kinds}; remedy: tets or hexahedra for all"
+        report.add(("meshes",), text, value=NO_VALUE)
+        return None, carried
     _require_apart(parts, report)
     return assemble(parts) if len(parts) == len(names) else None, carried
 
 
 def _body(
     model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
-) -> HexMesh | None:
+) -> Mesh | None:
     """Return a mesh in its own frame; ``paths`` are the key paths of it and of its skin."""
     if model is None:
         return None
@@ -76,6 +81,10 @@ def _body(
     if entry := model.embed(mesh):
         carried[paths[0]] = entry
     if skin is None:
+        return mesh
+    if isinstance(mesh, TetMesh):
+        text = "tetrahedra follow the surface themselves; remedy: remove the skin"
+        report.add(paths[1], text, value=NO_VALUE)
         return mesh
     try:
         lined, carried[paths[1]] = skin.build(mesh)
@@ -100,7 +109,7 @@ def _require_apart(parts: Mapping[str, Part], report: Report) -> None:
             report.add(("meshes", second, "at"), text)
 
 
-def known_part(mesh: HexMesh, name: str | None, path: KeyPath, report: Report) -> bool:
+def known_part(mesh: Mesh, name: str | None, path: KeyPath, report: Report) -> bool:
     """Return whether the mesh that a place refers to exists, if it refers to one; report it otherwise.
 
     Args:
