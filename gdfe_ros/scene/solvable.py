@@ -55,7 +55,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     notes = []
     if isinstance(scene.mesh, TetMesh) and scene.mesh.linear:
         notes.append(
-            "mesh: its linear tetrahedra got a node on each edge, because linear ones lock; edges stay straight"
+            "mesh: its linear tetrahedra got a node on each edge, because linear ones lock; edges are straight"
         )
     notes += [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     notes += [f"material {key!r}: {item.caveat}" for key, item in scene.materials.items() if item.caveat]
