@@ -27,6 +27,11 @@ def facets(faces: NDArray[np.int32]) -> NDArray[np.int32]:
     return faces[:, FACETS].reshape(-1, 3)
 
 
+def flat_quads(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return faces as quads: (q, 4) as they are, (q, 6) as four triangles each, which repeat their last corner."""
+    return faces if faces.shape[1] == 4 else facets(faces)[:, [0, 1, 2, 2]]
+
+
 def node_areas(points: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return int N_a dA of the nodes of six-node faces at ``points`` (n, 3) [m], as (q, 6) [m^2].
 

@@ -16,6 +16,7 @@ from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
 from gdfe_ros.mesh import Mesh, TetMesh
+from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts
 from gdfe_ros.scene.scene import Scene
@@ -114,17 +115,15 @@ def unsolvable(
         (("bodies",), _still(handles) if dynamics is None else _inside(handles, mesh)),
         (cut, _beside(handles, actuators, self_contact, policy, mesh) if cut else ""),
         (("self_contact",), _by_skin(mesh) if self_contact is not None and not cut else ""),
-        (("mesh",), _tetrahedra(mesh, handles, actuators, self_contact, dynamics, policy)),
+        (("mesh",), _tetrahedra(mesh, actuators, self_contact, policy)),
     ]
     return [(key, text) for key, text in found if text]
 
 
 def _tetrahedra(
     mesh: Mesh | None,
-    handles: Sequence[Handle],
     actuators: Sequence[Actuator],
     self_contact: SelfContact | None,
-    dynamics: Dynamics | None,
     policy: Policy,
 ) -> str:
     """Return a message about items that a body of tetrahedra cannot have yet; empty if there are none."""
@@ -132,11 +131,7 @@ def _tetrahedra(
         return ""
     lacking = [f"policy {policy.value!r}"] * (policy is not Policy.ENERGY)
     lacking += [f"growth {item.name!r}" for item in actuators if isinstance(item, Growth)]
-    lacking += [f"obstacle {item.name!r}" for item in handles if isinstance(item, Obstacle)]
-    lacking += [f"body {item.name!r}" for item in handles if isinstance(item, RigidBody)]
     lacking += ["self_contact"] * (self_contact is not None)
-    if dynamics is not None:
-        lacking += ["dynamics"]
     if mesh.skin is not None:
         lacking += ["skin"]
     if not lacking:
@@ -217,7 +212,7 @@ def _inside(handles: Sequence[Handle], mesh: Mesh | None) -> str:
     found = list(overlaps(placed))
     if mesh is not None:
         rigid = [one for one in placed if isinstance(one.thing, RigidBody)]
-        surface = outline(mesh.boundary.quads, mesh.touching, mesh.vertices)
+        surface = outline(flat_quads(mesh.boundary.quads), mesh.touching, mesh.vertices)
         found += [inside_surface(one, *surface) for one in rigid]
     return "; ".join(text for text in found if text)
 

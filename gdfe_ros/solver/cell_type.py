@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.materials.table import MaterialTable, with_local_share
+from gdfe_ros.mesh.faces import Faces, boundary_faces
 from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
+from gdfe_ros.mesh.tet_faces import tet_boundary
 from gdfe_ros.mesh.tet_operators import TetOperators, gradients, tet_operators
 from gdfe_ros.solver.elements import tangent_rows, tetrahedra
 from gdfe_ros.solver.elements.blocks import make_blocks
@@ -30,6 +32,7 @@ class CellType(NamedTuple):
             stiffnesses (m,) [N/m].
         tangents: compiled, writes d(node force)/d(node position) (m, 3 c, 3 c) [N/m].
         softens: whether hourglass stiffness follows the strain.
+        boundary: the outer faces of cells (m, c).
     """
 
     noun: str
@@ -40,6 +43,7 @@ class CellType(NamedTuple):
     matrix_blocks: Callable[..., NDArray[np.float64]]
     tangents: Callable
     softens: bool
+    boundary: Callable[[NDArray[np.int32]], Faces]
 
 
 def _hex_matrix(
@@ -60,7 +64,15 @@ def _tet_matrix(
 
 
 HEXAHEDRA = CellType(
-    "hexahedra", 8, shape_operators, make_blocks, lambda table: table, _hex_matrix, tangent_rows.element_tangents, True
+    "hexahedra",
+    8,
+    shape_operators,
+    make_blocks,
+    lambda table: table,
+    _hex_matrix,
+    tangent_rows.element_tangents,
+    True,
+    boundary_faces,
 )
 TETRAHEDRA = CellType(
     "tetrahedra",
@@ -71,6 +83,7 @@ TETRAHEDRA = CellType(
     _tet_matrix,
     tetrahedra.element_tangents,
     False,
+    tet_boundary,
 )
 _BY_CORNERS = {kind.corners: kind for kind in (HEXAHEDRA, TETRAHEDRA)}
 
