@@ -36,17 +36,35 @@ def too_many(volume: float, size: float) -> str:
     return f"{text}; remedy: a size of at least {fitting:.2g} m"
 
 
-def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return quadratic tetrahedra of a STEP file's solids, with curved edges on curved surfaces."""
+def facts(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return numbers of solids and surfaces, volume [m^3] and bounds [m] of a STEP file."""
     import gmsh
 
-    size = float(request["size"])
+    solids = _imported(gmsh, request)
+    return {
+        "solids": np.array(len(solids)),
+        "surfaces": np.array(len(gmsh.model.getEntities(2))),
+        "volume": np.array(sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids)),
+        "bounds": np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3),
+    }
+
+
+def _imported(gmsh, request: dict[str, np.ndarray]) -> list[tuple[int, int]]:
+    """Read a STEP file in metres; return its solids."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setString("Geometry.OCCTargetUnit", "M")
     gmsh.model.occ.importShapes(str(request["path"]))
     gmsh.model.occ.synchronize()
-    solids = gmsh.model.getEntities(3)
+    return gmsh.model.getEntities(3)
+
+
+def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return quadratic tetrahedra of a STEP file's solids, with curved edges on curved surfaces."""
+    import gmsh
+
+    size = float(request["size"])
+    solids = _imported(gmsh, request)
     if not solids:
         return {"defect": np.array("there is no solid in it; remedy: export the body as a solid, not as surfaces")}
     low, high = np.split(np.array(gmsh.model.getBoundingBox(-1, -1)), 2)
@@ -120,7 +138,7 @@ def main(kind: str, request: str, result: str) -> None:
     with np.load(request, allow_pickle=False) as archive:
         given = dict(archive)
     try:
-        found = {"step": from_step, "surface": from_surface}[kind](given)
+        found = {"step": from_step, "surface": from_surface, "facts": facts}[kind](given)
     except ImportError as error:
         found = {"missing": np.array(str(error.name))}
     except Exception as error:  # gmsh raises plain exceptions with its own text

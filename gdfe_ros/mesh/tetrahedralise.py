@@ -99,10 +99,29 @@ def from_surface(surface: str | Path, *, size: float, scale: float | None = None
     return _kept(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
 
 
+def step_bounds(path: str | Path) -> NDArray[np.float64]:
+    """Return the lowest and highest corner of a STEP file's solids (2, 3) [m]."""
+    return _run("facts", {"path": str(path)}, f"step {path}")["bounds"]
+
+
+def step_facts(path: str | Path) -> list[tuple[str, str]]:
+    """Return what a STEP file contains, as (name, value) in words: solids, surfaces, volume, bounds in metres."""
+    raw = _run("facts", {"path": str(path)}, f"step {path}")
+    low, high = raw["bounds"]
+    spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
+    return [
+        ("kind", "STEP, to be filled with `mesh: {tets: {step: ...}}`"),
+        ("solids, surfaces", f"{int(raw['solids'])}, {int(raw['surfaces'])}"),
+        ("bounds in metres", spans),
+        ("volume", f"{float(raw['volume']):.6g} m^3"),
+    ]
+
+
 def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
     """Run a mesher in a process of its own; return its arrays."""
     began = time.monotonic()
-    print(f"{heading}: meshing", end=" ", file=sys.stderr, flush=True)
+    if kind != "facts":
+        print(f"{heading}: meshing", end=" ", file=sys.stderr, flush=True)
     with tempfile.TemporaryDirectory() as folder:
         asked, answer = Path(folder) / "request.npz", Path(folder) / "result.npz"
         np.savez(asked, **request)
@@ -122,6 +141,8 @@ def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
         raise MeshError(heading, [f"{found['missing']} is not installed; remedy: pip install 'gdfe_ros[cad]'"])
     if "defect" in found:
         raise MeshError(heading, [str(found["defect"])])
+    if kind == "facts":
+        return found
     print(f"took {time.monotonic() - began:.1f} s, {len(found['cells'])} tetrahedra", file=sys.stderr)
     return found
 
