@@ -96,7 +96,7 @@ def test_a_body_falls_as_it_should() -> None:
 
 
 def test_a_shaken_body_keeps_its_period_and_damps() -> None:
-    """Stretch waves of a bar held at one end have the period 4 L / c, with c^2 = E / rho (nu = 0); viscosity damps."""
+    """Swing about the static stretch with the period 4 L / c of a bar held at one end, c^2 = E / rho; viscosity damps."""
     mesh = divided(bar([0.02, 0.02, 0.2], [1, 1, 6]))
     period = 4.0 * 0.2 / np.sqrt(YOUNG / 1000.0)
     loads = {"pull": {"surface": {"where": {"face": "z+"}, "traction": [0, 0, 200.0]}}}
@@ -107,7 +107,7 @@ def test_a_shaken_body_keeps_its_period_and_damps() -> None:
         steps = [simulation.step(Command(loads={"pull": 1.0})) for _ in range(45)]
         heights[viscosity] = np.array([step.positions[:, 2].max() for step in steps]) - mesh.vertices[:, 2].max()
     still = 200.0 * 0.2 / YOUNG
-    assert heights[0.0].max() == pytest.approx(2.0 * still, rel=0.03)
+    assert heights[0.0][:40].mean() == pytest.approx(still, rel=0.02)
     assert abs(int(np.argmax(heights[0.0])) - 19) <= 1
     assert heights[100.0].max() < 0.95 * heights[0.0].max()
 
