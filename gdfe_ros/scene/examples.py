@@ -91,6 +91,7 @@ KINDS = (
     "finger: {size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003}",
     "{file: body.msh, scale: 0.001, merge: true, first_order: true}",
     "voxels: {surface: hand.stl, cell: 0.002, scale: 0.001}",
+    "tets: {step: finger.step, size: 0.005}",
     "embedded: QUJD   # as bags carry a mesh that came from a file",
 )
 
