@@ -39,9 +39,9 @@ def sags(*, peers: bool) -> str:
                 found = sag(mesh, law)
                 row += [f"{1e3 * found.metres:.2f}", f"{1e5 * found.metres / exact - 100.0:+.1f}"]
                 row += [found.iterations, f"{1e3 * (found.setup + found.solve):.0f}"]
-            rows.append(row)
+            rows.append([str(value) for value in row])
         if peers and (told := drake_sag(grid)) is not None:
-            rows.append(["x".join(map(str, cells)) + " x 6", "Drake, linear tetrahedra", grid.n_vertices, *told])
+            rows.append(["x".join(map(str, cells)) + " x 6", "Drake, linear tetrahedra", str(grid.n_vertices), *told])
     names = [
         f"{name}, nu = {nu:g}" for nu in CONVERGED for name in ("sag [mm]", "error [%]", "iterations", "time [ms]")
     ]

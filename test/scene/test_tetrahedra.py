@@ -96,7 +96,7 @@ def test_a_body_falls_as_it_should() -> None:
 
 
 def test_a_shaken_body_keeps_its_period_and_damps() -> None:
-    """Swing about the static stretch with the period 4 L / c of a bar held at one end, c^2 = E / rho; viscosity damps."""
+    """Swing about the static stretch with the period 4 L / c of a bar held at one end; viscosity damps."""
     mesh = divided(bar([0.02, 0.02, 0.2], [1, 1, 6]))
     period = 4.0 * 0.2 / np.sqrt(YOUNG / 1000.0)
     loads = {"pull": {"surface": {"where": {"face": "z+"}, "traction": [0, 0, 200.0]}}}
