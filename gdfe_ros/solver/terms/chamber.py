@@ -126,9 +126,9 @@ def face_point(x, integers, o, q, p):
 
 @kernel
 def push_faces(x, integers, pressure, force):
-    """Subtract pressure times dV/dx from ``force`` (n, 3), for six-node faces.
+    """Subtract pressure times the derivative dV/dx of `face_volume` from ``force`` (n, 3).
 
-    dV = 1/2 int n . dx dA summed with the variations of the tangents; on a closed surface it is int n . dx dA.
+    On a closed surface it is the integral of the shape functions times the normal.
     """
     o = integers[0]
     for q in range(len(integers) // 6):
