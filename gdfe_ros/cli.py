@@ -25,6 +25,7 @@ COMMANDS = {
     "export": "write a recorded run for ParaView, numpy or a table program",
     "report": "write a recorded run as one HTML page that opens offline",
     "inspect": "print the contents and the defects of a mesh or surface file, and draw it",
+    "new": "write a scene to start from for a CAD or mesh file",
     "sweep": "run a scene with many values of its keys, in parallel",
     "fit": "fit parameters of a scene to recordings of a robot, or a material to a tensile test",
     "workspace": "find the points that a probe reaches over the ranges of the actuators",

@@ -35,6 +35,9 @@ class Derivatives:
     def __init__(self, scene: Scene, stepper: Stepper | MotionStepper) -> None:
         if not isinstance(stepper.equilibrium, EnergyEquilibrium):
             raise CommandError("sensitivities need forces, which this policy lacks; remedy: solver.policy: energy")
+        if not stepper.body.cell_type.softens:
+            noun = stepper.body.cell_type.noun
+            raise CommandError(f"a body of {noun} has no sensitivities yet; remedy: `mesh: {{voxels: ...}}`")
         names = [handle.name for handle in scene.handles]
         self._outputs = Outputs(scene.probes, names, scene.mesh.n_vertices)
         model = Model(

@@ -24,8 +24,8 @@ from benchmarks.profile.phases import (
 )
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.elements.barrier import NONE
 from gdfe_ros.solver.elements.blocks import GEOMETRY_ROWS
-from gdfe_ros.solver.elements.folding import NONE
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble
 from gdfe_ros.steppers import scene_body

@@ -79,8 +79,8 @@ class Chamber(Actuator):
     """A closed surface inside the body filled with a fluid: energy -p V, or a given volume V and an unknown pressure.
 
     Attributes:
-        quads: (q, 4) int32 vertices, normals out of the chamber, into the material; with ``points`` indices of these,
-            and a triangle repeats its last corner.
+        quads: (q, 4), or (q, 6) of tetrahedra, int32 vertices, normals out of the chamber, into the material; with
+            ``points`` (q, 4) indices of these, and a triangle repeats its last corner.
         points: points carried by the body, if the surface does not lie between vertices.
     """
 

@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.operators import CORNERS, trilinear_weights
+from gdfe_ros.mesh.tet_faces import node_areas
+from gdfe_ros.mesh.tetrahedra import quadratic_slopes, quadratic_weights, simplex_rule
 
 GAUSS = 3.0**-0.5
+TET_ORDER = 3
+"""Points of a tetrahedron along each direction: products of two shape functions have degree 4."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,7 +102,8 @@ class SurfaceLoad:
 
     Attributes:
         name: unique in the scene among actuators and loads.
-        quads: (q, 4) int32 vertices of the faces; with ``points`` indices of these, as for a chamber.
+        quads: (q, 4), or (q, 6) of tetrahedra, int32 vertices of the faces; with ``points`` indices of these, as for a
+            chamber.
         traction: (3,) finite [Pa].
         points: points carried by the body, if the faces do not lie between vertices.
     """
@@ -126,18 +131,22 @@ Load = Gravity | PointLoad | SurfaceLoad
 def corner_volumes(
     rest: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
 ) -> NDArray[np.float64]:
-    """Return the share of each corner in the volume of each trilinear cell, (m, 8) [m^3], by 2 x 2 x 2 Gauss points."""
+    """Return the integral of each corner's shape function over each cell, (m, c) [m^3]; see `gauss_points`."""
     return sum(volume[:, None] * shape for volume, shape in gauss_points(rest, cells, filling))
 
 
 def gauss_points(
     rest: NDArray[np.float64], cells: NDArray[np.int32], filling: Filling | None = None
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Yield the volume (m,) [m^3] and the shape functions (1 or m, 8) of each of a cell's 2 x 2 x 2 Gauss points.
+    """Yield the volume (m,) [m^3] and the shape functions (1 or m, c) of each of a cell's integration points.
 
-    For a partly filled cell they are the points of its box, and their volume is that of the material only.
+    A hexahedron has 2 x 2 x 2 Gauss points; for a partly filled cell they are the points of its box, and their volume
+    is that of the material only. A quadratic tetrahedron has 27, so that its mass is exact with straight edges.
     """
     corners = rest[cells]
+    if cells.shape[1] == 10:
+        yield from _tet_points(corners)
+        return
     for point in GAUSS * CORNERS:
         factors = 1.0 + CORNERS * point
         local = 0.125 * CORNERS * np.roll(factors, -1, axis=1) * np.roll(factors, -2, axis=1)
@@ -148,8 +157,20 @@ def gauss_points(
             yield filling.share * volume, trilinear_weights(filling.points(point[None])[:, 0])
 
 
+def _tet_points(nodes: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Yield what `gauss_points` does of quadratic tetrahedra with ``nodes`` (m, 10, 3) [m]."""
+    for place, weight in zip(*simplex_rule(TET_ORDER), strict=True):
+        volume = np.linalg.det(np.einsum("eai,aj->eij", nodes, quadratic_slopes(place))) / 6.0
+        yield weight * volume, quadratic_weights(place)[None]
+
+
 def corner_areas(rest: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Return the share of each corner in the area of each bilinear quad, (q, 4) [m^2], by 2 x 2 Gauss points."""
+    """Return the share of each node in the area of each face (q, 4) or (q, 6), in the same shape [m^2].
+
+    Bilinear quads have 2 x 2 Gauss points; for the six nodes of a quadratic triangle see `node_areas`.
+    """
+    if quads.shape[1] == 6:
+        return node_areas(rest, quads)
     signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     corners = rest[quads]
     areas = np.zeros(quads.shape)

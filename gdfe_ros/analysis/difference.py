@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_steps import CONTACTS, RECORD, StepKey
 from gdfe_ros.analysis.message_values import Values
-from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh import Mesh
+from gdfe_ros.mesh.shape import EDGES
+from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
 from gdfe_ros.scene import Scene
 
 LENGTHS = frozenset({"x", "y", "z", "ux", "uy", "uz"})
@@ -250,8 +252,8 @@ class Differences:
                 yield other
 
 
-def _shortest_edge(mesh: HexMesh) -> float:
-    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+def _shortest_edge(mesh: Mesh) -> float:
+    edges = EDGES if mesh.nodes == 8 else TET_EDGES
     corners = mesh.vertices[mesh.cells]
     return min(float(np.linalg.norm(corners[:, a] - corners[:, b], axis=1).min()) for a, b in edges)
 

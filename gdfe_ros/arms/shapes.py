@@ -14,8 +14,8 @@ from gdfe_ros.arms.description import Description, Geometry, Kind
 from gdfe_ros.arms.dynamics import Frame
 from gdfe_ros.arms.meshes import Surface, convex_pieces
 from gdfe_ros.constraints.arm_link import ArmLink
-from gdfe_ros.constraints.form_faces import form_faces
 from gdfe_ros.constraints.form import Box, Cylinder, Form, Sphere, TriangleMesh
+from gdfe_ros.constraints.form_faces import form_faces
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.solid import Solid, make_solid
 

@@ -19,7 +19,9 @@ DEFECTIVE = 1
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "file", type=Path, help="file of hexahedra (.msh, .vtk, .vtu, .inp) or of a surface (.stl, .obj, .ply)"
+        "file",
+        type=Path,
+        help="file of hexahedra or tetrahedra (.msh, .vtk, .vtu, .inp), of a surface (.stl, .obj, .ply), or .step",
     )
     parser.add_argument("--scale", type=float, help="metres per unit of the file, e.g. 0.001 for millimetres")
     parser.add_argument("--picture", type=Path, metavar="FILE.png", help="draw the cells, coloured by their quality")
@@ -57,7 +59,7 @@ def _draw(path: Path, found: Inspection) -> None:
     from gdfe_ros.analysis.picture import draw_body  # matplotlib takes a second to import
 
     if found.mesh is None or found.mesh.n_cells == 0:
-        raise MeshError(f"file {found.path}", ["only hexahedra can be drawn; a surface: mesh it in a scene first"])
+        raise MeshError(f"file {found.path}", ["only cells can be drawn; a surface or solid: mesh it in a scene first"])
     mesh, quality = found.mesh, check_mesh(found.mesh)
     title = f"{found.path.name}: {mesh.n_cells} cells, {len(found.cavities)} cavities"
     draw_body(path, mesh, mesh.vertices, quality.scaled_jacobian, title=title, label="scaled Jacobian")

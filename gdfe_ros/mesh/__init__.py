@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hexahedral meshes: container, generators, selections, quality and import."""
+"""Meshes of hexahedra or tetrahedra: container, generators, selections, quality and import."""
 
 from __future__ import annotations
 
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import QualityReport, check_mesh, require_sound
 from gdfe_ros.mesh.selection import select_cells, select_faces, select_vertices
+from gdfe_ros.mesh.tetmesh import TetMesh
 
 __all__ = [
     "HexMesh",
+    "Mesh",
     "QualityReport",
+    "TetMesh",
     "bar",
     "check_mesh",
     "require_sound",

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from gdfe_ros.mesh.faces import enclosed_volume
-from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.faces import enclosed_volume, turned
+from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.shells import shell_numbers, shells
+from gdfe_ros.mesh.tet_faces import six_node_volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +21,8 @@ class Cavity:
     """A closed surface inside a body.
 
     Attributes:
-        quads: vertex ids, shape (q, 4), int32, normals out of the cavity, into the material: pressure in the
-            cavity pushes along them.
+        quads: vertex ids, shape (q, 4) or (q, 6), int32, normals out of the cavity, into the material: pressure in
+            the cavity pushes along them.
         cells: cell behind each quad, shape (q,), int32.
         volume: volume of the cavity at rest [m^3], > 0.
         center: mean of its vertices [m], shape (3,).
@@ -33,26 +34,36 @@ class Cavity:
     center: NDArray[np.float64]
 
 
-def find_cavities(mesh: HexMesh) -> list[Cavity]:
+def find_cavities(mesh: Mesh) -> list[Cavity]:
     """Return the cavities of a mesh, the largest first.
 
     The boundary falls into closed pieces. With normals out of the material, the outer ones enclose a positive
     volume and the cavities a negative one.
     """
     quads, owners = mesh.boundary.quads, mesh.boundary.cells
-    piece = surface_pieces(mesh.vertices, quads)
+    piece = surface_pieces(mesh.vertices, corners_of(quads))
     found = []
     for number in range(int(piece.max(initial=-1)) + 1):
         own = piece == number
-        inner = np.ascontiguousarray(quads[own][:, ::-1])
-        volume = enclosed_volume(mesh.vertices, inner)
+        inner = turned(quads[own])
+        volume = inside_volume(mesh.vertices, inner)
         if volume > 0:
             center = mesh.vertices[np.unique(inner)].mean(axis=0)
             found.append(Cavity(inner, owners[own], volume, center))
     return sorted(found, key=lambda cavity: (-cavity.volume, tuple(cavity.center)))
 
 
-def skin_cavities(mesh: HexMesh) -> list[Cavity]:
+def corners_of(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the corners of faces: all four of quads, the first three of six-node faces."""
+    return faces if faces.shape[1] == 4 else faces[:, :3]
+
+
+def inside_volume(points: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
+    """Return the volume [m^3] inside a closed surface of faces (q, 4) or (q, 6), positive for outward normals."""
+    return enclosed_volume(points, faces) if faces.shape[1] == 4 else six_node_volume(points, faces)
+
+
+def skin_cavities(mesh: Mesh) -> list[Cavity]:
     """Return the cavities of a mesh's skin, the largest first: closed shells within an odd number of others.
 
     Their ``quads`` are triangles between points of the skin, with the last corner twice.
@@ -99,7 +110,7 @@ def surface_pieces(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> N
 
     Args:
         vertices: positions [m], shape (n, 3).
-        quads: vertex ids, shape (q, 4), normals out of the material.
+        quads: vertex ids, shape (q, 3 or 4), normals out of the material.
     """
     start, end = quads.ravel(), np.roll(quads, -1, axis=1).ravel()
     key = np.minimum(start, end).astype(np.int64) * (int(quads.max(initial=0)) + 1) + np.maximum(start, end)
@@ -110,7 +121,7 @@ def surface_pieces(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> N
     pairs = [np.stack([order[plain], order[plain + 1]], axis=1)]
     for first, size in zip(bounds[:-1][sizes > 2], sizes[sizes > 2], strict=True):
         pairs.append(_across_gaps(vertices, quads, order[first : first + size]))
-    joined = np.concatenate(pairs) // 4
+    joined = np.concatenate(pairs) // quads.shape[1]
     graph = coo_array((np.ones(len(joined), dtype=np.int8), joined.T), shape=(len(quads), len(quads)))
     return connected_components(graph, directed=False)[1].astype(np.int32)
 
@@ -123,8 +134,9 @@ def _across_gaps(
     Seen along the edge, the material is on one side of a quad that runs along it, and on the other side of one that
     runs against it. Around the edge, each gap thus begins with one kind and ends with the other.
     """
-    quad, corner = half_edges // 4, half_edges % 4
-    begin, end = quads[quad, corner], quads[quad, (corner + 1) % 4]
+    size = quads.shape[1]
+    quad, corner = half_edges // size, half_edges % size
+    begin, end = quads[quad, corner], quads[quad, (corner + 1) % size]
     low, high = min(begin[0], end[0]), max(begin[0], end[0])
     axis = vertices[high] - vertices[low]
     away = vertices[quads[quad]].mean(axis=1) - vertices[low]

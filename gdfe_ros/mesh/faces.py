@@ -18,10 +18,11 @@ HEX_FACES = np.array(
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Quads with the cell to which each belongs.
+    """Faces with the cell to which each belongs.
 
     Attributes:
-        quads: vertex ids, shape (q, 4), int32, VTK quad order, normals out of the owning cell.
+        quads: vertex ids, int32, normals out of the owning cell: of hexahedra (q, 4) in VTK's quad order, of quadratic
+            tetrahedra (q, 6), three corners and the nodes on the edges 01, 12, 20.
         cells: owning cell of each quad, shape (q,), int32.
         crowded: cells that share a face with more than one other cell, sorted, int32; empty for a sound mesh.
     """
@@ -88,6 +89,11 @@ def enclosed_volume(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> 
     a, b, c, d = np.moveaxis(vertices[quads] - vertices[quads[0, 0]], 1, 0)
     cuts = ((a, b, c), (a, c, d), (a, b, d), (b, c, d))
     return float(sum(np.einsum("ij,ij", p, np.cross(q, r)) for p, q, r in cuts) / 12)
+
+
+def turned(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return faces (q, 4) or (q, 6) with the opposite orientation."""
+    return np.ascontiguousarray(faces[:, ::-1] if faces.shape[1] == 4 else faces[:, [0, 2, 1, 5, 4, 3]])
 
 
 def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:

@@ -1,90 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hexahedral mesh: flat arrays in one layout, SI units."""
+"""The hexahedral mesh."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces, boundary_faces
-from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.outside import Outside
-
-if TYPE_CHECKING:
-    from gdfe_ros.mesh.assembly import Part
-    from gdfe_ros.mesh.touching import Touching
+from gdfe_ros.mesh.mesh import Mesh
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class HexMesh:
+class HexMesh(Mesh):
     """A mesh of 8-vertex hexahedra.
 
-    Attributes:
-        vertices: positions [m], shape (n, 3), float64, C-contiguous.
-        cells: vertex ids of each cell, shape (m, 8), int32, VTK hexahedron order (the four vertices of
-            the bottom counter-clockwise seen from the top, then the four of the top above them).
-        cell_sets: named sorted cell ids, int32 (physical groups, element sets of an imported file).
-        vertex_sets: named sorted vertex ids, int32 (node and face sets of an imported file).
-        filling: filled share of the cells; None: entirely.
-        skin: surface that is drawn instead of the cells' outer faces; None: these faces.
-        touching: contact points of skins, used instead of the faces of the cells under them; None: faces everywhere.
-        parts: the meshes of which this one was assembled, by name; empty for a single mesh.
-
-    Arrays of another type or layout are converted. Only the shapes are checked here; `check_mesh` checks the content.
-
-    Raises:
-        MeshError: `vertices` is not (n, 3) or `cells` is not (m, 8).
+    Its ``cells`` (m, 8) are in VTK's order: the four vertices of the bottom counter-clockwise seen from the top, then
+    the four of the top above them. The other attributes are those of `Mesh`.
     """
 
-    vertices: NDArray[np.float64]
-    cells: NDArray[np.int32]
-    cell_sets: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
-    vertex_sets: Mapping[str, NDArray[np.int32]] = field(default_factory=dict)
-    filling: Filling | None = None
-    skin: Outside | None = None
-    touching: Touching | None = None
-    parts: Mapping[str, Part] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)
-        cells = np.asarray(self.cells)
-        defects = []
-        if vertices.ndim != 2 or vertices.shape[1] != 3:
-            defects.append(f"vertices have the shape {vertices.shape}; allowed: (n, 3), positions in metres")
-        if cells.ndim != 2 or cells.shape[1] != 8:
-            defects.append(f"cells have the shape {cells.shape}; allowed: (m, 8), 8 vertex ids a hexahedron")
-        if not np.issubdtype(cells.dtype, np.integer):
-            defects.append(f"cells have the type {cells.dtype}; allowed: integers (vertex ids from 0)")
-        if defects:
-            raise MeshError("the mesh arrays do not fit", defects)
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "cells", np.ascontiguousarray(cells, dtype=np.int32))
-        for name in ("cell_sets", "vertex_sets"):
-            sets = {key: np.unique(ids).astype(np.int32) for key, ids in getattr(self, name).items()}
-            object.__setattr__(self, name, sets)
-
-    def __repr__(self) -> str:
-        spans = (
-            " x ".join(f"{span:.4g}" for span in self.bounds[1] - self.bounds[0]) if len(self.vertices) else "nothing"
-        )
-        parts = f", of {', '.join(self.parts)}" if self.parts else ""
-        return f"HexMesh({self.n_cells} cells, {self.n_vertices} vertices, {spans} m{parts})"
-
-    @property
-    def n_vertices(self) -> int:
-        """Number of vertices."""
-        return len(self.vertices)
-
-    @property
-    def n_cells(self) -> int:
-        """Number of cells."""
-        return len(self.cells)
+    nodes: ClassVar[int] = 8
+    noun: ClassVar[str] = "hexahedra"
+    vtk: ClassVar[str] = "hexahedron"
 
     @cached_property
     def centroids(self) -> NDArray[np.float64]:
@@ -92,32 +32,6 @@ class HexMesh:
         return self.vertices[self.cells].mean(axis=1)
 
     @cached_property
-    def bounds(self) -> NDArray[np.float64]:
-        """Lowest and highest corner of the bounding box [m], shape (2, 3)."""
-        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
-
-    @cached_property
-    def size(self) -> float:
-        """Diagonal of the bounding box [m]; for several meshes that of the largest one, whatever their distance."""
-        if self.parts:
-            return max(part.mesh.size for part in self.parts.values())
-        return self.extent
-
-    @property
-    def extent(self) -> float:
-        """Diagonal of the bounding box of everything [m]; for several meshes more than `size`."""
-        return float(np.linalg.norm(self.bounds[1] - self.bounds[0]))
-
-    @cached_property
     def boundary(self) -> Faces:
         """Faces that belong to one cell only, oriented out of the material."""
         return boundary_faces(self.cells)
-
-    @cached_property
-    def outside(self) -> Outside:
-        """Surface that is drawn: the skin, or the boundary."""
-        return self.skin or Outside.of_faces(self.boundary)
-
-    def surface(self) -> NDArray[np.int32]:
-        """Boundary quads, shape (q, 4), int32, VTK quad order, normals out of the material."""
-        return self.boundary.quads

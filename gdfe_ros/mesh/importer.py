@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Import of hexahedral meshes from files: Gmsh, VTK, Abaqus and other formats that meshio reads."""
+"""Import of hexahedra or tetrahedra from files: Gmsh, VTK, Abaqus and other formats that meshio reads."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
@@ -16,8 +17,10 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.file_sets import named_sets
 from gdfe_ros.mesh.hexmesh import HexMesh
-from gdfe_ros.mesh.quality import check_mesh, require_sound
+from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.quality import check_mesh, list_ids, require_sound
 from gdfe_ros.mesh.subset import keep_cells, merge_vertices
+from gdfe_ros.mesh.tetmesh import TetMesh, raised
 from gdfe_ros.mesh.units import unit_defects
 
 if TYPE_CHECKING:
@@ -26,23 +29,25 @@ if TYPE_CHECKING:
 #: Suffixes that the tests cover; meshio reads more.
 SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")
 
-_VOXELS = "voxelise its surface with `mesh: {voxels: {surface: FILE.stl, cell: SIZE}}`"
-#: Remedies for cells that are no 8-vertex hexahedra, by the beginning of meshio's name for them.
+_VOXELS = "fill its surface with `mesh: {tets: {surface: FILE.stl, size: SIZE}}`"
+_TETRAHEDRA = ("tetra", "tetra10")
+"""meshio's names of tetrahedra of first and of second order."""
+#: Remedies for solid cells that are not supported, by the beginning of meshio's name for them.
 _REMEDIES = {
     "hexahedron": "mesh it in first order (Gmsh: -order 1, Abaqus: C3D8), or give `first_order: true`",
-    "tetra": f"mesh it with hexahedra (Gmsh: transfinite volumes and Recombine), or {_VOXELS}",
-    "wedge": f"mesh it with hexahedra only, or {_VOXELS}",
-    "pyramid": f"mesh it with hexahedra only, or {_VOXELS}",
-    "polyhedron": f"mesh it with hexahedra only, or {_VOXELS}",
+    "tetra": "mesh it with tetrahedra of first or second order (4 or 10 nodes)",
+    "wedge": f"mesh it with tetrahedra or hexahedra only, or {_VOXELS}",
+    "pyramid": f"mesh it with tetrahedra or hexahedra only, or {_VOXELS}",
+    "polyhedron": f"mesh it with tetrahedra or hexahedra only, or {_VOXELS}",
 }
 #: Order of the corners of a VTK voxel in a VTK hexahedron.
 _VOXEL_ORDER = [0, 1, 3, 2, 4, 5, 7, 6]
 
 
-def read_mesh(
-    path: str | Path, *, scale: float | None = None, merge: bool = False, first_order: bool = False
-) -> HexMesh:
-    """Read a mesh of hexahedra.
+def read_mesh(path: str | Path, *, scale: float | None = None, merge: bool = False, first_order: bool = False) -> Mesh:
+    """Read a mesh of hexahedra, or of tetrahedra of first or second order.
+
+    Tetrahedra of first order get a node in the middle of each edge (`TetMesh.linear`).
 
     Physical groups, element sets and whole-number cell data become `cell_sets`; node sets and groups of
     faces, edges or points become `vertex_sets`. Vertices that no cell uses are dropped: ids count the others
@@ -66,11 +71,11 @@ def read_mesh(
 
 def examine_mesh(
     path: str | Path, *, scale: float | None = None, merge: bool = False, first_order: bool = False
-) -> tuple[HexMesh, list[str]]:
+) -> tuple[Mesh, list[str]]:
     """Read a mesh like `read_mesh`, and return it with its defects; the list is empty for a sound mesh.
 
     Raises:
-        MeshError: there is no mesh of hexahedra to return, with every reason.
+        MeshError: there is no mesh to return, with every reason.
     """
     path = Path(path)
     heading = f"mesh {path}"
@@ -78,12 +83,12 @@ def examine_mesh(
     defects = _unsuited(raw, first_order)
     if defects:
         raise MeshError(heading, defects)
-    mesh = _hexahedra(raw, heading)
+    mesh = _tetrahedra(raw, heading) if _counts(raw, _TETRAHEDRA) else _hexahedra(raw, heading)
     if not np.isfinite(mesh.vertices).all():
         return mesh, check_mesh(mesh).defects
     mesh = keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool))
     defects = unit_defects(mesh.size, scale)
-    mesh = HexMesh(mesh.vertices * (scale or 1.0), mesh.cells, mesh.cell_sets, mesh.vertex_sets)
+    mesh = replace(mesh, vertices=mesh.vertices * (scale or 1.0))
     if merge:
         mesh = merge_vertices(mesh)
     return mesh, defects + check_mesh(mesh).defects
@@ -108,22 +113,36 @@ def _read(path: Path, heading: str) -> meshio.Mesh:
         raise MeshError(heading, [f"cannot be read as {path.suffix}: {reason}; remedy: {remedy}"]) from error
 
 
-def _unsuited(raw: meshio.Mesh, first_order: bool) -> list[str]:
+def _counts(raw: meshio.Mesh, kinds: tuple[str, ...] = ()) -> dict[str, int]:
+    """Return the number of cells by kind, of all kinds or of those named."""
     counts: dict[str, int] = {}
     for block in raw.cells:
-        counts[block.type] = counts.get(block.type, 0) + len(block.data)
-    solid = {kind: n for kind, n in counts.items() if _remedy(kind) and n}
+        if len(block.data) and (not kinds or block.type in kinds):
+            counts[block.type] = counts.get(block.type, 0) + len(block.data)
+    return counts
+
+
+def _unsuited(raw: meshio.Mesh, first_order: bool) -> list[str]:
+    counts = _counts(raw)
+    solid = {kind: n for kind, n in counts.items() if _remedy(kind)}
+    tets, hexes = _counts(raw, _TETRAHEDRA), [kind for kind in solid if kind.startswith("hexahedron")]
+    sound = {*_TETRAHEDRA, "hexahedron", *(hexes if first_order else ())}
     defects = [
-        f"{n} cells of the kind {kind}; allowed: 8-vertex hexahedra; remedy: {_remedy(kind)}"
+        f"{n} cells of the kind {kind}; allowed: 8-vertex hexahedra, or tetrahedra with 4 or 10 nodes; "
+        f"remedy: {_remedy(kind)}"
         for kind, n in solid.items()
-        if kind != "hexahedron" and not (first_order and kind.startswith("hexahedron"))
+        if kind not in sound
     ]
+    mixed = {kind: n for kind, n in solid.items() if kind in sound} if tets and (len(tets) > 1 or hexes) else {}
+    if mixed:
+        found = ", ".join(f"{n} {kind}" for kind, n in mixed.items())
+        defects.append(f"cells of several kinds: {found}; remedy: mesh it with one kind, or one file for each kind")
     if not solid and not counts.get("voxel"):
-        flat = {kind: n for kind, n in counts.items() if n}
-        found = ", ".join(f"{n} {kind}" for kind, n in flat.items()) or "no cells at all"
-        remedy = _VOXELS if any(kind.startswith(("triangle", "quad", "polygon")) for kind in flat) else "mesh it"
-        defects.append(f"there are no hexahedra, only: {found}; remedy: {remedy}")
-    if any(np.ndim(block.data) != 2 or np.shape(block.data)[1] < 8 for _, block in _hex_blocks(raw)):
+        found = ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "no cells at all"
+        remedy = _VOXELS if any(kind.startswith(("triangle", "quad", "polygon")) for kind in counts) else "mesh it"
+        defects.append(f"there are no hexahedra and no tetrahedra, only: {found}; remedy: {remedy}")
+    least = {i: 8 for i, _ in _hex_blocks(raw)} | {i: int(block.type[5:] or 4) for i, block in _tet_blocks(raw)}
+    if any(np.ndim(raw.cells[i].data) != 2 or np.shape(raw.cells[i].data)[1] < count for i, count in least.items()):
         defects.append("a cell has fewer vertices than its kind; remedy: the file seems cut off, export it again")
     if raw.points.ndim != 2 or raw.points.shape[1] != 3:
         defects.append(f"the points have {raw.points.shape[-1]} coordinates; allowed: 3")
@@ -151,4 +170,28 @@ def _hexahedra(raw: meshio.Mesh, heading: str) -> HexMesh:
 def _hex_blocks(raw: meshio.Mesh) -> Iterator[tuple[int, meshio.CellBlock]]:
     for i, block in enumerate(raw.cells):
         if block.type.startswith("hexahedron") or block.type == "voxel":
+            yield i, block
+
+
+def _tetrahedra(raw: meshio.Mesh, heading: str) -> TetMesh:
+    """Return the tetrahedra; those of first order are raised to second order."""
+    starts: dict[int, int] = {}
+    blocks: list[NDArray[Any]] = []
+    for i, block in _tet_blocks(raw):
+        starts[i] = sum(map(len, blocks))
+        blocks.append(np.asarray(block.data))
+    cells = np.concatenate(blocks)
+    if cells.min() < 0 or cells.max() >= len(raw.points):
+        wrong = np.flatnonzero(((cells < 0) | (cells >= len(raw.points))).any(axis=1))
+        text = f"{len(wrong)} cells name vertices outside 0 to {len(raw.points) - 1}: {list_ids(wrong)}"
+        raise MeshError(heading, [f"{text}; remedy: repair the file"])
+    cell_sets, vertex_sets = named_sets(raw, starts, heading)
+    if cells.shape[1] == 4:
+        return raised(raw.points, cells, cell_sets, vertex_sets, linear=True)
+    return TetMesh(raw.points, cells, cell_sets, vertex_sets)
+
+
+def _tet_blocks(raw: meshio.Mesh) -> Iterator[tuple[int, meshio.CellBlock]]:
+    for i, block in enumerate(raw.cells):
+        if block.type in _TETRAHEDRA and len(block.data):
             yield i, block

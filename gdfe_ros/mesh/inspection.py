@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import Cavity, find_cavities
-from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.importer import examine_mesh
+from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import QualityReport, check_mesh
 from gdfe_ros.mesh.shells import Shells, shells
+from gdfe_ros.mesh.tetmesh import TetMesh
+from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, step_facts
 from gdfe_ros.mesh.units import guess_unit
 from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 
@@ -31,19 +33,19 @@ class Inspection:
         path: the file.
         facts: contents as (name, value) in words, for a table.
         defects: defects, each with its remedy; empty for a usable file.
-        mesh: the hexahedra, or None for a surface or an unreadable file.
-        cavities: cavities of the hexahedra, the largest first.
+        mesh: the cells, or None for a surface or an unreadable file.
+        cavities: cavities of the cells, the largest first.
     """
 
     path: Path
     facts: list[tuple[str, str]]
     defects: list[str]
-    mesh: HexMesh | None = None
+    mesh: Mesh | None = None
     cavities: tuple[Cavity, ...] = ()
 
 
 def inspect_file(path: str | Path, *, scale: float | None = None) -> Inspection:
-    """Inspect a file of hexahedra or of a surface; its defects are findings and raise no error.
+    """Inspect a file of cells, of a surface, or of CAD solids; its defects are findings and raise no error.
 
     Args:
         path: the file.
@@ -53,14 +55,16 @@ def inspect_file(path: str | Path, *, scale: float | None = None) -> Inspection:
     try:
         if path.suffix.lower() in SUFFIXES:
             return _surface(path, scale)
+        if path.suffix.lower() in STEP_SUFFIXES:
+            return Inspection(path, step_facts(path), [])
         mesh, defects = examine_mesh(path, scale=scale)
     except MeshError as error:
         return Inspection(path, [("file", str(path))], error.defects)
     return inspect_mesh(mesh, path=path, defects=defects)
 
 
-def inspect_mesh(mesh: HexMesh, *, path: Path | None = None, defects: list[str] | None = None) -> Inspection:
-    """Describe a mesh of hexahedra.
+def inspect_mesh(mesh: Mesh, *, path: Path | None = None, defects: list[str] | None = None) -> Inspection:
+    """Describe a mesh of hexahedra or tetrahedra.
 
     Args:
         mesh: the mesh.
@@ -72,7 +76,7 @@ def inspect_mesh(mesh: HexMesh, *, path: Path | None = None, defects: list[str] 
     sound = len(quality.volumes) > 0 and np.isfinite(mesh.vertices).all()
     cavities = tuple(find_cavities(mesh)) if sound else ()
     facts = [
-        ("kind", "hexahedra"),
+        ("kind", _kind(mesh)),
         ("vertices, cells", f"{mesh.n_vertices}, {mesh.n_cells}"),
         *_extent(mesh.vertices),
         *_quality(quality),
@@ -83,10 +87,17 @@ def inspect_mesh(mesh: HexMesh, *, path: Path | None = None, defects: list[str] 
     return Inspection(path or Path(), facts, found, mesh, cavities)
 
 
+def _kind(mesh: Mesh) -> str:
+    """Return the kind of a mesh's cells in words."""
+    if isinstance(mesh, TetMesh) and mesh.linear:
+        return "tetrahedra of first order, raised to second order (linear ones lock)"
+    return "tetrahedra of second order" if isinstance(mesh, TetMesh) else mesh.noun
+
+
 def _surface(path: Path, scale: float | None) -> Inspection:
     vertices, triangles, defects = examine_surface(path, scale=scale)
     facts = [
-        ("kind", "surface, to be filled with `mesh: {voxels: ...}`"),
+        ("kind", "surface, to be filled with `mesh: {tets: ...}` or `mesh: {voxels: ...}`"),
         ("vertices, triangles", f"{len(vertices)}, {len(triangles)}"),
         *_extent(vertices),
     ]

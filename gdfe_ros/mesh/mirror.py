@@ -9,18 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.outside import Outside
 
-ACROSS = np.array([1, 0, 3, 2, 5, 4, 7, 6])
-"""Corner of a cell with the opposite xi. A cell whose corners are exchanged so has a positive volume again."""
+ACROSS = {8: np.array([1, 0, 3, 2, 5, 4, 7, 6]), 10: np.array([0, 2, 1, 3, 6, 5, 4, 7, 9, 8])}
+"""Order of the nodes of a reflected cell, by their number: a hexahedron's with the opposite xi, a tetrahedron's with
+its second and third corner exchanged. A reflected cell has a positive volume again."""
 _BACK = np.array([-1.0, 1.0, 1.0])
 
 
-def mirrored(mesh: HexMesh, axis: int) -> HexMesh:
+def mirrored(mesh: Mesh, axis: int) -> Mesh:
     """Return a mesh reflected at the plane through the origin that is perpendicular to an axis.
 
-    Vertices, cells and sets keep their numbers. The corners of each cell, and of each face of its skin, change their
+    Vertices, cells and sets keep their numbers. The nodes of each cell, and of each face of its skin, change their
     order, so that cells are not inverted and faces look out of the material.
 
     Args:
@@ -37,7 +38,7 @@ def mirrored(mesh: HexMesh, axis: int) -> HexMesh:
     return replace(
         mesh,
         vertices=mesh.vertices * signs,
-        cells=mesh.cells[:, ACROSS],
+        cells=mesh.cells[:, ACROSS[mesh.nodes]],
         filling=filling,
         skin=skin,
         touching=touching,

@@ -14,6 +14,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
 from gdfe_ros.mesh.operators import CORNERS, MODES, NEWTON_STEPS, SETTLED, trilinear_weights
 from gdfe_ros.mesh.refinement import refine
+from gdfe_ros.mesh.tet_faces import facets
 
 NEAR = 12
 """Number of cells nearest to a skin point among which its carrier is searched."""
@@ -43,10 +44,13 @@ class Outside:
 
     @classmethod
     def of_faces(cls, faces: Faces) -> Outside:
-        """Return the boundary faces as a surface between vertices of the mesh."""
-        ids, local = np.unique(faces.quads, return_inverse=True)
+        """Return the boundary faces as a surface between vertices; a six-node face as four triangles."""
+        drawn, owners = faces.quads, faces.cells
+        if drawn.shape[1] == 6:
+            drawn, owners = facets(drawn), np.repeat(owners, 4)
+        ids, local = np.unique(drawn, return_inverse=True)
         weights = np.ones((len(ids), 1))
-        return cls(local.reshape(-1, 4).astype(np.int32), faces.cells, ids[:, None].astype(np.int32), weights)
+        return cls(local.reshape(drawn.shape).astype(np.int32), owners, ids[:, None].astype(np.int32), weights)
 
     @classmethod
     def joined(cls, outsides: Sequence[Outside], vertices: Sequence[int], cells: Sequence[int]) -> Outside:
@@ -76,7 +80,7 @@ class Outside:
     @property
     def triangles(self) -> NDArray[np.int32]:
         """The faces as triangles (t, 3); those of one face are consecutive."""
-        return self.faces if self.skin else self.faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+        return self.faces if self.faces.shape[1] == 3 else self.faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
 
     def at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return vertex values, such as positions (n, 3) [m], at the points (k, 3)."""

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gdfe_ros.mesh.faces import HEX_FACES
-from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.tetrahedra import EDGES as TET_EDGES
+from gdfe_ros.mesh.tetrahedra import FACES as TET_FACES
 
 TOUCHING = 0.1
 """Depth, over the shortest edge of two cells, up to which they count as touching. The hulls of the cells of a ball in a
@@ -28,14 +30,14 @@ class Overlap(NamedTuple):
     point: NDArray[np.float64]
 
 
-def find_overlap(first: HexMesh, second: HexMesh) -> Overlap | None:
+def find_overlap(first: Mesh, second: Mesh) -> Overlap | None:
     """Return the overlap of two meshes; None if they are apart or touch.
 
     Args:
         first: a sound mesh.
         second: another one, in the same frame.
     """
-    ours, theirs = first.vertices[first.cells], second.vertices[second.cells]
+    ours, theirs = (mesh.vertices[mesh.cells[:, : 8 if mesh.nodes == 8 else 4]] for mesh in (first, second))
     low, high = np.maximum(first.bounds[0], second.bounds[0]), np.minimum(first.bounds[1], second.bounds[1])
     if (low > high).any():
         return None
@@ -53,7 +55,7 @@ def find_overlap(first: HexMesh, second: HexMesh) -> Overlap | None:
 
 
 def _within(corners: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cells (m, 8, 3) whose bounding boxes meet a box."""
+    """Return the cells (m, c, 3) whose bounding boxes meet a box."""
     meet = (corners.min(axis=1) <= high).all(axis=1) & (corners.max(axis=1) >= low).all(axis=1)
     return corners[meet]
 
@@ -81,8 +83,8 @@ def _blocks(
 
 
 def _depths(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the penetration depth [m] of pairs of cells (k, 8, 3), negative if they are apart (Gottschalk 1996)."""
-    edges = [corners[:, _EDGES[:, 1]] - corners[:, _EDGES[:, 0]] for corners in (a, b)]
+    """Return the penetration depth [m] of pairs of cells (k, 8 or 4, 3), negative if apart (Gottschalk 1996)."""
+    edges = [_directions(corners) for corners in (a, b)]
     across = np.cross(edges[0][:, :, None], edges[1][:, None]).reshape(len(a), -1, 3)
     axes = np.concatenate([_normals(a), _normals(b), across], axis=1)
     length = np.linalg.norm(axes, axis=2)
@@ -94,11 +96,20 @@ def _depths(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def _normals(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return twice the area vectors (k, 6, 3) of the faces of cells (k, 8, 3)."""
+    """Return twice the area vectors (k, f, 3) of the faces of cells (k, 8 or 4, 3)."""
+    if corners.shape[1] == 4:
+        p, q, r = np.moveaxis(corners[:, TET_FACES[:, :3]], 2, 0)
+        return np.cross(q - p, r - p)
     p, q, r, s = np.moveaxis(corners[:, HEX_FACES], 2, 0)
     return np.cross(r - p, s - q)
 
 
 def _edges(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the lengths of the edges of cells (k, 8, 3) [m], shape (k, 12)."""
-    return np.linalg.norm(corners[:, _EDGES[:, 1]] - corners[:, _EDGES[:, 0]], axis=2)
+    """Return the lengths of the edges of cells (k, 8 or 4, 3) [m], shape (k, 12 or 6)."""
+    return np.linalg.norm(_directions(corners), axis=2)
+
+
+def _directions(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the edges (k, 12 or 6, 3) [m] of cells (k, 8 or 4, 3)."""
+    ends = _EDGES if corners.shape[1] == 8 else TET_EDGES
+    return corners[:, ends[:, 1]] - corners[:, ends[:, 0]]

@@ -18,18 +18,20 @@ from numpy.typing import NDArray
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.tetmesh import TetMesh
 
 _CELL_SET, _VERTEX_SET, _FILLING = "cell_set:", "vertex_set:", "filling:"
 _VERTICES, _TRIANGLES, _SLASH = "vertices:", "triangles:", "\\"
 _FILLED = tuple(item.name for item in fields(Filling))
 
 
-def pack_mesh(mesh: HexMesh) -> str:
+def pack_mesh(mesh: Mesh) -> str:
     """Return the mesh, without its skin, as base64 of a compressed npz archive; exact bit by bit."""
     return _pack(mesh_arrays(mesh))
 
 
-def mesh_arrays(mesh: HexMesh) -> dict[str, NDArray]:
+def mesh_arrays(mesh: Mesh) -> dict[str, NDArray]:
     """Return the arrays of a mesh by name, without those of its skin."""
     arrays = {"vertices": mesh.vertices, "cells": mesh.cells}
     arrays |= {_CELL_SET + name: ids for name, ids in mesh.cell_sets.items()}
@@ -65,7 +67,7 @@ def unpack_robot(text: str) -> tuple[str, dict[str, tuple[NDArray[np.float64], N
         return arrays["urdf"].tobytes().decode(), surfaces
 
 
-def unpack_mesh(text: str) -> HexMesh:
+def unpack_mesh(text: str) -> Mesh:
     """Return the mesh that `pack_mesh` wrote.
 
     Raises:
@@ -75,12 +77,13 @@ def unpack_mesh(text: str) -> HexMesh:
         return mesh_of(_unpack(text))
 
 
-def mesh_of(arrays: dict[str, NDArray]) -> HexMesh:
+def mesh_of(arrays: dict[str, NDArray]) -> Mesh:
     """Return the mesh with the arrays of `mesh_arrays`."""
     arrays = dict(arrays)
     vertices, cells = arrays.pop("vertices"), arrays.pop("cells")
     filled = {name: arrays.pop(_FILLING + name) for name in _FILLED if _FILLING + name in arrays}
-    return HexMesh(
+    kind = TetMesh if np.ndim(cells) == 2 and np.shape(cells)[1] == TetMesh.nodes else HexMesh
+    return kind(
         vertices,
         cells,
         {name.removeprefix(_CELL_SET): ids for name, ids in arrays.items() if name.startswith(_CELL_SET)},

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh import shape, tet_shape
 from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.hexmesh import HexMesh
-from gdfe_ros.mesh.shape import aspect_ratios, cell_volumes, scaled_jacobians
+from gdfe_ros.mesh.mesh import Mesh
 
 #: Vertices closer than this share of the mesh size coincide.
 COINCIDENT = 1e-7
@@ -59,7 +60,7 @@ class QualityReport:
         return float(self.volumes.sum())
 
 
-def check_mesh(mesh: HexMesh) -> QualityReport:
+def check_mesh(mesh: Mesh) -> QualityReport:
     """Examine a mesh and name every defect; never raises.
 
     Args:
@@ -75,17 +76,18 @@ def check_mesh(mesh: HexMesh) -> QualityReport:
     finite = np.isfinite(mesh.vertices).all(axis=1)
     defects += _named("vertices with a coordinate that is not finite", ~finite, "repair the file")
     repeated = (np.diff(np.sort(mesh.cells, axis=1), axis=1) == 0).any(axis=1)
-    defects += _named("cells that name a vertex twice", repeated, "wedges and pyramids need re-meshing")
+    defects += _named("cells that name a vertex twice", repeated, "degenerate cells need re-meshing")
     with np.errstate(invalid="ignore", over="ignore"):
-        jacobian, aspect = scaled_jacobians(mesh), aspect_ratios(mesh)
-        volumes = cell_volumes(mesh)
+        measures = shape if isinstance(mesh, HexMesh) else tet_shape
+        jacobian, aspect = measures.scaled_jacobians(mesh), measures.aspect_ratios(mesh)
+        volumes = measures.cell_volumes(mesh)
     if not defects:
-        defects += _misshapen(jacobian, volumes) + _overlaps(mesh) + _vertex_defects(mesh)
+        defects += _misshapen(mesh, jacobian, volumes) + _overlaps(mesh) + _vertex_defects(mesh)
     part = vertex_pieces(mesh.cells, mesh.n_vertices)
     return QualityReport(jacobian, aspect, volumes, int(part.max()) + 1, part, defects)
 
 
-def require_sound(mesh: HexMesh, where: str = "mesh") -> QualityReport:
+def require_sound(mesh: Mesh, where: str = "mesh") -> QualityReport:
     """Return the report of `check_mesh`, or raise if it lists a defect.
 
     Args:
@@ -107,28 +109,29 @@ def list_ids(ids: NDArray[np.integer]) -> str:
     return ", ".join(map(str, ids[:LISTED])) + more
 
 
-def _broken_indices(mesh: HexMesh) -> list[str]:
+def _broken_indices(mesh: Mesh) -> list[str]:
     if mesh.n_cells == 0 or mesh.n_vertices == 0:
         return [f"{mesh.n_vertices} vertices and {mesh.n_cells} cells; allowed: at least one cell"]
     wrong = ((mesh.cells < 0) | (mesh.cells >= mesh.n_vertices)).any(axis=1)
     return _named(f"cells that name vertices outside 0 to {mesh.n_vertices - 1}", wrong, "repair the file")
 
 
-def _misshapen(jacobian: NDArray[np.float64], volumes: NDArray[np.float64]) -> list[str]:
+def _misshapen(mesh: Mesh, jacobian: NDArray[np.float64], volumes: NDArray[np.float64]) -> list[str]:
     inside_out = (jacobian < -FLAT) & (volumes < 0)
     folded = (jacobian < -FLAT) & ~inside_out
     flat = np.abs(jacobian) <= FLAT
     if inside_out.all():
-        return ["every cell is inside out; remedy: swap the lower and upper four vertices of each cell"]
+        swap = "the lower and upper four vertices" if isinstance(mesh, HexMesh) else "two corners"
+        return [f"every cell is inside out; remedy: swap {swap} of each cell"]
     lowest = f" (scaled Jacobian down to {jacobian.min():.3g}; allowed: > 0)"
     return (
-        _named("cells that are inside out", inside_out, "order their vertices as VTK does")
-        + _named("cells that are folded at a corner" + lowest, folded, "re-mesh there")
-        + _named("cells that are flat (no volume at a corner)", flat, "re-mesh there")
+        _named("cells that are inside out", inside_out, "order their vertices as VTK does", mesh)
+        + _named("cells that are folded at a corner" + lowest, folded, "re-mesh there", mesh)
+        + _named("cells that are flat (no volume at a corner)", flat, "re-mesh there", mesh)
     )
 
 
-def _overlaps(mesh: HexMesh) -> list[str]:
+def _overlaps(mesh: Mesh) -> list[str]:
     _, first = np.unique(np.sort(mesh.cells, axis=1), axis=0, return_index=True)
     again = np.ones(mesh.n_cells, dtype=bool)
     again[first] = False
@@ -139,7 +142,7 @@ def _overlaps(mesh: HexMesh) -> list[str]:
     return _named("cells that share a face with two or more others", crowded, "re-mesh there")
 
 
-def _vertex_defects(mesh: HexMesh) -> list[str]:
+def _vertex_defects(mesh: Mesh) -> list[str]:
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.cells] = True
     pairs = coincident_pairs(mesh.vertices, COINCIDENT * mesh.size)
@@ -179,8 +182,13 @@ def coincident_pairs(points: NDArray[np.float64], tolerance: float) -> NDArray[n
     return np.sort(np.concatenate(pairs), axis=1) if pairs else np.zeros((0, 2), dtype=np.int64)
 
 
-def _named(what: str, mask: NDArray[np.bool_], remedy: str) -> list[str]:
+def _named(what: str, mask: NDArray[np.bool_], remedy: str, mesh: Mesh | None = None) -> list[str]:
+    """Return the defect of the marked items, with the place of the first one if they are cells of a ``mesh``."""
     ids = np.flatnonzero(mask)
     if len(ids) == 0:
         return []
-    return [f"{len(ids)} {what}: {list_ids(ids)}; remedy: {remedy}"]
+    place = ""
+    if mesh is not None:
+        x, y, z = mesh.centroids[ids[0]]
+        place = f", the first near ({x:.4g}, {y:.4g}, {z:.4g})"
+    return [f"{len(ids)} {what}: {list_ids(ids)}{place}; remedy: {remedy}"]

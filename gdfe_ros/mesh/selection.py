@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.cavities import corners_of
+from gdfe_ros.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
     from gdfe_ros.mesh.assembly import Part
@@ -61,7 +62,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Vertices:
-    """Vertices by id; cells of which all eight vertices are named."""
+    """Vertices by id; cells of which all vertices are named."""
 
     ids: tuple[int, ...]
 
@@ -98,7 +99,7 @@ class AnyOf:
 Where = Face | Box | Sphere | Vertices | Cells | NamedSet | Within | AnyOf
 
 
-def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the sorted vertex ids of a selection (perhaps none).
 
     Args:
@@ -134,7 +135,7 @@ def select_vertices(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             raise _unknown_set(mesh, name)
 
 
-def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the sorted cell ids of a selection (perhaps none).
 
     Boxes and spheres test the cell centroids; see the selection classes for the others.
@@ -172,28 +173,28 @@ def select_cells(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
             raise _unknown_set(mesh, name)
 
 
-def select_faces(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
-    """Return the boundary quads whose four vertices are all selected, by one selection of several (perhaps none).
+def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
+    """Return the boundary faces whose corners are all selected, by one selection of several (perhaps none).
 
     Args:
         mesh: the mesh.
         where: the selection, as for `select_vertices`.
 
     Returns:
-        Vertex ids, shape (q, 4), int32, normals out of the material.
+        Vertex ids, shape (q, 4) or (q, 6), int32, normals out of the material.
 
     Raises:
         MeshError: an id is out of range, or a set or a mesh is unknown.
     """
-    quads, all_selected = mesh.surface(), False
+    faces, all_selected = mesh.surface(), False
     for place in where.places if isinstance(where, AnyOf) else (where,):
         chosen = np.zeros(mesh.n_vertices, dtype=bool)
         chosen[select_vertices(mesh, place)] = True
-        all_selected = all_selected | chosen[quads].all(axis=1)
-    return quads[all_selected]
+        all_selected = all_selected | chosen[corners_of(faces)].all(axis=1)
+    return faces[all_selected]
 
 
-def part_of(mesh: HexMesh, name: str) -> Part:
+def part_of(mesh: Mesh, name: str) -> Part:
     """Return one of the meshes of which a mesh was assembled.
 
     Raises:
@@ -205,7 +206,7 @@ def part_of(mesh: HexMesh, name: str) -> Part:
     raise MeshError("the selection does not fit the mesh", [f"mesh {name!r} does not exist; {known}"])
 
 
-def select_skin(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the triangles (t, 3) int32 of a mesh's skin whose three points are all selected (perhaps none).
 
     A face is a side of the skin's own bounding box.
@@ -226,7 +227,7 @@ def select_skin(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
     return mesh.skin.faces[chosen[mesh.skin.faces].all(axis=1)]
 
 
-def select_touching(mesh: HexMesh, where: Where) -> NDArray[np.int32]:
+def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     """Return the indices of the selected contact points of a mesh's skin (perhaps none), sorted.
 
     A face is a side of the skin's own bounding box.
@@ -259,7 +260,7 @@ def _together(selected: Iterable[NDArray[np.int32]]) -> NDArray[np.int32]:
     return np.unique(np.concatenate([np.zeros(0, np.int32), *selected])).astype(np.int32)
 
 
-def _on_side(mesh: HexMesh, side: Side) -> NDArray[np.bool_]:
+def _on_side(mesh: Mesh, side: Side) -> NDArray[np.bool_]:
     return _at_end(mesh.vertices, side, FACE_SLACK * mesh.size)
 
 
@@ -271,7 +272,7 @@ def _at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np
     return coordinate >= coordinate.max() - slack
 
 
-def _inside(mesh: HexMesh, points: NDArray[np.float64], where: Box | Sphere) -> NDArray[np.bool_]:
+def _inside(mesh: Mesh, points: NDArray[np.float64], where: Box | Sphere) -> NDArray[np.bool_]:
     slack = INSIDE_SLACK * mesh.size
     if isinstance(where, Sphere):
         return np.linalg.norm(points - where.center, axis=1) <= where.radius + slack
@@ -296,11 +297,11 @@ def _checked(ids: tuple[int, ...], count: int, noun: str) -> NDArray[np.int32]:
     return np.unique(np.asarray(ids, dtype=np.int32))
 
 
-def _vertices_of(mesh: HexMesh, cells: NDArray[np.int32]) -> NDArray[np.int32]:
+def _vertices_of(mesh: Mesh, cells: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.unique(mesh.cells[cells])
 
 
-def _cells_within(mesh: HexMesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
+def _cells_within(mesh: Mesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
     chosen = np.zeros(mesh.n_vertices, dtype=bool)
     chosen[vertices] = True
     return _ids(chosen[mesh.cells].all(axis=1))
@@ -313,7 +314,7 @@ def _of_cells() -> MeshError:
     )
 
 
-def _unknown_set(mesh: HexMesh, name: str) -> MeshError:
+def _unknown_set(mesh: Mesh, name: str) -> MeshError:
     known = sorted({*mesh.cell_sets, *mesh.vertex_sets})
     text = f"there are: {', '.join(known)}" if known else "the mesh has no sets; use face, box or ids"
     return MeshError("the selection does not fit the mesh", [f"set {name!r} does not exist; {text}"])

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +13,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.hexmesh import HexMesh
+from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import COINCIDENT, coincident_pairs
 
+_BARE: Mapping[str, Any] = {"skin": None, "touching": None, "parts": {}}
+"""Fields of a mesh that its parts do not keep."""
 
-def keep_cells(mesh: HexMesh, keep: NDArray[np.bool_]) -> HexMesh:
+
+def keep_cells(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
     """Return the mesh of some cells and their vertices, both in their old order.
 
     Args:
@@ -26,16 +31,18 @@ def keep_cells(mesh: HexMesh, keep: NDArray[np.bool_]) -> HexMesh:
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[cells] = True
     cell_number, vertex_number = np.cumsum(keep) - 1, np.cumsum(used) - 1
-    return HexMesh(
+    return replace(
+        mesh,
         vertices=mesh.vertices[used],
         cells=vertex_number[cells],
         cell_sets={name: cell_number[ids[keep[ids]]] for name, ids in mesh.cell_sets.items()},
         vertex_sets={name: vertex_number[ids[used[ids]]] for name, ids in mesh.vertex_sets.items()},
         filling=None if mesh.filling is None else mesh.filling.of(keep),
+        **_BARE,
     )
 
 
-def merge_vertices(mesh: HexMesh, tolerance: float | None = None) -> HexMesh:
+def merge_vertices(mesh: Mesh, tolerance: float | None = None) -> Mesh:
     """Return the mesh with coincident vertices merged; the first of each group stays.
 
     Args:
@@ -52,26 +59,30 @@ def merge_vertices(mesh: HexMesh, tolerance: float | None = None) -> HexMesh:
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     new = rank[number]
-    return HexMesh(
+    return replace(
+        mesh,
         vertices=mesh.vertices[leaders[order]],
         cells=new[mesh.cells],
         cell_sets=mesh.cell_sets,
         vertex_sets={name: new[ids] for name, ids in mesh.vertex_sets.items()},
         filling=mesh.filling,
+        **_BARE,
     )
 
 
-def join(*meshes: HexMesh) -> HexMesh:
-    """Return several meshes as one, in order; sets of one name are united, vertices stay separate."""
+def join(*meshes: Mesh) -> Mesh:
+    """Return several meshes of one type as one, in order; sets of one name are united, vertices stay separate."""
     filled = any(mesh.filling is not None for mesh in meshes)
     vertex_start = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
     cell_start = np.cumsum([0, *(mesh.n_cells for mesh in meshes)])
-    return HexMesh(
+    return replace(
+        meshes[0],
         vertices=np.concatenate([mesh.vertices for mesh in meshes]),
         cells=np.concatenate([mesh.cells + start for mesh, start in zip(meshes, vertex_start, strict=False)]),
         cell_sets=_united([mesh.cell_sets for mesh in meshes], cell_start),
         vertex_sets=_united([mesh.vertex_sets for mesh in meshes], vertex_start),
         filling=Filling.joined([mesh.filling or Filling.whole(mesh.n_cells) for mesh in meshes]) if filled else None,
+        **_BARE,
     )
 
 

@@ -87,7 +87,7 @@ def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray
         MeshError: the surface is open, or does not cover some boundary cells.
     """
     _require_closed(points, triangles)
-    lined = SkinPoints.of(mesh, points, facing_out(points, triangles))
+    lined = SkinPoints.of(mesh, points, out_of_material(points, triangles))
     _require_covered(mesh, lined, points, triangles)
     some = lined.touching(mesh)
     corners, weights = np.ascontiguousarray(lined.corners[some], dtype=np.int32), lined.weights[some]
@@ -112,7 +112,7 @@ def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -
         raise MeshError("skin", [text])
 
 
-def facing_out(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+def out_of_material(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the triangles of nested shells, oriented out of the material between the shells."""
     a, b, c = (points[triangles[:, i]] - points.mean(axis=0) for i in range(3))
     number = shell_numbers(len(points), triangles)

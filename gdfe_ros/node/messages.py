@@ -123,7 +123,7 @@ def imu(head: Header, reading: ImuReading) -> Imu:
 
 
 def topology(cells: NDArray[np.int32]) -> Int32MultiArray:
-    """Return the message of the cells (m, 8), row by row."""
+    """Return the message of the cells (m, c), row by row."""
     count, corners = cells.shape
     data = array.array("i")
     data.frombytes(np.ascontiguousarray(cells, dtype=np.int32).tobytes())

@@ -27,7 +27,7 @@ from gdfe_ros.actuators.load import corner_areas
 from gdfe_ros.errors import MeshError
 from gdfe_ros.materials import Material, cell_densities, lacks_density
 from gdfe_ros.mesh import HexMesh, select_cells, select_faces, select_vertices
-from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.cavities import inside_volume
 from gdfe_ros.mesh.selection import select_skin
 from gdfe_ros.scene.actuator_schema import CableModel, DriveModel, GrowthModel, LoadModel, PlaceModel
 from gdfe_ros.scene.builder import select
@@ -125,7 +125,7 @@ def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tupl
             points = actuator.points.at(mesh.vertices)
             commands[actuator.name] = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
         elif actuator.mode is Mode.VOLUME:
-            commands[actuator.name] = enclosed_volume(actuator.at(mesh.vertices), actuator.quads)
+            commands[actuator.name] = inside_volume(actuator.at(mesh.vertices), actuator.quads)
     return commands
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators import Chamber, Embedding
 from gdfe_ros.mesh import HexMesh, select_faces
-from gdfe_ros.mesh.cavities import Cavity, find_cavities, open_edges, skin_cavities
-from gdfe_ros.mesh.faces import enclosed_volume
+from gdfe_ros.mesh.cavities import Cavity, corners_of, find_cavities, inside_volume, open_edges, skin_cavities
+from gdfe_ros.mesh.faces import turned
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.quality import list_ids
 from gdfe_ros.scene.actuator_schema import ChamberModel
@@ -42,7 +42,7 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, rep
         faces = select(select_faces, mesh, value.where, (*path, "where"), "boundary face", report)
         if faces is None:
             return None
-        quads = np.ascontiguousarray(faces[:, ::-1])
+        quads = turned(faces)
         return Chamber(quads=quads, **common) if _tight(mesh, quads, (*path, "where"), report) else None
     body = "the body" if part is None else f"mesh {value.mesh!r}"
     lack = f"{body} has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks"
@@ -99,7 +99,7 @@ def _chosen(
 
 
 def _tight(mesh: HexMesh, quads: NDArray[np.int32], path: KeyPath, report: Report) -> bool:
-    leaks = open_edges(quads)
+    leaks = open_edges(corners_of(quads))
     if len(leaks):
         x, y, z = mesh.vertices[leaks[0]].mean(axis=0)
         text = (
@@ -108,7 +108,7 @@ def _tight(mesh: HexMesh, quads: NDArray[np.int32], path: KeyPath, report: Repor
         )
         report.add(path, text, value=NO_VALUE)
         return False
-    if enclosed_volume(mesh.vertices, quads) <= 0.0:
+    if inside_volume(mesh.vertices, quads) <= 0.0:
         report.add(path, "these faces enclose the body itself, not a chamber in it; select inner faces", value=NO_VALUE)
         return False
     return True

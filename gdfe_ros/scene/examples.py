@@ -115,6 +115,7 @@ KINDS = (
     "finger: {size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003}",
     "{file: body.msh, scale: 0.001, merge: true, first_order: true}",
     "voxels: {surface: hand.stl, cell: 0.002, scale: 0.001}",
+    "tets: {step: finger.step, size: 0.005}",
     "embedded: QUJD   # as bags carry a mesh that came from a file",
 )
 
@@ -147,6 +148,10 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "{size: [0.12, 0.02, 0.02], joints: 3, gap: 0.004, web: 0.005, cell: 0.003, taper: 0.8}",
     ),
     skin_schema.SkinModel: ("{file: hand.stl, scale: 0.001, contact: true}", "embedded: QUJD   # as bags carry it"),
+    mesh_schema.TetsModel: (
+        "{step: finger.step, size: 0.005}",
+        "{surface: hand.stl, size: 0.004, scale: 0.001}",
+    ),
     mesh_schema.VoxelsModel: ("{surface: hand.stl, cell: 0.002, scale: 0.001, cells: cut}",),
     where_schema.WhereModel: (
         "face: x-                                   # the smallest x of the body",

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh import Mesh
 from gdfe_ros.mesh.outside import Outside
 from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
 from gdfe_ros.mesh.store import keep, key_of, recall
@@ -39,7 +39,7 @@ class BodyStore:
         # A file of cells may include others, whose contents are not known here.
         self._key = None if not slow or model.file is not None or None in content else key_of(*content)
 
-    def recall(self) -> tuple[HexMesh, Entries] | None:
+    def recall(self) -> tuple[Mesh, Entries] | None:
         """Return the body and its entries; None if they have to be made."""
         arrays = recall(self._key) if self._key is not None else None
         if arrays is None:
@@ -53,7 +53,7 @@ class BodyStore:
             second,
         )
 
-    def keep(self, mesh: HexMesh, entries: Entries) -> None:
+    def keep(self, mesh: Mesh, entries: Entries) -> None:
         """Keep the body and its entries."""
         if self._key is None:
             return

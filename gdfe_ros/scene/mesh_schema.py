@@ -9,11 +9,12 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
 from gdfe_ros.mesh.assembly import Part
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mirror import mirrored
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
+from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
 from gdfe_ros.mesh.voxels import Cells, read_voxels
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel
@@ -22,6 +23,7 @@ from gdfe_ros.scene.quantity import Quantity
 from gdfe_ros.scene.skin_schema import SCALE, SkinModel
 
 _CELL = Quantity("edge of the cubes", "m", above=0.0, most=1.0)
+_SIZE = Quantity("largest edge of the tetrahedra", "m", above=0.0, most=1.0)
 _AT = Quantity("position of the origin of its own frame [x, y, z]", "m", least=-1e3, most=1e3, count=3)
 _ROTATION = Quantity("rotation vector of its own frame [x, y, z]", "degrees", least=-36000, most=36000, count=3)
 _OF_A_FILE = ("scale", "merge", "first_order")
@@ -45,6 +47,29 @@ class VoxelsModel(Entry):
         return read_voxels(self.surface, cell=self.cell, scale=self.scale, cells=self.cells)
 
 
+class TetsModel(Choice):
+    """A body from CAD, filled with quadratic tetrahedra."""
+
+    options: ClassVar[tuple[str, ...]] = ("size", "scale")
+
+    surface: FilePath | None = Field(None, description="path of an STL, OBJ, PLY or OFF file; holes are closed")
+    step: FilePath | None = Field(None, description="path of a STEP file with one or more solids, in its own unit")
+    size: Annotated[float, _SIZE]
+    scale: Annotated[float, SCALE] | None = None
+
+    @model_validator(mode="after")
+    def _scale_of_a_surface(self) -> TetsModel:
+        if self.scale is not None and self.surface is None:
+            raise ValueError("scale belongs to `surface`; a STEP file states its unit; remove it here")
+        return self
+
+    def build(self) -> TetMesh:
+        """Return the mesh."""
+        if self.step is not None:
+            return from_step(self.step, size=self.size)
+        return from_surface(self.surface, size=self.size, scale=self.scale)
+
+
 class MeshModel(Choice):
     """Exactly one kind of body."""
 
@@ -56,8 +81,11 @@ class MeshModel(Choice):
     ring: RingModel | None = None
     sphere: SphereShellModel | None = None
     finger: FingerModel | None = None
-    file: FilePath | None = Field(None, description="path of a .msh, .vtk, .vtu or .inp file with hexahedra")
+    file: FilePath | None = Field(
+        None, description="path of a .msh, .vtk, .vtu or .inp file with hexahedra or tetrahedra"
+    )
     voxels: VoxelsModel | None = None
+    tets: TetsModel | None = None
     embedded: str | None = Field(None, description="a packed mesh, as recorded scenes contain it")
     scale: Annotated[float, SCALE] | None = None
     merge: bool = Field(False, description="merge vertices at the same position")
@@ -79,9 +107,11 @@ class MeshModel(Choice):
     def place(self) -> tuple[str, ...]:
         """Key path of the body's description, relative to this entry, for errors."""
         kind = self.chosen[0]
+        if kind == "tets":
+            return (kind, self.tets.chosen[0])
         return (kind, "surface") if kind == "voxels" else (kind,)
 
-    def build(self) -> HexMesh:
+    def build(self) -> Mesh:
         """Return the mesh.
 
         Raises:
@@ -92,14 +122,14 @@ class MeshModel(Choice):
             return read_mesh(value, scale=self.scale, merge=self.merge, first_order=self.first_order)
         return unpack_mesh(value) if kind == "embedded" else value.build()
 
-    def embed(self, mesh: HexMesh) -> dict[str, Any] | None:
+    def embed(self, mesh: Mesh) -> dict[str, Any] | None:
         """Return the entry that contains the mesh itself, or None if the entry needs no file."""
-        if self.chosen[0] not in ("file", "voxels"):
+        if self.chosen[0] not in ("file", "voxels", "tets"):
             return None
         mirror = {} if self.mirror is None else {"mirror": self.mirror}
         return {"embedded": pack_mesh(mesh), **mirror}
 
-    def reflect(self, mesh: HexMesh) -> HexMesh:
+    def reflect(self, mesh: Mesh) -> Mesh:
         """Return the mesh made by `build`, with its skin, as `mirror` says."""
         return mesh if self.mirror is None else mirrored(mesh, "xyz".index(self.mirror))
 
@@ -113,12 +143,12 @@ class PlacedMeshModel(MeshModel):
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     skin: SkinModel | None = None
 
-    def place_part(self, mesh: HexMesh) -> Part:
+    def place_part(self, mesh: Mesh) -> Part:
         """Return the mesh made by `build` at its place."""
         turn = Rotation.from_rotvec(np.radians(self.rotation_deg)).as_matrix()
         return Part(mesh, at=np.array(self.at), rotation=turn)
 
-    def embed(self, mesh: HexMesh) -> dict[str, Any] | None:
+    def embed(self, mesh: Mesh) -> dict[str, Any] | None:
         """Return the entry that contains the mesh itself at its place, without its skin; None as for one mesh."""
         entry = super().embed(mesh)
         return entry and {**entry, "at": list(self.at), "rotation_deg": list(self.rotation_deg)}

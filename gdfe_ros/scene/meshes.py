@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Any
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh import HexMesh, check_mesh
+from gdfe_ros.mesh import Mesh, TetMesh, check_mesh
 from gdfe_ros.mesh.assembly import Part, assemble
 from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.scene.document import KeyPath
@@ -38,7 +38,7 @@ def require_body(data: Mapping[str, Any], report: Report) -> None:
         )
 
 
-def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[HexMesh | None, Carried]:
+def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[Mesh | None, Carried]:
     """Return the mesh with its skin, None if it has defects, and the entries that contain it without files.
 
     Args:
@@ -55,13 +55,18 @@ def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[HexM
         mesh = _body(model, model.skin, (path, (*path, "skin")), carried, report)
         if mesh is not None:
             parts[name] = model.place_part(mesh)
+    if len({type(part.mesh) for part in parts.values()}) > 1:
+        kinds = ", ".join(f"{name!r} has {part.mesh.noun}" for name, part in parts.items())
+        text = f"all meshes of a scene need cells of one kind, and {kinds}; remedy: tets or hexahedra for all"
+        report.add(("meshes",), text, value=NO_VALUE)
+        return None, carried
     _require_apart(parts, report)
     return assemble(parts) if len(parts) == len(names) else None, carried
 
 
 def _body(
     model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
-) -> HexMesh | None:
+) -> Mesh | None:
     """Return a mesh in its own frame; ``paths`` are the key paths of it and of its skin."""
     mesh = None if model is None else _made(model, skin, paths, carried, report)
     return None if mesh is None else model.reflect(mesh)
@@ -69,7 +74,7 @@ def _body(
 
 def _made(
     model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
-) -> HexMesh | None:
+) -> Mesh | None:
     """Return a mesh with its skin as their files have them."""
     store = BodyStore(model, skin)
     found = store.recall()
@@ -87,6 +92,10 @@ def _made(
         return None
     if entry := model.embed(mesh):
         carried[paths[0]] = entry
+    if skin is not None and isinstance(mesh, TetMesh):
+        text = "tetrahedra follow the surface themselves; remedy: remove the skin"
+        report.add(paths[1], text, value=NO_VALUE)
+        return mesh
     try:
         if skin is not None:
             mesh, carried[paths[1]] = skin.build(mesh)
@@ -111,7 +120,7 @@ def _require_apart(parts: Mapping[str, Part], report: Report) -> None:
             report.add(("meshes", second, "at"), text)
 
 
-def known_part(mesh: HexMesh, name: str | None, path: KeyPath, report: Report) -> bool:
+def known_part(mesh: Mesh, name: str | None, path: KeyPath, report: Report) -> bool:
     """Return whether the mesh that a place refers to exists, if it refers to one; report it otherwise.
 
     Args:

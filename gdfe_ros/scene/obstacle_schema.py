@@ -17,7 +17,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.inertia import inertia_of
 from gdfe_ros.mesh.packing import pack_surface, unpack_surface
 from gdfe_ros.mesh.solid import make_solid, read_solid, require_outward
-from gdfe_ros.mesh.touching import facing_out
+from gdfe_ros.mesh.touching import out_of_material
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.paths import FilePath
@@ -114,7 +114,7 @@ class TriangleMeshModel(Choice):
             if defects:
                 raise MeshError(where, defects)
         require_outward(vertices, triangles, where=where)
-        found = inertia_of(vertices, facing_out(vertices, triangles))
+        found = inertia_of(vertices, out_of_material(vertices, triangles))
         solid = make_solid((vertices - found.centre) @ found.axes, triangles, cell=self.cell, where=where)
         return TriangleMesh(solid, original=(vertices, triangles)), found.centre, found.axes
 

@@ -44,7 +44,7 @@ def coarse_cavities(scene: Scene) -> list[str]:
     """Return remarks on round chambers with a thick wall and too few cells across it."""
     found = []
     for chamber in scene.actuators:
-        if not isinstance(chamber, Chamber) or chamber.points is not None:
+        if not isinstance(chamber, Chamber) or chamber.points is not None or scene.mesh.nodes != 8:
             continue
         vertices = scene.mesh.vertices
         volume = abs(enclosed_volume(vertices, chamber.quads))

@@ -15,7 +15,8 @@ from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.constraints.self_contact import SelfContact
 from gdfe_ros.errors import SceneError
 from gdfe_ros.materials import Material, lacks_density
-from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh import Mesh, TetMesh
+from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.scene.resolution import coarse_cavities, coarse_contacts
 from gdfe_ros.scene.scene import Scene
@@ -52,7 +53,12 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
 
 def remarks(scene: Scene, policy: Policy) -> list[str]:
     """Return remarks on a scene: materials, contrasts, schemes that chatter or slip, cells too coarse."""
-    notes = [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
+    notes = []
+    if isinstance(scene.mesh, TetMesh) and scene.mesh.linear:
+        notes.append(
+            "mesh: its linear tetrahedra got a node on each edge, because linear ones lock; edges are straight"
+        )
+    notes += [f"material {key!r}: {text}" for key, item in scene.materials.items() for text in item.remarks()]
     notes += [f"material {key!r}: {item.caveat}" for key, item in scene.materials.items() if item.caveat]
     if policy is Policy.RELATIVE:
         used = [item for item in scene.materials.values() if item.omega is None]
@@ -72,7 +78,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     return [*notes, *slipping(scene), *coarse_contacts(scene), *coarse_cavities(scene)]
 
 
-def _to_touch(mesh: HexMesh) -> str:
+def _to_touch(mesh: Mesh) -> str:
     """Return what makes the parts of a body touch each other."""
     steps = ["self_contact: {friction: 0.5}"]
     if cut_key(mesh):
@@ -92,7 +98,7 @@ def unsolvable(
     dynamics: Dynamics | None,
     policy: Policy,
     self_contact: SelfContact | None = None,
-    mesh: HexMesh | None = None,
+    mesh: Mesh | None = None,
     cut: tuple[str, ...] = (),
 ) -> list[tuple[tuple[str, ...], str]]:
     """Return the conflicts between the parts of a scene: the key in a scene file, and a sentence.
@@ -109,11 +115,31 @@ def unsolvable(
         (("bodies",), _still(handles) if dynamics is None else _inside(handles, mesh)),
         (cut, _beside(handles, actuators, self_contact, policy, mesh) if cut else ""),
         (("self_contact",), _by_skin(mesh) if self_contact is not None and not cut else ""),
+        (("mesh",), _tetrahedra(mesh, actuators, self_contact, policy)),
     ]
     return [(key, text) for key, text in found if text]
 
 
-def cut_key(mesh: HexMesh) -> tuple[str, ...]:
+def _tetrahedra(
+    mesh: Mesh | None,
+    actuators: Sequence[Actuator],
+    self_contact: SelfContact | None,
+    policy: Policy,
+) -> str:
+    """Return a message about items that a body of tetrahedra cannot have yet; empty if there are none."""
+    if not isinstance(mesh, TetMesh):
+        return ""
+    lacking = [f"policy {policy.value!r}"] * (policy is not Policy.ENERGY)
+    lacking += [f"growth {item.name!r}" for item in actuators if isinstance(item, Growth)]
+    lacking += ["self_contact"] * (self_contact is not None)
+    if mesh.skin is not None:
+        lacking += ["skin"]
+    if not lacking:
+        return ""
+    return f"a body of tetrahedra cannot have {', '.join(lacking)} yet; remedy: leave it out, or use voxels"
+
+
+def cut_key(mesh: Mesh) -> tuple[str, ...]:
     """Return the key of a scene file at which cells are cut by a surface; empty if there is none.
 
     For several meshes it is that of the first mesh without a touching skin, if there is one.
@@ -176,7 +202,7 @@ def _still(handles: Sequence[Handle]) -> str:
     return f"{names} can only move in time; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
 
 
-def _inside(handles: Sequence[Handle], mesh: HexMesh | None) -> str:
+def _inside(handles: Sequence[Handle], mesh: Mesh | None) -> str:
     """Return a message about rigid bodies that start inside of each other, obstacles or the body; empty if none."""
     if not any(isinstance(handle, RigidBody) for handle in handles):
         return ""
@@ -186,7 +212,7 @@ def _inside(handles: Sequence[Handle], mesh: HexMesh | None) -> str:
     found = list(overlaps(placed))
     if mesh is not None:
         rigid = [one for one in placed if isinstance(one.thing, RigidBody)]
-        surface = outline(mesh.boundary.quads, mesh.touching, mesh.vertices)
+        surface = outline(flat_quads(mesh.boundary.quads), mesh.touching, mesh.vertices)
         found += [inside_surface(one, *surface) for one in rigid]
     return "; ".join(text for text in found if text)
 
@@ -196,7 +222,7 @@ def _beside(
     actuators: Sequence[Actuator],
     self_contact: SelfContact | None,
     policy: Policy,
-    mesh: HexMesh | None,
+    mesh: Mesh | None,
 ) -> str:
     """Return a message about items that act on the faces of cut cells, which are not on the surface; empty if none."""
     if policy is not Policy.ENERGY:
@@ -215,7 +241,7 @@ def _beside(
     return f"{text}; remedy: cells: whole"
 
 
-def _touch_by_cut_faces(mesh: HexMesh | None) -> bool:
+def _touch_by_cut_faces(mesh: Mesh | None) -> bool:
     """Return whether a mesh with cut cells, or one of several, has no skin that touches instead of its faces."""
     if mesh is None:
         return False
@@ -223,7 +249,7 @@ def _touch_by_cut_faces(mesh: HexMesh | None) -> bool:
     return any(each.filling is not None and each.touching is None for each in meshes)
 
 
-def _by_skin(mesh: HexMesh | None) -> str:
+def _by_skin(mesh: Mesh | None) -> str:
     """Return a message if a skin is to touch another part of the body, which is impossible; empty if not."""
     if mesh is None or mesh.touching is None:
         return ""

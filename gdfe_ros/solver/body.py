@@ -17,9 +17,12 @@ from gdfe_ros.materials.table import MaterialTable, pack
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.across import cells_across
 from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
+from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.mesh.tet_operators import TetOperators
 from gdfe_ros.mesh.touching import Touching
-from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
+from gdfe_ros.solver.cell_type import CellType, cell_type_of, cell_type_with
+from gdfe_ros.solver.elements.blocks import Blocks
+from gdfe_ros.solver.elements.tet_blocks import TetBlocks
 from gdfe_ros.solver.matrix.unknowns import Unknowns, number_unknowns
 from gdfe_ros.solver.settings import Torsion
 
@@ -46,8 +49,8 @@ class Body:
     """
 
     rest: NDArray[np.float64]
-    shape: ShapeOperators
-    blocks: Blocks
+    shape: ShapeOperators | TetOperators
+    blocks: Blocks | TetBlocks
     materials: tuple[Material, ...]
     material: NDArray[np.int32]
     table: MaterialTable
@@ -72,19 +75,20 @@ class Body:
         size: float | None = None,
         skin: Touching | None = None,
     ) -> Body:
-        """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, 8).
+        """Compute operators and numbering from rest vertices (n, 3) [m] and cells (m, c) of one type.
 
         ``filling`` is the filled share of cut cells. ``size`` [m] is that of the mesh; by default the diagonal of the
         cells' bounding box.
         """
         material = np.ascontiguousarray(material, dtype=np.int32)
-        shape, table = shape_operators(rest, cells, filling), pack(materials)
-        if torsion is Torsion.SECTION:
+        kind = cell_type_with(cells.shape[1])
+        shape, table = kind.operators(rest, cells, filling), kind.table(pack(materials))
+        if torsion is Torsion.SECTION and kind.softens:
             shape = shape._replace(across=cells_across(cells, material, shape.parallel).min(axis=1))
         return cls(
             rest,
             shape,
-            make_blocks(shape, material, table, np.arange(len(material), dtype=np.int32)),
+            kind.blocks(shape, material, table, np.arange(len(material), dtype=np.int32)),
             tuple(materials),
             material,
             table,
@@ -101,8 +105,17 @@ class Body:
         return int(self.cells.max()) + 1
 
     @property
+    def cell_type(self) -> CellType:
+        """The kind of the cells."""
+        return cell_type_of(self.shape)
+
+    def blocks_of(self, elements: NDArray[np.int32]) -> Blocks | TetBlocks:
+        """Return some ``elements`` (k,) in the layout of the kernels."""
+        return self.cell_type.blocks(self.shape, self.material, self.table, elements)
+
+    @property
     def cells(self) -> NDArray[np.int32]:
-        """Corner vertices (m, 8) of the elements."""
+        """Vertices (m, c) of the elements."""
         return self.shape.cells
 
 

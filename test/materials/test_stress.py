@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.materials import Linear, Material, NeoHookean, Ogden
-from gdfe_ros.solver.elements.folding import THRESHOLD, WEIGHT
+from gdfe_ros.solver.elements.barrier import THRESHOLD, WEIGHT
 
 MakeCube = Callable[[Material], Any]
 STRETCHES = [1.0 + 1e-6, 1.01, 1.1, 1.5, 2.0, 3.0, 5.0]

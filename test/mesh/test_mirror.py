@@ -8,10 +8,11 @@ import pytest
 import trimesh
 
 from gdfe_ros import Simulation
-from gdfe_ros.mesh import check_mesh
+from gdfe_ros.mesh import bar, check_mesh
 from gdfe_ros.mesh.finger import finger
 from gdfe_ros.mesh.mirror import mirrored
 from gdfe_ros.mesh.shape import cell_volumes
+from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.scene import load_scene
 from gdfe_ros.scene.loader import scene_from_text
 
@@ -46,6 +47,17 @@ def test_a_reflected_mesh_is_sound(axis: int) -> None:
     again = mirrored(other, axis)
     assert np.array_equal(again.vertices, mesh.vertices)
     assert np.array_equal(again.cells, mesh.cells)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_reflected_tetrahedra_are_sound(axis: int) -> None:
+    """Nodes of edges stay on their edges, no cell is inverted, and two reflections are none."""
+    mesh = divided(bar((0.1, 0.02, 0.03), (4, 2, 2)))
+    other = mirrored(mesh, axis)
+    assert not check_mesh(other).defects
+    ends = other.vertices[other.cells[:, [[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]]]]
+    np.testing.assert_allclose(other.vertices[other.cells[:, 4:]], ends.mean(axis=2), atol=1e-15)
+    assert np.array_equal(mirrored(other, axis).cells, mesh.cells)
 
 
 @pytest.fixture

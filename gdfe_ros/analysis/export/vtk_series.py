@@ -11,10 +11,10 @@ import meshio
 import numpy as np
 
 from gdfe_ros.analysis.bag_steps import BagStep
-from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh import Mesh
 
 
-def write_vtk_series(steps: Iterable[BagStep], mesh: HexMesh, directory: Path) -> int:
+def write_vtk_series(steps: Iterable[BagStep], mesh: Mesh, directory: Path) -> int:
     """Write ``step_<number>.vtu`` for each step with a mesh, and ``run.pvd``; return the number of files.
 
     Points are the current vertices [m] with ``displacement`` [m]; cells have the fields of the strain topic.
@@ -35,13 +35,13 @@ def write_vtk_series(steps: Iterable[BagStep], mesh: HexMesh, directory: Path) -
     return len(collection)
 
 
-def _grid(step: BagStep, mesh: HexMesh) -> meshio.Mesh:
+def _grid(step: BagStep, mesh: Mesh) -> meshio.Mesh:
     values = step.samples["mesh"]
     positions, shift = (np.stack([values[start + axis] for axis in "xyz"], axis=1) for start in ("", "u"))
     strain = step.samples.get("strain", {})
     return meshio.Mesh(
         positions,
-        [("hexahedron", mesh.cells)],
+        [(mesh.vtk, mesh.cells)],
         point_data={"displacement": shift},
         cell_data={name: [field] for name, field in strain.items() if name not in ("x", "y", "z")},
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.load import GAUSS, corner_areas
 from gdfe_ros.constraints.rigid_body import RigidBody
-from gdfe_ros.mesh.faces import boundary_faces
+from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.solver.body import Body
 
 SIGNS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -44,7 +44,9 @@ class Surface:
     @classmethod
     def of(cls, body: Body) -> Surface:
         """Return the contact surface of a body."""
-        quads, driven = boundary_faces(body.cells).quads, driven_vertices(body)
+        quads, driven = body.cell_type.boundary(body.cells).quads, driven_vertices(body)
+        if quads.shape[1] == 6:
+            return cls._of_nodes(body, quads[~driven[quads].all(axis=1)], driven)
         if body.skin is not None:
             quads = quads[~np.isin(quads[:, 0], body.skin.vertices)]
         quads = quads[~driven[quads].all(axis=1)]
@@ -54,6 +56,21 @@ class Surface:
         gauss = np.linalg.solve(SHAPE.T, shares.T).T
         weights = np.ones((len(vertices), 1))
         return Surface(vertices[:, None], weights, spread[vertices], quads.astype(np.int32), gauss, spread)
+
+    @classmethod
+    def _of_nodes(cls, body: Body, faces: NDArray[np.int32], driven: NDArray[np.bool_]) -> Surface:
+        """Return the surface of tetrahedra: all six nodes of each face touch.
+
+        There is no correction for faces that are nearer than their nodes: the faces are quadratic, too. In a prototype
+        they entered a ball by 4 to 9 % of its depth between the nodes.
+        """
+        flat = flat_quads(faces)
+        shares = corner_areas(body.rest, flat)
+        spread = np.bincount(flat.ravel(), weights=shares.ravel(), minlength=len(body.rest))
+        vertices = np.flatnonzero((spread > 0.0) & ~driven).astype(np.int32)
+        none = np.zeros((0, 4))
+        ones = np.ones((len(vertices), 1))
+        return Surface(vertices[:, None], ones, spread[vertices], none.astype(np.int32), none, spread)
 
     @property
     def vertices(self) -> NDArray[np.int32]:

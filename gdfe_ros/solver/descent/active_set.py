@@ -15,7 +15,8 @@ from gdfe_ros.materials.table import CARRIED
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.history import HistoryKeeper
 from gdfe_ros.solver.descent.workspace import End, Workspace, allocate, allocate_part, numbers
-from gdfe_ros.solver.elements.blocks import Blocks, make_blocks
+from gdfe_ros.solver.elements.blocks import Blocks
+from gdfe_ros.solver.elements.tet_blocks import TetBlocks
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.matrix.unknowns import Unknowns
@@ -63,7 +64,7 @@ class ActiveSet(Movable):
     elements: NDArray[np.int32]
     carried: NDArray[np.int32]
     softening: NDArray[np.int32]
-    blocks: Blocks
+    blocks: Blocks | TetBlocks
     skipped: Mapping[str, int]
     workspace: Workspace
     keeper: HistoryKeeper
@@ -87,8 +88,8 @@ class ActiveSet(Movable):
             inside = elements_inside_handles(body)
             if inside.any():
                 elements = elements[~inside]
-                blocks = make_blocks(body.shape, body.material, body.table, elements)
-        work = allocate(body.unknowns.rows, body.rest, len(body.material), memory)
+                blocks = body.blocks_of(elements)
+        work = allocate(body.unknowns.rows, body.rest, body.cells.shape, memory)
         none = np.zeros(0, np.int32)
         updated = _updated(body, elements, skip)
         skipped = _skipped(body, elements, elements, *updated)
@@ -106,7 +107,7 @@ class ActiveSet(Movable):
             self.matrix.part(unknowns),
             elements,
             *updated,
-            make_blocks(body.shape, body.material, body.table, elements),
+            body.blocks_of(elements),
             _skipped(body, self.elements, elements, *updated),
             work,
             HistoryKeeper(work),
@@ -191,7 +192,7 @@ def _updated(
     softening = body.table.law[material] != Law.LINEAR
     return (
         elements[carried] if Skip.PRESSURES in skip else elements,
-        elements[softening] if Skip.SHAPE_FACTORS in skip else elements,
+        (elements[softening] if Skip.SHAPE_FACTORS in skip else elements) if body.cell_type.softens else elements[:0],
     )
 
 

@@ -42,7 +42,8 @@ def find_lumps(body: Body, weight: NDArray[np.float64], bending: NDArray[np.floa
     if not hard.any() or hard.all():
         return ()
     cells = body.cells[hard]
-    links = coo_array((np.ones(7 * len(cells)), (np.repeat(cells[:, 0], 7), cells[:, 1:].ravel())))
+    others = cells.shape[1] - 1
+    links = coo_array((np.ones(others * len(cells)), (np.repeat(cells[:, 0], others), cells[:, 1:].ravel())))
     links.resize((len(body.rest), len(body.rest)))
     piece = connected_components(links, directed=False)[1]
     held = np.unique(piece[body.unknowns.prescribed])

@@ -40,7 +40,7 @@ class TangentProducts:
     """
 
     def __init__(self, body: Body) -> None:
-        self._beside = allocate(body.unknowns.rows, body.rest, len(body.material), memory=0)
+        self._beside = allocate(body.unknowns.rows, body.rest, body.cells.shape, memory=0)
         self._spacing = SPACING * body.size
 
     def begin(self, task: Task) -> None:

@@ -79,7 +79,7 @@ class TangentMinimiser(Minimiser):
         super().__init__(body, weight, bending)
         self.lumps, self.tangent, self.certified = (), None, not moving
         self._level, self._softness, self._finest = level, softness, TRUST * softness
-        self._beside = allocate(body.unknowns.rows, body.rest, len(body.material), memory=0)
+        self._beside = allocate(body.unknowns.rows, body.rest, body.cells.shape, memory=0)
         self._krylov = newton.allocate_krylov(body.unknowns.rows)
         self._course = self._krylov.course.view(newton.COURSE, np.ndarray)[0]
         self._share = 1.0 if self.certified else MOVING if body.handles else FLYING

@@ -89,7 +89,7 @@ class Workspace(NamedTuple):
         u, gradient, step: (3 r,) unknowns [m], dE/du [N], H_0 dE/du [m], row by row.
         trial, direction, old: (3 r,) work.
         x: (n, 3) positions of all vertices [m].
-        force, energies: (m, 8, 3) [N] and (m,) [J] of the elements at ``x``.
+        force, energies: (m, c, 3) [N] and (m,) [J] of the elements at ``x``.
         outside: (n, 3) dE/dx [N] of the other terms.
         size: (1,) size of their energies [J].
         steps, images: (memory, 3 r) histories s and v = H_0 y; pair i lies in row ``row[i]``.
@@ -128,9 +128,12 @@ def numbers(work: Workspace) -> np.void:
     return work.status.view(STATUS, np.ndarray)[0]
 
 
-def allocate(rows: int, x: NDArray[np.float64], elements: int, memory: int = MEMORY) -> Workspace:
-    """Return a workspace for ``rows`` rows of unknowns, a body at ``x`` (n, 3) [m] and ``memory`` pairs of history."""
-    return _with_history(rows, memory, x.copy(), np.zeros((elements, 8, 3)), np.zeros(elements), np.zeros_like(x))
+def allocate(rows: int, x: NDArray[np.float64], cells: tuple[int, int], memory: int = MEMORY) -> Workspace:
+    """Return a workspace for ``rows`` rows of unknowns, a body at ``x`` (n, 3) [m] and ``memory`` pairs of history.
+
+    ``cells`` is the number of elements m and that of their corners c.
+    """
+    return _with_history(rows, memory, x.copy(), np.zeros((*cells, 3)), np.zeros(cells[0]), np.zeros_like(x))
 
 
 def allocate_part(rows: int, whole: Workspace) -> Workspace:

@@ -42,6 +42,18 @@ def make_blocks(
 ) -> Blocks:
     """Sort ``elements`` into blocks; the order within a kind is kept."""
     kind = (2 * table.law[material] + shape.parallel)[elements]
+    element, used = lanes_of(kind, elements)
+    return Blocks(
+        element,
+        used,
+        table.law[material[element[:, 0]]],
+        shape.parallel[element[:, 0]],
+        block_geometry(shape, element),
+    )
+
+
+def lanes_of(kind: NDArray[np.int32], elements: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the ``elements`` (k,) of each ``kind`` (k,) in lanes (b, LANES), and the number in use (b,)."""
     rows, used = [], []
     for value in np.unique(kind):
         members = elements[kind == value]
@@ -49,14 +61,7 @@ def make_blocks(
             lanes = members[start : start + LANES]
             used.append(len(lanes))
             rows.append(np.concatenate([lanes, np.full(LANES - len(lanes), lanes[0], np.int32)]))
-    element = np.array(rows, dtype=np.int32).reshape(-1, LANES)
-    return Blocks(
-        element,
-        np.array(used, dtype=np.int32),
-        table.law[material[element[:, 0]]],
-        shape.parallel[element[:, 0]],
-        block_geometry(shape, element),
-    )
+    return np.array(rows, dtype=np.int32).reshape(-1, LANES), np.array(used, dtype=np.int32)
 
 
 def block_geometry(shape: ShapeOperators, element: NDArray[np.int32]) -> NDArray[np.float64]:

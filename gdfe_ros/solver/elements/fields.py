@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import internal, kernel
 from gdfe_ros.materials.stress import logarithmic_volume
 from gdfe_ros.materials.table import BULK, CARRIED, PENALTY, SHEAR
-from gdfe_ros.materials.tensor import cofactor, determinant
 from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.cell_kernels import least_corner, volume_ratio
 from gdfe_ros.solver.elements.measures import (
     LINEAR,
     NEO_HOOKEAN,
-    least_corner,
-    mean_gradient,
     softened_scale,
     strain_state,
     update_hourglass_scales,
@@ -74,7 +72,7 @@ def element_fields(
     strain, volume_ratio, secant, tangent = values
     if omega is None:
         omega = secant / secant.max()
-    force, energies = np.empty((count, 8, 3)), np.empty(count)
+    force, energies = np.empty((*body.cells.shape, 3)), np.empty(count)
     none, every, material = np.zeros(count), np.arange(count, dtype=np.int32), body.material
     given = positions, shape, (operators or body).blocks, material, none, scale, body.table, every
     evaluate(*given, force, energies, None)
@@ -102,8 +100,8 @@ def corner_forces(
     *,
     operators: Operators | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return corner forces (m, 8, 3) [N] and energies (m,) [J] with a given pressure (m,) [Pa]."""
-    force, energies = np.zeros((len(body.material), 8, 3)), np.zeros(len(body.material))
+    """Return corner forces (m, c, 3) [N] and energies (m,) [J] with a given pressure (m,) [Pa]."""
+    force, energies = np.zeros((*body.cells.shape, 3)), np.zeros(len(body.material))
     scale, elements = np.ones(len(body.material)), np.arange(len(body.material), dtype=np.int32)
     shape, material, table = (operators or body).shape, body.material, body.table
     update_hourglass_scales(positions, elements, shape, material, table, scale)
@@ -136,6 +134,7 @@ def uncounted(j, pressure, volume, table, k, solved):
 @kernel
 def _element_states(x, shape, material, table, values, centroids, scale, missing):
     """Write the values of ``strain_states``, the centroids, the scales and the energy of `uncounted`, in one pass."""
+    corners = 8 if shape.cells.shape[1] == 8 else 4
     for e in range(len(material)):
         k = material[e]
         strain, j, secant, tangent = strain_state(x, shape, e, table, k)
@@ -145,9 +144,9 @@ def _element_states(x, shape, material, table, values, centroids, scale, missing
             scale[e] = softened_scale(tangent, table, k)
         for i in range(3):
             total = 0.0
-            for a in range(8):
+            for a in range(corners):
                 total += x[shape.cells[e, a], i]
-            centroids[e, i] = total / 8.0
+            centroids[e, i] = total / corners
 
 
 @kernel
@@ -172,8 +171,7 @@ def store_energies(x, elements, shape, material, table, pressure, energies, stor
         least[e], stored[e] = least_corner(x, shape, e), energies[e]
         if table.parameters[k, CARRIED] == 0.0:
             continue
-        f = mean_gradient(x, shape, e)
-        j = determinant(f, cofactor(f))
+        j = volume_ratio(x, shape, e)
         stored[e] += uncounted(j, pressure[e], shape.volume[e], table, k, solved)
 
 
@@ -196,8 +194,7 @@ def _full_pressures(x, shape, material, table, pressure):
         k = material[e]
         if table.parameters[k, CARRIED] == 0.0:
             continue
-        f = mean_gradient(x, shape, e)
-        change = determinant(f, cofactor(f)) - 1.0
+        change = volume_ratio(x, shape, e) - 1.0
         bulk = table.parameters[k, BULK]
         if bulk == np.inf:
             continue

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.mesh.quality import list_ids
-from gdfe_ros.solver.elements.folding import THRESHOLD
+from gdfe_ros.solver.elements.barrier import THRESHOLD
 
 
 def flattened(least: NDArray[np.float64]) -> str:

@@ -1,42 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled fold barrier: an energy of each corner's volume ratio that keeps corners of elements from folding.
-
-An element's energies are those of its mean deformation gradient and its hourglass vectors. Both stay finite when a
-corner has no volume left, so that a blow or a press may fold the corner. The barrier adds, for each corner c of each
-element,
-
-    E_c = w mu V/8 b(s),   s = J_c / J_0,   b(s) = (1 - s)^3 / s for s < 1, else 0            [J]
-
-with the corner's volume ratio J_c, the element's shear modulus mu [Pa] and volume V [m^3]. Its properties are:
-
-1. J_c = r_c a . (b x c) is trilinear in the corner's three edges a, b, c [m]; r_c [1/m^3] is one over the triple
-product at rest. So dJ_c/da = r_c b x c, and cyclically.
-2. b, b' and b'' are zero at s = 1. The energy stays twice differentiable, and nothing changes above the threshold.
-3. b' = -(1 - s)^2 (1 + 2 s) / s^2 pushes the corner open without bound as s goes to 0.
-4. Below s_0 the energy continues as its tangent at s_0, so that it is finite everywhere: a line search that steps
-too far sees by how much, and a body that is placed folded is pushed open. (A parabola would push so hard that the
-first step of such a body runs away.)
-
-The corners of a cut cell are those of the box that its material fills. Barriers are evaluated only for elements near
-folding, see `watch`; other bodies pay nothing for them.
-"""
+"""Compiled fold barrier of hexahedra (see `barrier`): volume ratios of corners, and the forces that open them."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from gdfe_ros.compiled import inlined, internal
 from gdfe_ros.materials.table import SHEAR
 from gdfe_ros.materials.tensor import cross, dot
-from gdfe_ros.solver.elements.measures import corner, edge
+from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
+from gdfe_ros.solver.elements.hexahedra import corner, edge
 
-THRESHOLD = 0.2
-"""J_0. With 0.3 the barrier would act in sound scenes: least corners are 0.256 in tensile_curve and 0.241 in
-two_material_bar."""
-WEIGHT = 3.0
-"""w. The height after a bounce changes by at most 1.2 % for w from 1 to 10 and J_0 from 0.1 to 0.4."""
-LINE = 0.1
-"""s_0."""
 EDGES = np.array(
     [
         [[0, 1], [0, 3], [0, 4]],
@@ -53,18 +29,6 @@ EDGES = np.array(
 """First and last corner of the three edges that meet in each corner (8, 3, 2), along xi, eta and zeta."""
 SIDES = np.array([[0, 1, 1, 0, 0, 1, 1, 0], [0, 0, 1, 1, 0, 0, 1, 1], [0, 0, 0, 0, 1, 1, 1, 1]], dtype=np.int32).T
 """Side of the cell, 0 or 1, on which each corner (8, 3) lies along xi, eta and zeta."""
-NONE = np.zeros(0, dtype=np.int32)
-"""No watched elements."""
-
-
-@inlined
-def wall(s):
-    """Return b(s) and b'(s) for s < 1, with the straight line below `LINE`."""
-    t = max(s, LINE)
-    rest = 1.0 - t
-    value, slope = rest * rest * rest / t, -rest * rest * (1.0 + 2.0 * t) / (t * t)
-    value += slope * (s - t)
-    return value, slope
 
 
 @internal
@@ -141,3 +105,25 @@ def box_weight(box, c, cell_corner):
         place = box[axis, SIDES[c, axis]]
         weight *= place if SIDES[cell_corner, axis] else 1.0 - place
     return weight
+
+
+@inlined
+def room(x, shape, e, corners):
+    """Return how far [m] vertices may move until a corner can be below the barrier; 0 for a nearly folded element."""
+    load_corners(x, shape, e, corners)
+    return element_room(corners, shape.corner_ratio[e])
+
+
+@inlined
+def element_room(corners, ratios):
+    """Return the room [m] of an element with the corners (8, 3) [m]; 0 if it is nearly folded."""
+    room = math.inf
+    for c in range(8):
+        a, b, d = edge_at(corners, c, 0), edge_at(corners, c, 1), edge_at(corners, c, 2)
+        ratio = ratios[c] * dot(a, cross(b, d))
+        if not ratio >= NEARLY_FOLDED:
+            return 0.0
+        first, second, third = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(d, d))
+        share = 3.0 * ratios[c] * (first * second + second * third + third * first)
+        room = min(room, min(min(first, second), min(third, (ratio - THRESHOLD) / share)))
+    return 0.5 * room

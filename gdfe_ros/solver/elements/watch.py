@@ -21,14 +21,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.compiled import inlined, internal, kernel
-from gdfe_ros.materials.tensor import cross, dot
-from gdfe_ros.solver.elements.folding import THRESHOLD, edge_at, load_corners
-from gdfe_ros.solver.elements.measures import least_corner
+from gdfe_ros.compiled import internal, kernel
+from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED
+from gdfe_ros.solver.elements.cell_kernels import least_corner, room
 from gdfe_ros.solver.elements.operators import Operators
-
-NEARLY_FOLDED = 0.4
-"""Volume ratio of a corner below which its element is watched: twice the barriers' threshold."""
 
 
 class Watch(NamedTuple):
@@ -62,36 +58,20 @@ class Watch(NamedTuple):
 @internal
 def look(x, shape, blocks, watch):
     """Watch the elements of ``blocks`` that are nearly folded; return the room [m] of all others at ``x`` (n, 3)."""
-    corners, room = np.empty((8, 3)), math.inf
+    scratch, least = np.empty((8, 3)), math.inf
     for block in range(len(blocks.element)):
         for lane in range(blocks.used[block]):
             e = blocks.element[block, lane]
             if watch.member[e]:
                 continue
-            load_corners(x, shape, e, corners)
-            found = element_room(corners, shape.corner_ratio[e])
+            found = room(x, shape, e, scratch)
             if found > 0.0:
-                room = min(room, found)
+                least = min(least, found)
                 continue
             watch.member[e] = True
             watch.elements[watch.count[0]] = e
             watch.count[0] += 1
-    return room
-
-
-@inlined
-def element_room(corners, ratios):
-    """Return the room [m] of an element with the corners (8, 3) [m]; 0 if it is nearly folded."""
-    room = math.inf
-    for c in range(8):
-        a, b, d = edge_at(corners, c, 0), edge_at(corners, c, 1), edge_at(corners, c, 2)
-        ratio = ratios[c] * dot(a, cross(b, d))
-        if not ratio >= NEARLY_FOLDED:
-            return 0.0
-        first, second, third = math.sqrt(dot(a, a)), math.sqrt(dot(b, b)), math.sqrt(dot(d, d))
-        share = 3.0 * ratios[c] * (first * second + second * third + third * first)
-        room = min(room, min(min(first, second), min(third, (ratio - THRESHOLD) / share)))
-    return 0.5 * room
+    return least
 
 
 def nearly_folded(positions: NDArray[np.float64], operators: Operators) -> NDArray[np.int32]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.compiled import start_threads
 from gdfe_ros.constraints import Pose
-from gdfe_ros.materials.table import LAME, PENALTY, SHEAR, YOUNG
+from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
@@ -81,7 +81,7 @@ class EnergyEquilibrium:
             start_threads()
         self.actuation = actuation or Actuation(body)
         parameters = body.table.parameters[body.material]
-        stiffness = 2.0 * parameters[:, SHEAR] + parameters[:, PENALTY] + parameters[:, LAME]
+        stiffness = 2.0 * parameters[:, SHEAR] + parameters[:, PENALTY] + parameters[:, LAME] + parameters[:, LOCAL]
         bending = parameters[:, YOUNG] * np.cbrt(body.shape.volume) / 6.0
         shares = [term.stiffness() for term in self.actuation.terms]
         assembled = sum(

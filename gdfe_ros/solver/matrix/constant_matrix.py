@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.compiled import vector_kernel
 from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.solver.cell_type import cell_type_of
 from gdfe_ros.solver.matrix.coupling import Coupling, RigidFields, close_coupling
 from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 from gdfe_ros.solver.matrix.inverse import apply_free
@@ -20,7 +21,7 @@ from gdfe_ros.solver.matrix.unknowns import Frame, Unknowns, gather_rigid_rows, 
 def assemble(
     shape: ShapeOperators, weight: NDArray[np.float64], hourglass: NDArray[np.float64], count: int | None = None
 ) -> sparse.csc_matrix:
-    """Return the matrix sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T, (n, n).
+    """Return the matrix sum_e w_e V_e g g^T + c_e sum_k gamma_k gamma_k^T, (n, n); of tetrahedra sum_e w_e int g g^T.
 
     Args:
         shape: the elements.
@@ -28,9 +29,7 @@ def assemble(
         hourglass: c_e (m,) [N/m].
         count: number n of vertices; None for those of the elements.
     """
-    blocks = np.einsum("e,eai,ebi->eab", weight * shape.volume, shape.gradient, shape.gradient)
-    blocks += np.einsum("e,eka,ekb->eab", hourglass, shape.hourglass, shape.hourglass)
-    return _scatter(blocks, shape, count)
+    return _scatter(cell_type_of(shape).matrix_blocks(shape, weight, hourglass), shape, count)
 
 
 def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
@@ -39,7 +38,8 @@ def assemble_centring(shape: ShapeOperators) -> sparse.csc_matrix:
 
 
 def _scatter(blocks: NDArray[np.float64], shape: ShapeOperators, count: int | None = None) -> sparse.csc_matrix:
-    rows, columns = np.repeat(shape.cells, 8, axis=1).ravel(), np.tile(shape.cells, (1, 8)).ravel()
+    corners = shape.cells.shape[1]
+    rows, columns = np.repeat(shape.cells, corners, axis=1).ravel(), np.tile(shape.cells, (1, corners)).ravel()
     size = None if count is None else (count, count)
     return sparse.coo_matrix((blocks.ravel(), (rows, columns)), shape=size).tocsc()
 

@@ -31,7 +31,8 @@ class Unknowns(NamedTuple):
         radius: (p,) float64, largest distance of any vertex of the body from the handle's centre at rest [m], because
             the body follows a rotation of the handle.
         corner_start: (n + 1,) int32, index in ``corner`` at which each vertex's list of element corners begins.
-        corner: (8 m,) int32, element times eight plus corner; each vertex sums its forces in this order.
+        corner: (c m,) int32, element times 8 (16 with more than 8 corners) plus corner; each vertex sums its forces
+            in this order.
     """
 
     free: NDArray[np.int32]
@@ -79,7 +80,7 @@ class Frame(NamedTuple):
 
 
 def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles: Sequence[Handle]) -> Unknowns:
-    """Return the numbering for vertices ``rest`` (n, 3) [m] and ``cells`` (m, 8) held by ``handles``."""
+    """Return the numbering for vertices ``rest`` (n, 3) [m] and ``cells`` (m, c) held by ``handles``."""
     prescribed = np.concatenate([np.zeros(0, np.int32), *(handle.vertices for handle in handles)])
     free = np.setdiff1d(np.arange(len(rest)), prescribed)
     loose = [handle for handle in handles if handle.free or handle.turning]
@@ -103,8 +104,19 @@ def number_unknowns(rest: NDArray[np.float64], cells: NDArray[np.int32], handles
         turn_row,
         np.array(arms, dtype=np.float64),
         np.searchsorted(corners[order], np.arange(len(rest) + 1)).astype(np.int32),
-        order.astype(np.int32),
+        _numbered(order, cells.shape[1]),
     )
+
+
+def _numbered(places: NDArray[np.int64], count: int) -> NDArray[np.int32]:
+    """Return element and corner of ``places`` in an array (m, count), as one number each; see `Unknowns.corner`."""
+    element, corner = np.divmod(places, count)
+    return ((element << shift_of(count)) + corner).astype(np.int32)
+
+
+def shift_of(count: int) -> int:
+    """Return the bits that hold the number of one of ``count`` corners."""
+    return 3 if count <= 8 else 4
 
 
 def handle_centres(positions: NDArray[np.float64], unknowns: Unknowns) -> NDArray[np.float64]:
@@ -156,7 +168,7 @@ def place(u, frame, unknowns, x):
 
 @kernel
 def gather_rows(force, unknowns, gradient):
-    """Sum corner forces (m, 8, 3) into the rows of free vertices, in a fixed order."""
+    """Sum corner forces (m, c, 3) into the rows of free vertices, in a fixed order."""
     for row in range(len(unknowns.free)):
         s = vertex_force(force, unknowns, unknowns.free[row])
         gradient[3 * row], gradient[3 * row + 1], gradient[3 * row + 2] = s
@@ -175,7 +187,7 @@ def add_rows(outside, unknowns, gradient):
 def gather_rigid_rows(u, x, force, outside, pushed, frame, unknowns, gradient):
     """Write the rigid rows of ``gradient`` (3 r,): dE/dt, and dE/dtheta = J_l(theta)^T moment over the radius.
 
-    ``force`` (m, 8, 3) [N] are corner forces; ``outside`` (n, 3) [N] are those of the other terms, used if ``pushed``.
+    ``force`` (m, c, 3) [N] are corner forces; ``outside`` (n, 3) [N] are those of the other terms, used if ``pushed``.
     """
     count = len(unknowns.free)
     for p in range(len(unknowns.slides)):
@@ -214,10 +226,12 @@ def rigid_part(u, row, mask, p, scale):
 
 @inlined
 def vertex_force(force, unknowns, vertex):
-    """Return the sum of the forces (m, 8, 3) of the element corners at one vertex."""
+    """Return the sum of the forces (m, c, 3) of the element corners at one vertex."""
     s0, s1, s2 = 0.0, 0.0, 0.0
+    shift = 3 if force.shape[1] <= 8 else 4
     for i in range(unknowns.corner_start[vertex], unknowns.corner_start[vertex + 1]):
-        e, a = unknowns.corner[i] >> 3, unknowns.corner[i] & 7
+        e = unknowns.corner[i] >> shift
+        a = unknowns.corner[i] - (e << shift)
         s0 += force[e, a, 0]
         s1 += force[e, a, 1]
         s2 += force[e, a, 2]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mass matrix of a body, consistent with trilinear displacements; the same for x, y and z."""
+"""Mass matrix of a body, consistent with the displacements of its cells; the same for x, y and z."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def mass_matrix(
 
     Args:
         rest: (n, 3) rest vertices [m].
-        cells: (m, 8) their corners.
+        cells: (m, c) their vertices.
         density: (m,) [kg/m^3].
         attached: masses on points.
         filling: filled share of cut cells.
     """
-    blocks = np.zeros((len(cells), 8, 8))
+    blocks = np.zeros((len(cells), cells.shape[1], cells.shape[1]))
     for volume, shape in gauss_points(rest, cells, filling):
         blocks += (density * volume)[:, None, None] * (shape[:, :, None] * shape[:, None, :])
     matrix = _collected(len(rest), cells, blocks)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import OverlapError
-from gdfe_ros.mesh.faces import boundary_faces
+from gdfe_ros.mesh.tet_faces import flat_quads
 from gdfe_ros.mesh.touching import outline
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_now
@@ -63,7 +63,7 @@ def require_free(body: Body, state: State, names: Collection[str]) -> None:
         OverlapError: every overlap, its depth, and the remedy.
     """
     placed = placed_now(body.handles, state.poses, state.positions)
-    surface = outline(boundary_faces(body.cells).quads, body.skin, state.positions)
+    surface = outline(flat_quads(body.cell_type.boundary(body.cells).quads), body.skin, state.positions)
     found = list(overlaps(placed, names))
     found += [inside_surface(one, *surface) for one in placed if one.thing.name in names]
     if any(found):

@@ -2,7 +2,8 @@
 """Viscosity and relaxation as one term of Green strains: rigid motions at any rate are not resisted.
 
 An element's strains are E = (F^T F - 1)/2 of its mean deformation gradient and w_k = F^T q_k of its hourglass vectors
-q_k, which measure its bending; both are invariant to rotations of the body. A dashpot and the branches of a Prony
+q_k, which measure its bending; both are invariant to rotations of the body. A tetrahedron has the strains E of its four
+integration points instead, each with its share of the volume. A dashpot and the branches of a Prony
 series each contribute k/2 |E - E_hat|^2 V with a strain E_hat that follows from the previous steps; they add up to one
 such energy.
 """
@@ -15,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from gdfe_ros.compiled import kernel
+from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.table import SHEAR
+from gdfe_ros.mesh.tet_operators import TetOperators, gradients
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.motion.dynamics import Dynamics
@@ -30,6 +32,8 @@ BEND = 0.25
 """Hourglass stiffness over modulus and length of an element, from a cube of incompressible material in bending."""
 _WIDTH = 2 + STRAINS + 24 + 32
 """Numbers of an element for the kernel: two stiffnesses, strains E_hat, gradient and hourglass operators."""
+_GREEN, _POINT_WIDTH = 6, 1 + 6 + 30
+"""Strains of an integration point, and its numbers for the kernel: stiffness, strains E_hat, gradients."""
 
 
 @kernel
@@ -109,6 +113,61 @@ def _entry(x, n, reals, k, integers, i, force, size):
 
 
 @kernel
+def point_gradient(x, gradient, corners, f):
+    """Write the deformation gradient ``f`` (3, 3) of an integration point."""
+    f[...] = 0.0
+    for a in range(len(corners)):
+        for i in range(3):
+            for j in range(3):
+                f[i, j] += x[corners[a], i] * gradient[a, j]
+
+
+@inlined
+def green(f, i, j):
+    """Return a component of the Green strain of a deformation gradient."""
+    return 0.5 * (f[0, i] * f[0, j] + f[1, i] * f[1, j] + f[2, i] * f[2, j] - (1.0 if i == j else 0.0))
+
+
+@kernel
+def viscous_point_energy(x, reals, integers, force, size):
+    """Return sum_p K/2 |E - E_hat|^2 [J] over integration points, with the signature of `term_kernel`."""
+    energy, f, off, stress = 0.0, np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for p in range(len(integers) // 10):
+        own, corners = reals[p * _POINT_WIDTH : (p + 1) * _POINT_WIDTH], integers[10 * p : 10 * p + 10]
+        gradient = own[1 + _GREEN :].reshape(10, 3)
+        point_gradient(x, gradient, corners, f)
+        for i in range(3):
+            j = (i + 1) % 3
+            off[i, i] = green(f, i, i) - own[1 + i]
+            off[i, j] = off[j, i] = green(f, i, j) - own[4 + i]
+        for i in range(3):
+            for j in range(3):
+                energy += 0.5 * own[0] * off[i, j] * off[i, j]
+                stress[i, j] = own[0] * (f[i, 0] * off[0, j] + f[i, 1] * off[1, j] + f[i, 2] * off[2, j])
+        for a in range(10):
+            for i in range(3):
+                for j in range(3):
+                    force[corners[a], i] += stress[i, j] * gradient[a, j]
+    size[0] += energy
+    return energy
+
+
+@term_kernel
+def _point_entry(x, n, reals, k, integers, i, force, size):
+    return viscous_point_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+@kernel
+def point_strains(x, cells, gradient, out):
+    """Write the Green strains (k, 6) of integration points at positions (n, 3) [m]."""
+    f = np.empty((3, 3))
+    for p in range(len(cells)):
+        point_gradient(x, gradient[p], cells[p], f)
+        for i in range(3):
+            out[p, i], out[p, 3 + i] = green(f, i, i), green(f, i, (i + 1) % 3)
+
+
+@kernel
 def all_strains(x, cells, gradient, hourglass, out):
     """Write the strains (m, 18) of all elements at positions (n, 3) [m]."""
     f, q = np.empty((3, 3)), np.empty((4, 3))
@@ -135,21 +194,33 @@ class Viscosity(Term):
     def __init__(self, body: Body, dynamics: Dynamics, h: float) -> None:
         self._body, self._dynamics, self._h = body, dynamics, h
         shape, shear = body.shape, body.table.parameters[body.material][:, SHEAR]
-        self._modulus = 2.0 * shear / dynamics.slow_share
+        self._points = isinstance(shape, TetOperators)
+        self._places = shape.weight.shape[1] if self._points else 1
+        self._volume = shape.weight.ravel() if self._points else shape.volume
+        self._modulus = 2.0 * np.repeat(shear, self._places) / dynamics.slow_share
         self._moduli = [branch.share * self._modulus / (1.0 + 0.5 * h / branch.time) for branch in dynamics.prony]
-        self._dash = np.full(len(shear), 1.5 * dynamics.viscosity / h)
-        self._sum = self._dash + sum(self._moduli, np.zeros(len(shear)))
-        self._bend = BEND * np.cbrt(shape.volume)
-        count = len(shape.cells)
-        numbers = np.zeros((count, _WIDTH))
-        numbers[:, 0], numbers[:, 1] = self._sum * shape.volume, self._sum * self._bend
-        numbers[:, 2 + STRAINS : 26 + STRAINS] = shape.gradient.reshape(count, 24)
-        numbers[:, 26 + STRAINS :] = shape.hourglass.reshape(count, 32)
-        super().__init__(NAME, numbers.ravel(), shape.cells.ravel().astype(np.int32))
+        self._dash = np.full(len(self._modulus), 1.5 * dynamics.viscosity / h)
+        self._sum = self._dash + sum(self._moduli, np.zeros(len(self._modulus)))
+        if self._points:
+            self.kernel, self._first, self._strain_count = _point_entry, 1, _GREEN
+            self._gradient = np.ascontiguousarray(gradients(shape.inverse).reshape(-1, 10, 3))
+            self._cells, self._bend = np.repeat(shape.cells, self._places, axis=0), np.zeros(len(self._volume))
+            numbers = np.zeros((len(self._volume), _POINT_WIDTH))
+            numbers[:, 1 + _GREEN :] = self._gradient.reshape(-1, 30)
+        else:
+            self._first, self._strain_count = 2, STRAINS
+            self._cells, self._bend = shape.cells, BEND * np.cbrt(shape.volume)
+            numbers = np.zeros((len(self._volume), _WIDTH))
+            numbers[:, 1] = self._sum * self._bend
+            numbers[:, 2 + STRAINS : 26 + STRAINS] = shape.gradient.reshape(-1, 24)
+            numbers[:, 26 + STRAINS :] = shape.hourglass.reshape(-1, 32)
+        numbers[:, 0] = self._sum * self._volume
+        super().__init__(NAME, numbers.ravel(), self._cells.ravel().astype(np.int32))
 
     def stiffness(self) -> sparse.spmatrix:
         """Return the term's stiffness at rest, in the form of the constant matrix."""
-        return assemble(self._body.shape, self._sum, self._sum * self._bend, len(self._body.rest))
+        own = self._sum[:: self._places]
+        return assemble(self._body.shape, own, own * self._bend[:: self._places], len(self._body.rest))
 
     def neutral(self) -> Saved:
         """Return strains and branches at rest."""
@@ -170,7 +241,8 @@ class Viscosity(Term):
         total = self._dash[:, None] * drift
         for branch, modulus, held in zip(self._dynamics.prony, self._moduli, saved["branches"], strict=True):
             total += modulus[:, None] * (held + 0.5 * self._h / branch.time * (now - held))
-        self.reals.reshape(-1, _WIDTH)[:, 2 : 2 + STRAINS] = total / self._sum[:, None]
+        numbers, first = self.reals.reshape(len(self._volume), -1), self._first
+        numbers[:, first : first + self._strain_count] = total / self._sum[:, None]
 
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: strains, branches, their elastic energy and the dissipated energy so far [J]."""
@@ -206,12 +278,15 @@ class Viscosity(Term):
         return saved["strain"] - (length / before if before else 0.0) * (saved["strain"] - saved["before"])
 
     def _strains(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        shape, found = self._body.shape, np.empty((len(self._body.cells), STRAINS))
+        shape, found = self._body.shape, np.empty((len(self._cells), self._strain_count))
+        if self._points:
+            point_strains(positions, self._cells, self._gradient, found)
+            return found
         all_strains(positions, shape.cells, shape.gradient, shape.hourglass, found)
         return found
 
     def _squared(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return |E|^2 V + b sum_k |w_k|^2 (m,) [m^3] of strains (m, 18)."""
+        """Return |E|^2 V + b sum_k |w_k|^2 (k,) [m^3] of strains (k, 18) of elements, or (k, 6) of points."""
         stretch = np.einsum("ei,ei->e", strain[:, :3], strain[:, :3])
         stretch += 2.0 * np.einsum("ei,ei->e", strain[:, 3:6], strain[:, 3:6])
-        return self._body.shape.volume * stretch + self._bend * np.einsum("ei,ei->e", strain[:, 6:], strain[:, 6:])
+        return self._volume * stretch + self._bend * np.einsum("ei,ei->e", strain[:, 6:], strain[:, 6:])

@@ -11,7 +11,7 @@ from gdfe_ros.materials.tensor import (
     rotation,
 )
 from gdfe_ros.mesh.operators import ShapeOperators
-from gdfe_ros.solver.elements.measures import mean_gradient
+from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 LEAST_VOLUME = 1e-3
 """Volume ratio below which V^V is not scaled up further. For an inverted element the absolute value counts; it would

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from gdfe_ros.compiled import kernel
 from gdfe_ros.materials.stress import curve_state
 from gdfe_ros.materials.tensor import cofactor, determinant
-from gdfe_ros.solver.elements.measures import equivalent_strain, mean_gradient, softened_scale
+from gdfe_ros.solver.elements.cell_kernels import mean_gradient
+from gdfe_ros.solver.elements.measures import equivalent_strain, softened_scale
 
 SPACING = 1e-6
 """Change of an entry of F in a central difference."""

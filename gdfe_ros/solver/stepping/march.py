@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gdfe_ros.solver.distance import largest_distance
-from gdfe_ros.solver.elements.folding import THRESHOLD
+from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.state import State
 
 SAME = 1e-6

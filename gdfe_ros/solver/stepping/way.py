@@ -9,7 +9,7 @@ from enum import Enum
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.elements.folding import THRESHOLD
+from gdfe_ros.solver.elements.barrier import THRESHOLD
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed

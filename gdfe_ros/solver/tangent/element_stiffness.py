@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.compiled import kernel
+from gdfe_ros.solver.cell_type import cell_type_with
 from gdfe_ros.solver.descent.workspace import Problem
-from gdfe_ros.solver.elements.folding import add_walls
-from gdfe_ros.solver.elements.tangent_rows import element_tangents
+from gdfe_ros.solver.elements.cell_kernels import add_walls
 
 SPACING = 1e-5
 """Displacement of a difference over the cube root of an element's volume, at which truncation and rounding are alike,
@@ -18,15 +18,15 @@ SPACING = 1e-5
 
 @kernel
 def add_wall_tangents(x, watched, shape, material, table, force, energy, out):
-    """Add the tangents of the fold barriers of the ``watched`` elements (k,) to ``out`` (m, 24, 24) [N/m].
+    """Add the tangents of the fold barriers of the ``watched`` elements (k,) to ``out`` (m, 3 c, 3 c) [N/m].
 
-    They are central differences of `add_walls`. ``x`` (n, 3) is changed and restored; ``force`` (m, 8, 3) and
+    They are central differences of `add_walls`. ``x`` (n, 3) is changed and restored; ``force`` (m, c, 3) and
     ``energy`` (m,) are scratch.
     """
     for k in range(len(watched)):
         e = watched[k]
         spacing = SPACING * np.cbrt(shape.volume[e])
-        for column in range(24):
+        for column in range(3 * shape.cells.shape[1]):
             vertex, axis = shape.cells[e, column // 3], column % 3
             here = x[vertex, axis]
             for side in range(2):
@@ -34,7 +34,7 @@ def add_wall_tangents(x, watched, shape, material, table, force, energy, out):
                 x[vertex, axis] = here + step
                 force[e] = 0.0
                 add_walls(x, watched[k : k + 1], shape, material, table, force, energy)
-                for a in range(8):
+                for a in range(shape.cells.shape[1]):
                     for i in range(3):
                         out[e, column, 3 * a + i] += 0.5 * force[e, a, i] / step
             x[vertex, axis] = here
@@ -45,25 +45,28 @@ class ElementStiffness:
 
     Args:
         count: number of elements m.
+        corners: number of their corners c.
 
     Attributes:
-        values: (m, 24, 24) [N/m] the last result of `at`.
+        values: (m, 3 c, 3 c) [N/m] the last result of `at`.
     """
 
-    def __init__(self, count: int) -> None:
-        self.values, self._force, self._energy = np.zeros((count, 24, 24)), np.zeros((count, 8, 3)), np.zeros(count)
+    def __init__(self, count: int, corners: int = 8) -> None:
+        self.values = np.zeros((count, 3 * corners, 3 * corners))
+        self._force, self._energy = np.zeros((count, corners, 3)), np.zeros(count)
+        self._tangents = cell_type_with(corners).tangents
 
     def at(self, problem: Problem, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the tangents (m, 24, 24) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites."""
+        """Return the tangents (m, 3 c, 3 c) [N/m] at ``x`` (n, 3) [m], in an array that the next call overwrites."""
         shape, material, table = problem.shape, problem.material, problem.table
-        element_tangents(x, shape, problem.blocks, material, problem.pressure, problem.scale, table, self.values)
+        self._tangents(x, shape, problem.blocks, material, problem.pressure, problem.scale, table, self.values)
         scratch = self._force, self._energy
         add_wall_tangents(x, problem.watch.watched, shape, material, table, *scratch, self.values)
         return self.values
 
 
 def without_negative(stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the closest positive semi-definite tangents (m, 24, 24): negative eigenvalues are set to zero.
+    """Return the closest positive semi-definite tangents (m, 3 c, 3 c): negative eigenvalues are set to zero.
 
     A sum of such tangents is positive semi-definite too, and a stable element's tangent is unchanged (Teran et al.
     2005).

@@ -12,7 +12,7 @@ import numpy as np
 
 from gdfe_ros.compiled import kernel
 from gdfe_ros.materials.tensor import cofactor, determinant, rotation, times
-from gdfe_ros.solver.elements.measures import mean_gradient
+from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 UNIQUE = 0.05
 """Margin of the rotation's uniqueness below which an element, or a vertex, counts as not rotated; it is 8 / 27^(1/2) at
@@ -39,7 +39,7 @@ def vertex_rotations(x, before, shape, free, held, sums, out):
         change = times(c, (f[0], f[1], f[2])) + times(c, (f[3], f[4], f[5])) + times(c, (f[6], f[7], f[8]))
         r, margin, _ = rotation(change)
         if margin > UNIQUE:
-            for corner in range(8):
+            for corner in range(shape.cells.shape[1]):
                 v = shape.cells[e, corner]
                 for i in range(9):
                     sums[v, i] += r[i]

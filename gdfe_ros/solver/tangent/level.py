@@ -80,7 +80,7 @@ class TangentLevel:
         elements: ElementStiffness | None = None,
     ) -> None:
         self._body, self._unknowns, self._terms = body, body.unknowns, terms
-        self._elements = elements or ElementStiffness(len(body.cells))
+        self._elements = elements or ElementStiffness(*body.cells.shape)
         self._assembly = Assembly([body.cells, *(term.couplings() for term in terms)], body.unknowns)
         self._constant = self._assembly.spread(matrix, body.unknowns)
         even = [term.stiffness() for term in terms if term.even]
@@ -133,7 +133,7 @@ class TangentLevel:
 
     @property
     def stiffness(self) -> NDArray[np.float64]:
-        """Tangents (m, 24, 24) [N/m] of the elements by the last call of `take`, not copied."""
+        """Tangents (m, 3 c, 3 c) [N/m] of the elements by the last call of `take`, not copied."""
         return self._elements.values
 
     def load(self, tangent: Tangent) -> None:

@@ -21,8 +21,9 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
 from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
 
-EFFORT, TARGET, STIFFNESS, WEIGHTS = range(4)
-"""Offsets in the term's reals of T [N], l [m], k [N/m] and the weights of its points."""
+EFFORT, TARGET, STIFFNESS, CARRIERS, WEIGHTS = range(5)
+"""Offsets in the term's reals of T [N], l [m], k [N/m], the number c of vertices that carry each point, and the weights
+of its points."""
 
 BALANCED = 1e-9
 """Force on movable vertices, over the tension, that counts as zero."""
@@ -38,9 +39,9 @@ ROUNDING = 1e-9
 @inlined
 def point(x, reals, integers, i):
     """Return the position of a cable point [m]."""
-    p0, p1, p2 = 0.0, 0.0, 0.0
-    for a in range(8):
-        v, w = integers[8 * i + a], reals[WEIGHTS + 8 * i + a]
+    p0, p1, p2, count = 0.0, 0.0, 0.0, int(reals[CARRIERS])
+    for a in range(count):
+        v, w = integers[count * i + a], reals[WEIGHTS + count * i + a]
         p0 += w * x[v, 0]
         p1 += w * x[v, 1]
         p2 += w * x[v, 2]
@@ -51,7 +52,7 @@ def point(x, reals, integers, i):
 def cable_length(x, reals, integers):
     """Return the length [m] of a cable at positions ``x`` (n, 3) [m]."""
     total = 0.0
-    for i in range(len(integers) // 8 - 1):
+    for i in range(len(integers) // int(reals[CARRIERS]) - 1):
         a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
         total += np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
     return total
@@ -66,14 +67,15 @@ def cable_tension(length, reals):
 @kernel
 def pull(x, reals, integers, tension, force):
     """Add tension times dL/dx to ``force`` (n, 3)."""
-    for i in range(len(integers) // 8 - 1):
+    count = int(reals[CARRIERS])
+    for i in range(len(integers) // count - 1):
         a, b = point(x, reals, integers, i), point(x, reals, integers, i + 1)
         d0, d1, d2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
         scale = tension / length if length > 0.0 else 0.0
-        for corner in range(8):
-            near, far = integers[8 * i + corner], integers[8 * (i + 1) + corner]
-            w, u = scale * reals[WEIGHTS + 8 * i + corner], scale * reals[WEIGHTS + 8 * (i + 1) + corner]
+        for corner in range(count):
+            near, far = integers[count * i + corner], integers[count * (i + 1) + corner]
+            w, u = scale * reals[WEIGHTS + count * i + corner], scale * reals[WEIGHTS + count * (i + 1) + corner]
             force[near, 0] -= w * d0
             force[near, 1] -= w * d1
             force[near, 2] -= w * d2
@@ -119,7 +121,9 @@ class CableTerm(Term):
 
     def __init__(self, cable: Cable, body: Body) -> None:
         self.actuator, self._elastic = cable, math.isfinite(cable.stiffness)
+        self._carriers = cable.points.corners.shape[1]
         numbers = np.concatenate([np.zeros(WEIGHTS), cable.points.weights.ravel()])
+        numbers[CARRIERS] = self._carriers
         super().__init__(cable.name, numbers, cable.points.corners.ravel().astype(np.int32))
         self._rest_length = float(cable_length(body.rest, self.reals, self.integers))
         self.neutral_command = self._rest_length if cable.mode is Mode.LENGTH else 0.0
@@ -150,19 +154,23 @@ class CableTerm(Term):
 
     def _pull(self, points: slice) -> NDArray[np.float64]:
         """Return dl/dx (n, 3) at rest of the segments between ``points``."""
-        weights, corners = self.reals[WEIGHTS:].reshape(-1, 8)[points], self.integers.reshape(-1, 8)[points]
+        weights, corners = (values[points] for values in self._points())
         force, reals = np.zeros_like(self._body.rest), np.concatenate([self.reals[:WEIGHTS], weights.ravel()])
         pull(self._body.rest, reals, corners.ravel(), 1.0, force)
         return force
 
+    def _points(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Return weights and vertices (p, c) of the points."""
+        return self.reals[WEIGHTS:].reshape(-1, self._carriers), self.integers.reshape(-1, self._carriers)
+
     def couplings(self) -> NDArray[np.int32]:
-        """Return the corners around the two ends of each segment (k, 16)."""
-        corners = self.integers.reshape(-1, 8)
+        """Return the vertices that carry the two ends of each segment (k, 2 c)."""
+        _, corners = self._points()
         return np.concatenate([corners[:-1], corners[1:]], axis=1)
 
     def tangents(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return t / l (I - d d^T) of each segment of length l and direction d: a taut cable resists bending."""
-        weights, corners = self.reals[WEIGHTS:].reshape(-1, 8), self.integers.reshape(-1, 8)
+        weights, corners = self._points()
         points = np.einsum("ia,iak->ik", weights, positions[corners])
         stretch = np.diff(points, axis=0)
         length = np.linalg.norm(stretch, axis=1)
@@ -171,7 +179,7 @@ class CableTerm(Term):
         bent = np.eye(3) - along[:, :, None] * along[:, None, :]
         bent *= (tension / np.where(length > 0.0, length, np.inf))[:, None, None]
         signed = np.concatenate([-weights[:-1], weights[1:]], axis=1)
-        return np.einsum("ka,kij,kb->kaibj", signed, bent, signed).reshape(len(bent), 48, 48)
+        return np.einsum("ka,kij,kb->kaibj", signed, bent, signed).reshape(len(bent), 6 * self._carriers, -1)
 
     def neutral(self) -> Saved:
         """Return the stored state without tension."""

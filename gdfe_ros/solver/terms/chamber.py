@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.actuator import ActuatorState, Chamber
 from gdfe_ros.compiled import inlined, kernel
-from gdfe_ros.materials.tensor import cross
+from gdfe_ros.materials.tensor import cross, dot
+from gdfe_ros.mesh.tetrahedra import face_slopes, face_weights, triangle_rule
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
@@ -29,6 +30,10 @@ LARGEST_INFLATION = 8.0
 unstable."""
 RUNNING_AWAY = 0.25
 """Share of that limit at which a failed solve counts as running away."""
+_PLACES, FACE_SHARES = triangle_rule(3)
+FACE_SHAPES, FACE_SLOPES = face_weights(_PLACES), face_slopes(_PLACES)
+"""Shape functions (9, 6) and their slopes (9, 6, 2) at the integration points of a six-node face; the points of weights
+`FACE_SHARES` integrate the volume, of degree 4, exactly."""
 
 
 @inlined
@@ -95,6 +100,63 @@ def chamber_energy(x, reals, integers, force, size):
 
 
 @kernel
+def face_volume(x, integers):
+    """Return the volume [m^3] enclosed by six-node faces: 1/6 int x . (dx/dxi x dx/deta), exact."""
+    total, o = 0.0, integers[0]
+    for q in range(len(integers) // 6):
+        for p in range(len(FACE_SHARES)):
+            at, first, second = face_point(x, integers, o, q, p)
+            total += FACE_SHARES[p] * dot(at, cross(first, second))
+    return total / 6.0
+
+
+@inlined
+def face_point(x, integers, o, q, p):
+    """Return place, dx/dxi and dx/deta [m] at an integration point of a six-node face, from vertex ``o`` on."""
+    p0, p1, p2, a0, a1, a2, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(6):
+        v, n = integers[6 * q + a], FACE_SHAPES[p, a]
+        g, h = FACE_SLOPES[p, a, 0], FACE_SLOPES[p, a, 1]
+        d0, d1, d2 = x[v, 0] - x[o, 0], x[v, 1] - x[o, 1], x[v, 2] - x[o, 2]
+        p0, p1, p2 = p0 + n * d0, p1 + n * d1, p2 + n * d2
+        a0, a1, a2 = a0 + g * d0, a1 + g * d1, a2 + g * d2
+        b0, b1, b2 = b0 + h * d0, b1 + h * d1, b2 + h * d2
+    return (p0, p1, p2), (a0, a1, a2), (b0, b1, b2)
+
+
+@kernel
+def push_faces(x, integers, pressure, force):
+    """Subtract pressure times the derivative dV/dx of `face_volume` from ``force`` (n, 3).
+
+    On a closed surface it is the integral of the shape functions times the normal.
+    """
+    o = integers[0]
+    for q in range(len(integers) // 6):
+        for p in range(len(FACE_SHARES)):
+            at, first, second = face_point(x, integers, o, q, p)
+            across, over, under = cross(first, second), cross(second, at), cross(at, first)
+            scale = pressure * FACE_SHARES[p] / 6.0
+            for a in range(6):
+                n, g, h = FACE_SHAPES[p, a], FACE_SLOPES[p, a, 0], FACE_SLOPES[p, a, 1]
+                for i in range(3):
+                    force[integers[6 * q + a], i] -= scale * (n * across[i] + g * over[i] + h * under[i])
+
+
+@kernel
+def face_chamber_energy(x, reals, integers, force, size):
+    """Return the energy [J] of a chamber of six-node faces as `chamber_energy` does, and add its gradient."""
+    volume = face_volume(x, integers)
+    change, stiffness = volume - reals[TARGET], reals[STIFFNESS]
+    if not abs(volume) <= reals[LIMIT]:
+        return np.inf
+    pressure = chamber_pressure(volume, reals)
+    size[0] += abs(pressure * volume)
+    if pressure != 0.0:
+        push_faces(x, integers, pressure, force)
+    return change * (0.5 * stiffness * change - reals[EFFORT])
+
+
+@kernel
 def carried_energy(x, reals, integers, force, size):
     """Return the energy [J] of a chamber whose points are each carried by eight vertices, and add its gradient.
 
@@ -123,6 +185,11 @@ def _carried_entry(x, n, reals, k, integers, i, force, size):
 
 
 @term_kernel
+def _face_entry(x, n, reals, k, integers, i, force, size):
+    return face_chamber_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
+
+
+@term_kernel
 def _entry(x, n, reals, k, integers, i, force, size):
     return chamber_energy(*as_arrays(x, n, reals, k, integers, i, force, size))
 
@@ -145,7 +212,9 @@ class ChamberTerm(Term):
     def __init__(self, chamber: Chamber, body: Body) -> None:
         self.actuator, self._body = chamber, body
         reals, integers = np.array([0.0, 0.0, 0.0, math.inf]), chamber.quads.ravel().astype(np.int32)
-        self._quads = integers
+        self._quads, self._six = integers, chamber.quads.shape[1] == 6
+        if self._six:
+            self.kernel = _face_entry
         if (points := chamber.points) is not None:
             self.kernel = _carried_entry
             reals = np.concatenate([reals, points.weights.ravel()])
@@ -161,14 +230,15 @@ class ChamberTerm(Term):
         if self.updates:
             places, points = self.actuator.at(self._body.rest), self.actuator.points
             force = np.zeros_like(places)
-            push(places, self._quads, 1.0, force)
+            (push_faces if self._six else push)(places, self._quads, 1.0, force)
             if points is not None:
                 pulls, force = points.weights[..., None] * force[:, None], np.zeros_like(self._body.rest)
                 np.add.at(force, points.corners, pulls)
             self.reals[STIFFNESS] = fitted_penalty(matrix, force, self.name)
 
     def _volume(self, positions: NDArray[np.float64]) -> float:
-        return float(chamber_volume(self.actuator.at(positions), self._quads))
+        volume = face_volume if self._six else chamber_volume
+        return float(volume(self.actuator.at(positions), self._quads))
 
     def neutral(self) -> Saved:
         """Return the stored state without pressure."""

@@ -12,8 +12,8 @@ from gdfe_ros.compiled import kernel
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.elements.folding import LINE, THRESHOLD, add_walls, wall
-from gdfe_ros.solver.elements.measures import least_corner
+from gdfe_ros.solver.elements.barrier import LINE, THRESHOLD, wall
+from gdfe_ros.solver.elements.cell_kernels import add_walls, least_corner
 from gdfe_ros.solver.elements.watch import NEARLY_FOLDED, Watch, look
 
 

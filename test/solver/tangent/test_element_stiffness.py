@@ -8,7 +8,7 @@ import pytest
 
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.solver.elements.folding import NONE
+from gdfe_ros.solver.elements.barrier import NONE
 from gdfe_ros.solver.elements.response import evaluate
 from gdfe_ros.solver.elements.tangent_rows import element_tangents
 from gdfe_ros.solver.tangent.element_stiffness import add_wall_tangents

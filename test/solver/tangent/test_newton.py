@@ -65,7 +65,7 @@ class Strip:
     def solved(self, right: NDArray[np.float64], target: float) -> tuple[StepKind, newton.Krylov]:
         """Solve with the present tangent for a right-hand side."""
         work = self.task.active.workspace
-        krylov, beside = newton.allocate_krylov(len(work.u) // 3), allocate(len(work.u) // 3, work.x, 40, memory=0)
+        krylov, beside = newton.allocate_krylov(len(work.u) // 3), allocate(len(work.u) // 3, work.x, (40, 8), memory=0)
         krylov.course[0].least = 1.0
         krylov.residual[...] = right
         self.level.solve(right, krylov.z)

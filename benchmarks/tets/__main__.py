@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Prints the sag of a clamped bar of tetrahedra, and the time of an element: ``python -m benchmarks.tets``.
+
+With ``--peers`` Drake's sag stands beside, where pydrake is installed (linear tetrahedra, settled dynamics).
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+
+from benchmarks.markdown import markdown_table
+from benchmarks.tets.bar import sag
+from benchmarks.tets.peers import drake_sag
+from gdfe_ros.materials import NeoHookean
+from gdfe_ros.mesh import Mesh, bar
+from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.solver.body import Body
+from gdfe_ros.solver.elements.barrier import NONE
+from gdfe_ros.solver.elements.response import evaluate
+
+CELLS = ([5, 1, 1], [10, 2, 2], [20, 4, 4])
+CONVERGED = {0.45: 18.0, 0.4999: 17.8}
+REPEATS = 20
+
+
+def sags(*, peers: bool) -> str:
+    """Return the table of sags [mm], errors and times [ms] on meshes of both types."""
+    rows = []
+    for cells in CELLS:
+        grid = bar([0.1, 0.02, 0.02], cells)
+        for noun, mesh in (("tetrahedra", divided(grid)), ("hexahedra", grid)):
+            row = ["x".join(map(str, cells)) + (" x 6" if noun == "tetrahedra" else ""), noun, mesh.n_vertices]
+            for poisson, exact in CONVERGED.items():
+                law = NeoHookean(young=2e5, poisson=poisson)
+                sag(mesh, law)  # compiles
+                found = sag(mesh, law)
+                row += [f"{1e3 * found.metres:.2f}", f"{1e5 * found.metres / exact - 100.0:+.1f}"]
+                row += [found.iterations, f"{1e3 * (found.setup + found.solve):.0f}"]
+            rows.append([str(value) for value in row])
+        if peers and (told := drake_sag(grid)) is not None:
+            rows.append(["x".join(map(str, cells)) + " x 6", "Drake, linear tetrahedra", str(grid.n_vertices), *told])
+    names = [
+        f"{name}, nu = {nu:g}" for nu in CONVERGED for name in ("sag [mm]", "error [%]", "iterations", "time [ms]")
+    ]
+    return markdown_table(["cells", "kind", "nodes", *names], rows)
+
+
+def element_time(mesh: Mesh) -> float:
+    """Return the least time [ns] of an element's forces in one thread, of the neo-Hookean law."""
+    count = mesh.n_cells
+    law = NeoHookean(young=2e5, poisson=0.45)
+    body = Body.build(mesh.vertices, mesh.cells, [law], np.zeros(count, np.int32), [])
+    out = np.zeros((*mesh.cells.shape, 3)), np.zeros(count)
+    given = 1.1 * mesh.vertices, body.shape, body.blocks, body.material, np.zeros(count), np.ones(count), body.table
+    evaluate(*given, NONE, *out, None)
+    times = []
+    for _ in range(REPEATS):
+        began = time.perf_counter()
+        evaluate(*given, NONE, *out, None)
+        times.append(time.perf_counter() - began)
+    return 1e9 * min(times) / count
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--peers", action="store_true", help="run Drake beside, if pydrake is installed")
+    arguments = parser.parse_args()
+    print(sags(peers=arguments.peers))
+    grid = bar([0.2, 0.1, 0.1], [20, 10, 10])
+    hexahedron, tetrahedron = element_time(grid), element_time(divided(grid))
+    print(
+        f"time of an element: hexahedron {hexahedron:.0f} ns, tetrahedron {tetrahedron:.0f} ns, "
+        f"ratio {tetrahedron / hexahedron:.2f}"
+    )
+
+
+if __name__ == "__main__":
+    main()

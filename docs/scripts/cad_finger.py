@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A PneuNet finger from a parametric drawing: ``python -m docs.scripts.cad_finger`` draws, meshes and inflates it.
+
+The drawing is made by gmsh's CAD kernel, in millimetres, and written as STEP. `gdfe new` makes the scene, and
+`gdfe solve` the picture of docs/cad.md.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from gdfe_ros.cli import main as gdfe
+
+ROOT = Path(__file__).resolve().parents[2]
+PICTURE = ROOT / "docs/images/cad_finger.png"
+PRESSURE, SIZE = 12e3, 0.005
+
+
+@dataclass(frozen=True)
+class Finger:
+    """Dimensions [mm]: chambers in a row, with gaps between them above a common base with a channel.
+
+    Attributes:
+        chambers: their number.
+        pitch: distance from one chamber to the next.
+        gap: width of the gaps between them.
+        width, height: of the finger.
+        wall: thickness of the chambers' walls.
+        base: thickness of the base under the channel, which does not stretch as the chambers do.
+        channel: height and width of the channel that connects the chambers.
+    """
+
+    chambers: int = 6
+    pitch: float = 12.0
+    gap: float = 3.0
+    width: float = 18.0
+    height: float = 18.0
+    wall: float = 2.0
+    base: float = 4.0
+    channel: float = 4.0
+
+
+def draw(finger: Finger, path: Path) -> None:
+    """Write the finger as STEP; to be called in a process of its own, as gmsh's licence asks."""
+    import gmsh
+
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    box, length = gmsh.model.occ.addBox, finger.chambers * finger.pitch + finger.gap
+    low, top = -finger.width / 2, finger.base + finger.channel
+    body = box(0, low, 0, length, finger.width, finger.height)
+    gaps = [
+        (3, box(i * finger.pitch, low, top + finger.wall, finger.gap, finger.width, finger.height))
+        for i in range(finger.chambers + 1)
+    ]
+    first = finger.gap + finger.wall
+    holes = [(3, box(first, -finger.channel / 2, finger.base, length - 2 * first, finger.channel, finger.channel))]
+    for i in range(finger.chambers):
+        inside = finger.pitch - finger.gap - 2 * finger.wall
+        start, tall = finger.gap + finger.wall + i * finger.pitch, finger.height - finger.base - finger.wall
+        holes.append((3, box(start, low + finger.wall, finger.base, inside, finger.width - 2 * finger.wall, tall)))
+    gmsh.model.occ.cut([(3, body)], gaps + holes)
+    gmsh.model.occ.synchronize()
+    gmsh.write(str(path))
+    gmsh.finalize()
+
+
+def main() -> None:
+    """Draw, make the scene, solve it and write the picture."""
+    with tempfile.TemporaryDirectory() as folder:
+        step, scene = Path(folder) / "finger.step", Path(folder) / "finger.yaml"
+        code = f"from docs.scripts.cad_finger import *; draw(Finger(), Path({str(step)!r}))"
+        subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        given = ["new", str(scene), "--from", str(step), "--size", str(SIZE), "--material", "dragon_skin_30"]
+        rise = f"program.actuators.air_0=[{{time: 0, value: 0}}, {{time: 1, value: {PRESSURE}}}]"
+        solved = ["solve", str(scene), "--set", rise, "--steps", "6", "--picture", str(PICTURE)]
+        if gdfe(given) or gdfe(solved):
+            raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()

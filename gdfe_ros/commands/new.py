@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe new``: write a scene to start from for a CAD or mesh file."""
+
+from __future__ import annotations
+
+import argparse
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.cavities import find_cavities
+from gdfe_ros.mesh.importer import read_mesh
+from gdfe_ros.mesh.mesh import Mesh
+from gdfe_ros.mesh.shells import shells
+from gdfe_ros.mesh.tetrahedralise import STEP_SUFFIXES, from_step, from_surface
+from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
+from gdfe_ros.scene.document import write_document
+
+PARTS = 15.0
+"""Default size of the tetrahedra: this part of the longest side of the bounding box."""
+PRESSURE = 5e3
+"""Pressure [Pa] at the end of the program that is written for chambers."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scene", type=Path, help="the YAML file to write")
+    parser.add_argument(
+        "--from", type=Path, required=True, dest="source", metavar="FILE", help=".stl, .obj, .ply, .step, .msh, ..."
+    )
+    parser.add_argument("--cavity", type=Path, action="append", default=[], help="closed surface of a chamber inside")
+    parser.add_argument(
+        "--size", type=float, help="largest edge of the tetrahedra [m]; default: a fifteenth of the body"
+    )
+    parser.add_argument("--scale", type=float, help="metres per unit of the files, e.g. 0.001; STEP states its own")
+    parser.add_argument(
+        "--material", default="dragon_skin_10", help="a preset, e.g. ecoflex_0030 (default: %(default)s)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the scene; return 0.
+
+    Raises:
+        MeshError: a file cannot be used, with every reason; or the scene exists already.
+    """
+    if arguments.scene.exists():
+        raise MeshError(f"scene {arguments.scene}", ["there is such a file already; remedy: another name"])
+    entry, mesh = _body(arguments)
+    scene = _scene(arguments.scene.stem, arguments.material, entry, mesh)
+    arguments.scene.write_text(write_document(scene))
+    print(f"{arguments.scene}: {mesh.n_cells} {mesh.noun}, chambers: {len(scene.get('actuators', {}))}")
+    print(f"next: gdfe solve {arguments.scene} --picture {arguments.scene.with_suffix('.png')}")
+    return 0
+
+
+def _body(arguments: argparse.Namespace) -> tuple[dict, Mesh]:
+    """Return the entry `mesh` and the mesh itself."""
+    source, folder = arguments.source, arguments.scene.resolve().parent
+    scale = {} if arguments.scale is None else {"scale": arguments.scale}
+    if source.suffix.lower() in STEP_SUFFIXES:
+        size = arguments.size or _step_size(source)
+        return {"tets": {"step": _relative(source, folder), "size": size}}, from_step(source, size=size)
+    if source.suffix.lower() not in SUFFIXES:
+        return {"file": _relative(source, folder), **scale}, read_mesh(source, scale=arguments.scale)
+    if arguments.cavity:
+        source = _joined(arguments)
+        scale = {}
+    vertices, _, defects = examine_surface(source, scale=scale.get("scale"), closed=False)
+    if defects:
+        raise MeshError(f"surface {source}", defects)
+    size = arguments.size or float(f"{np.ptp(vertices, axis=0).max() / PARTS:.2g}")
+    entry = {"surface": _relative(source, folder), "size": size, **scale}
+    return {"tets": entry}, from_surface(source, size=size, scale=scale.get("scale"))
+
+
+def _joined(arguments: argparse.Namespace) -> Path:
+    """Write the body and its cavities as one surface in metres beside the scene; return its path."""
+    trimesh = import_module("trimesh")
+    parts, defects = [], []
+    for path in (arguments.source, *arguments.cavity):
+        vertices, triangles, found = examine_surface(path, scale=arguments.scale)
+        parts.append(trimesh.Trimesh(vertices, triangles, process=False))
+        defects += [f"{path}: {text}" for text in found]
+    whole = trimesh.util.concatenate(parts)
+    if not defects:
+        inside = shells(np.asarray(whole.vertices), np.asarray(whole.faces)).n_cavities
+        if inside < len(arguments.cavity):
+            text = f"{inside} of {len(arguments.cavity)} cavities lie inside of the body"
+            defects.append(f"{text}; remedy: export all surfaces in the same frame and unit")
+    if defects:
+        raise MeshError(f"surface {arguments.source}", defects)
+    path = arguments.scene.with_name(f"{arguments.scene.stem}_body.stl")
+    whole.export(path)
+    return path
+
+
+def _step_size(path: Path) -> float:
+    """Return the default size for a STEP file [m]."""
+    from gdfe_ros.mesh.tetrahedralise import step_bounds
+
+    return float(f"{np.ptp(step_bounds(path), axis=0).max() / PARTS:.2g}")
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """Return a path as the scene file names it: from its folder if it lies there, else in full."""
+    path = path.resolve()
+    return str(path.relative_to(folder)) if path.is_relative_to(folder) else str(path)
+
+
+def _scene(name: str, material: str, mesh_entry: dict, mesh: Mesh) -> dict:
+    """Return a scene that holds the body at its lower end, with a chamber for each cavity."""
+    axis = int(np.argmax(np.ptp(mesh.vertices, axis=0)))
+    chambers = {
+        f"air_{i}": {"chamber": {"cavity": i, "command": "pressure", "range": [0.0, 4.0 * PRESSURE]}}
+        for i in range(len(find_cavities(mesh)))
+    }
+    scene = {
+        "name": name,
+        "mesh": mesh_entry,
+        "materials": {"body": {"preset": material}},
+        "regions": [{"material": "body"}],
+        "handles": {"base": {"where": {"face": f"{'xyz'[axis]}-"}, "fixed": True}},
+    }
+    if not chambers:
+        return scene
+    rise = [{"time": 0.0, "value": 0.0}, {"time": 1.0, "value": PRESSURE}]
+    program = {"duration": 1.0, "actuators": dict.fromkeys(chambers, rise)}
+    return {**scene, "actuators": chambers, "program": program}

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Meshers in a process of their own: ``python mesher_process.py KIND REQUEST.npz RESULT.npz``.
+
+gmsh's licence (GPL) asks for a separate process, and a mesher that crashes or hangs does not take the simulator with
+it. This file imports nothing of the package. Arrays of the result: ``vertices`` (n, 3) [m], ``cells`` (m, 4) or
+(m, 10) in VTK's order, ``cell:NAME`` and ``vertex:NAME`` for sets; or ``defect``, a text.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+MOST_CELLS = 2_000_000
+"""Limit of the expected number of tetrahedra; more need tens of gigabytes."""
+FINEST = 0.2
+"""Least edge at curved surfaces, over the size asked for."""
+AROUND = 12
+"""Edges around a full circle of a curved surface. Quadratic edges follow it to 1e-4 of its radius."""
+_GMSH_TET10, _VTK_ORDER = 11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
+
+
+def expected_cells(volume: float, size: float) -> float:
+    """Return the expected number of tetrahedra with edges ``size`` [m] in a ``volume`` [m^3]: regular ones."""
+    return volume / (2.0**0.5 / 12.0 * size**3)
+
+
+def too_many(volume: float, size: float) -> str:
+    """Return a defect if a mesh would have too many cells; empty if not."""
+    count = expected_cells(volume, size)
+    if count <= MOST_CELLS:
+        return ""
+    fitting = size * (count / MOST_CELLS) ** (1.0 / 3.0)
+    text = f"size = {size:g} m gives about {count:.2g} tetrahedra; allowed: up to {MOST_CELLS:g}"
+    return f"{text}; remedy: a size of at least {fitting:.2g} m"
+
+
+def facts(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return numbers of solids and surfaces, volume [m^3] and bounds [m] of a STEP file."""
+    import gmsh
+
+    solids = _imported(gmsh, request)
+    return {
+        "solids": np.array(len(solids)),
+        "surfaces": np.array(len(gmsh.model.getEntities(2))),
+        "volume": np.array(sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids)),
+        "bounds": np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3),
+    }
+
+
+def _imported(gmsh, request: dict[str, np.ndarray]) -> list[tuple[int, int]]:
+    """Read a STEP file in metres; return its solids."""
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
+    gmsh.model.occ.importShapes(str(request["path"]))
+    gmsh.model.occ.synchronize()
+    return gmsh.model.getEntities(3)
+
+
+def from_step(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return quadratic tetrahedra of a STEP file's solids, with curved edges on curved surfaces."""
+    import gmsh
+
+    size = float(request["size"])
+    solids = _imported(gmsh, request)
+    if not solids:
+        return {"defect": np.array("there is no solid in it; remedy: export the body as a solid, not as surfaces")}
+    low, high = np.split(np.array(gmsh.model.getBoundingBox(-1, -1)), 2)
+    diagonal = float(np.linalg.norm(high - low))
+    volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in solids)
+    if defect := too_many(volume, size):
+        return {"defect": np.array(defect)}
+    if size > diagonal:
+        text = f"size = {size:g} m, but the body's diagonal is {diagonal:.3g} m; remedy: a smaller size"
+        return {"defect": np.array(text)}
+    for name, value in {
+        "MeshSizeMax": size,
+        "MeshSizeMin": FINEST * size,
+        "MeshSizeFromCurvature": AROUND,
+        "ElementOrder": 2,
+        "HighOrderOptimize": 1,
+    }.items():
+        gmsh.option.setNumber(f"Mesh.{name}", value)
+    if len(solids) > 1:
+        gmsh.model.occ.fragment(solids[:1], solids[1:])
+        gmsh.model.occ.synchronize()
+    gmsh.model.mesh.generate(3)
+    return {**_gmsh_cells(gmsh), "diagonal": np.array(diagonal)}
+
+
+def _gmsh_cells(gmsh) -> dict[str, np.ndarray]:
+    """Return the mesh of gmsh's model, with a cell set for each solid and a vertex set for each surface."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    found, cells, start = {"vertices": coordinates.reshape(-1, 3)}, [], 0
+    for _, entity in gmsh.model.getEntities(3):
+        kinds, _, nodes = gmsh.model.mesh.getElements(3, entity)
+        own = [part.reshape(-1, 10) for kind, part in zip(kinds, nodes, strict=True) if kind == _GMSH_TET10]
+        own = number[np.concatenate(own)][:, _VTK_ORDER]
+        found[f"cell:{_name(gmsh, 3, entity, 'solid')}"] = np.arange(start, start + len(own))
+        cells.append(own)
+        start += len(own)
+    for _, entity in gmsh.model.getEntities(2):
+        nodes, _, _ = gmsh.model.mesh.getNodes(2, entity, includeBoundary=True)
+        found[f"vertex:{_name(gmsh, 2, entity, 'surface')}"] = np.unique(number[nodes.astype(np.int64)])
+    return {**found, "cells": np.concatenate(cells)}
+
+
+def _name(gmsh, dimension: int, entity: int, noun: str) -> str:
+    """Return the name of an entity in the file, its last part; or its noun and number."""
+    given = gmsh.model.getEntityName(dimension, entity).rpartition("/")[2].strip()
+    return given if given and dimension == 2 else f"{noun}_{entity}"
+
+
+def from_surface(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return linear tetrahedra inside any triangles, whether or not these are closed or intersect (fTetWild)."""
+    import pytetwild
+
+    vertices, cells = pytetwild.tetrahedralize(
+        np.ascontiguousarray(request["vertices"]),
+        request["triangles"].astype(np.int32),
+        edge_length_abs=float(request["size"]),
+        epsilon=float(request["epsilon"]),
+        num_threads=1,
+        quiet=True,
+    )
+    corners = vertices[cells]
+    volume = np.linalg.det(corners[:, 1:] - corners[:, :1])
+    cells[volume < 0.0] = cells[volume < 0.0][:, [0, 2, 1, 3]]
+    return {"vertices": vertices, "cells": cells}
+
+
+def main(kind: str, request: str, result: str) -> None:
+    """Read the request, run the mesher, write the result."""
+    with np.load(request, allow_pickle=False) as archive:
+        given = dict(archive)
+    try:
+        found = {"step": from_step, "surface": from_surface, "facts": facts}[kind](given)
+    except ImportError as error:
+        found = {"missing": np.array(str(error.name))}
+    except Exception as error:  # gmsh raises plain exceptions with its own text
+        found = {"defect": np.array(f"the mesher says: {error}")}
+    np.savez(result, **found)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Six-node faces of quadratic tetrahedra."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.mesh.faces import Faces
+from gdfe_ros.mesh.tetrahedra import FACES, FACETS, face_slopes, face_weights, triangle_rule
+
+
+def tet_boundary(cells: NDArray[np.int32]) -> Faces:
+    """Return the faces (q, 6) of cells (m, 10) that belong to exactly one of them, in the order of the cells."""
+    faces = cells[:, FACES].reshape(-1, 6)
+    owners = np.repeat(np.arange(len(cells), dtype=np.int32), 4)
+    if len(faces) == 0:
+        return Faces(faces, owners, np.zeros(0, np.int32))
+    _, group, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_inverse=True, return_counts=True)
+    sharing = count[group.reshape(-1)]
+    single = sharing == 1
+    return Faces(np.ascontiguousarray(faces[single]), owners[single], np.unique(owners[sharing > 2]))
+
+
+def facets(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the four triangles between the nodes of each six-node face (q, 6), as (4 q, 3)."""
+    return faces[:, FACETS].reshape(-1, 3)
+
+
+def flat_quads(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return faces as quads: (q, 4) as they are, (q, 6) as four triangles each, which repeat their last corner."""
+    return faces if faces.shape[1] == 4 else facets(faces)[:, [0, 1, 2, 2]]
+
+
+def node_areas(points: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return int N_a dA of the nodes of six-node faces at ``points`` (n, 3) [m], as (q, 6) [m^2].
+
+    On a flat face the corners have none, and each node on an edge has a third.
+    """
+    nodes, areas = points[faces], np.zeros(faces.shape)
+    for place, weight in zip(*triangle_rule(4), strict=True):
+        along = np.einsum("qai,ak->qki", nodes, face_slopes(place))
+        size = 0.5 * np.linalg.norm(np.cross(along[:, 0], along[:, 1]), axis=1)
+        areas += weight * size[:, None] * face_weights(place)
+    return areas
+
+
+def six_node_volume(points: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
+    """Return the volume [m^3] inside a closed surface of six-node faces (q, 6), positive for outward normals."""
+    if len(faces) == 0:
+        return 0.0
+    nodes, total = points[faces] - points[faces[0, 0]], 0.0
+    for place, weight in zip(*triangle_rule(3), strict=True):
+        at = np.einsum("qai,a->qi", nodes, face_weights(place))
+        along = np.einsum("qai,ak->qki", nodes, face_slopes(place))
+        total += weight * np.einsum("qi,qi->", at, np.cross(along[:, 0], along[:, 1])) / 6.0
+    return float(total)

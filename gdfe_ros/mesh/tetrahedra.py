@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quadratic tetrahedra: node order, shape functions, integration points, inverse of the map.
+
+A cell has four corners and a node on each of its six edges, in VTK's order. With the barycentric coordinates L_0 .. L_3
+of a point, the shape functions are N_i = L_i (2 L_i - 1) for the corners and N_ij = 4 L_i L_j for the edges.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]], dtype=np.int32)
+"""Corners of the edge on which each of the nodes 4 .. 9 lies."""
+FACES = np.array([[1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6], [0, 1, 3, 4, 8, 7], [0, 2, 1, 6, 5, 4]], dtype=np.int32)
+"""Nodes of the faces, counter-clockwise seen from outside: three corners, then the nodes on the edges 01, 12, 20."""
+FACETS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]], dtype=np.int32)
+"""The four triangles between the six nodes of a face."""
+SIX = np.array([[0, 1, 2], [1, 2, 0]], dtype=np.int32)
+"""Corners of a face between which each of its nodes 3 .. 5 lies."""
+
+_NEAR, _FAR = (5.0 + 3.0 * 5.0**0.5) / 20.0, (5.0 - 5.0**0.5) / 20.0
+POINTS = np.full((4, 4), _FAR) + (_NEAR - _FAR) * np.eye(4)
+"""Barycentric coordinates (4, 4) of the element's integration points, each with a quarter of the volume; exact for
+quadratic polynomials."""
+CORNER_SLOPES = np.array([[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+"""dL_i/dxi_k (4, 3) with xi = (L_1, L_2, L_3)."""
+NEWTON_STEPS = 25
+SETTLED = 1e-10
+"""Last change of a point's barycentric coordinates."""
+
+
+def quadratic_weights(place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the shape functions (..., 10) at barycentric coordinates (..., 4)."""
+    corners = place * (2.0 * place - 1.0)
+    return np.concatenate([corners, 4.0 * place[..., EDGES[:, 0]] * place[..., EDGES[:, 1]]], axis=-1)
+
+
+def quadratic_slopes(place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return dN_a/dxi_k (..., 10, 3) at barycentric coordinates (..., 4)."""
+    corners = (4.0 * place - 1.0)[..., None] * CORNER_SLOPES
+    first, second = place[..., EDGES[:, 0], None], place[..., EDGES[:, 1], None]
+    edges = 4.0 * (first * CORNER_SLOPES[EDGES[:, 1]] + second * CORNER_SLOPES[EDGES[:, 0]])
+    return np.concatenate([corners, edges], axis=-2)
+
+
+def barycentric(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the coordinates (k, 4) of points (k, 3) or (3,) in cells with nodes (k, 10, 3), by Newton's method.
+
+    In a cell with straight edges the first step is exact. The sum of the coordinates is one. They lie within -3 .. 4.
+    """
+    place = np.full((len(corners), 4), 0.25)
+    points = np.broadcast_to(points, (len(corners), 3))
+    sought = np.arange(len(corners))
+    for _ in range(NEWTON_STEPS):
+        last, nodes = place[sought], corners[sought]
+        gap = points[sought] - np.einsum("ka,kai->ki", quadratic_weights(last), nodes)
+        jacobian = np.einsum("kai,kaj->kij", nodes, quadratic_slopes(last))
+        step = np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
+        moved = np.clip(last[:, 1:] + step, -3.0, 4.0)
+        place[sought] = np.concatenate([1.0 - moved.sum(axis=1, keepdims=True), moved], axis=1)
+        sought = sought[np.abs(step).max(axis=1) > SETTLED]
+        if len(sought) == 0:
+            break
+    return place
+
+
+def simplex_rule(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return barycentric points (q, 4) and weights (q,), which sum to one, exact for polynomials of degree 2 order - 1.
+
+    They are Gauss-Jacobi points on a collapsed cube (Stroud 1971): more than the least number, all inside, all
+    weights positive.
+    """
+    from scipy.special import roots_jacobi
+
+    def line(power: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        points, weights = roots_jacobi(order, power, 0.0)
+        return 0.5 * (1.0 + points), weights / weights.sum()
+
+    (u, wu), (v, wv), (w, ww) = line(2), line(1), line(0)
+    first, second, third = (grid.ravel() for grid in np.meshgrid(u, v, w, indexing="ij"))
+    weights = (wu[:, None, None] * wv[None, :, None] * ww[None, None, :]).ravel()
+    place = np.stack([first, second * (1.0 - first), third * (1.0 - first) * (1.0 - second)], axis=1)
+    return np.concatenate([1.0 - place.sum(axis=1, keepdims=True), place], axis=1), weights
+
+
+def triangle_rule(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return barycentric points (q, 3) and weights (q,) of a triangle, as `simplex_rule` does for tetrahedra."""
+    from scipy.special import roots_jacobi
+
+    (u, wu), (v, wv) = ((0.5 * (1.0 + p), w / w.sum()) for p, w in (roots_jacobi(order, n, 0.0) for n in (1, 0)))
+    first, second = (grid.ravel() for grid in np.meshgrid(u, v, indexing="ij"))
+    second = second * (1.0 - first)
+    return np.stack([1.0 - first - second, first, second], axis=1), (wu[:, None] * wv[None, :]).ravel()
+
+
+def face_weights(place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the shape functions (..., 6) of a face's nodes at barycentric coordinates (..., 3)."""
+    edges = 4.0 * place[..., SIX[0]] * place[..., SIX[1]]
+    return np.concatenate([place * (2.0 * place - 1.0), edges], axis=-1)
+
+
+def face_slopes(place: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return dN_a/dxi_k (..., 6, 2) of a face's nodes at barycentric coordinates (..., 3), with xi = (L_1, L_2)."""
+    own = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    corners = (4.0 * place - 1.0)[..., None] * own
+    first, second = place[..., SIX[0], None], place[..., SIX[1], None]
+    return np.concatenate([corners, 4.0 * (first * own[SIX[1]] + second * own[SIX[0]])], axis=-2)

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tetrahedra from CAD: STEP files by gmsh, triangles by fTetWild; both in processes of their own, and cached."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.mesher_process import too_many
+from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
+from gdfe_ros.mesh.shells import shells
+from gdfe_ros.mesh.subset import keep_cells
+from gdfe_ros.mesh.tet_shape import scaled_jacobians
+from gdfe_ros.mesh.tetmesh import TetMesh, raised
+from gdfe_ros.mesh.tetrahedra import EDGES
+from gdfe_ros.mesh.touching import is_closed, out_of_material
+from gdfe_ros.mesh.voxels import examine_surface
+
+STEP_SUFFIXES = (".step", ".stp")
+ENVELOPE = 1e-3
+"""Distance that fTetWild may leave between its surface and the file's, over the diagonal."""
+NARROW = 0.1
+"""The same, over the size of the cells: the smaller of the two counts."""
+STRAIGHTENED = 0.1
+"""Scaled Jacobian below which a cell's curved edges are straightened."""
+LONGEST_RUN = 1800.0
+"""Time [s] after which a mesher is stopped."""
+_VERSION = "1"
+"""Changes with the results of the meshers or the format of the cache."""
+_SCRIPT = Path(__file__).with_name("mesher_process.py")
+
+
+def from_step(path: str | Path, *, size: float) -> TetMesh:
+    """Fill the solids of a STEP file with quadratic tetrahedra; edges on curved surfaces are curved.
+
+    Lengths are converted to metres from the unit that the file states. The mesh has a cell set ``solid_1``, ... for
+    each solid and a vertex set for each surface, by its name in the file or as ``surface_1``, ...
+
+    Args:
+        path: a .step or .stp file.
+        size: largest edge of a cell [m]; edges at curved surfaces are down to a fifth of it.
+
+    Raises:
+        MeshError: with every reason.
+    """
+    path, heading = Path(path), f"step {path}"
+    if not path.is_file():
+        raise MeshError(heading, ["there is no such file; paths in a scene start at the folder of the scene"])
+    if path.suffix.lower() not in STEP_SUFFIXES:
+        raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(STEP_SUFFIXES)}"])
+    key = _key(b"step", path.read_bytes(), repr(size).encode())
+    return _cached(key) or _kept(key, _curved(_run("step", {"path": str(path), "size": size}, heading)))
+
+
+def from_surface(surface: str | Path, *, size: float, scale: float | None = None) -> TetMesh:
+    """Fill the inside of a surface of triangles with tetrahedra.
+
+    The triangles may be open or intersect each other; a point is inside if the surface winds around it. In a closed
+    surface, nested shells are cavities, whatever their orientation. The filled surface is at most a thousandth of the
+    diagonal and a tenth of ``size`` away from the file's.
+
+    Args:
+        surface: an STL, OBJ, PLY or OFF file.
+        size: edge of the cells [m].
+        scale: metres for each unit of the file; None assumes metres and rejects bodies of implausible size.
+
+    Raises:
+        MeshError: with every reason.
+    """
+    heading = f"surface {surface}"
+    vertices, triangles, defects = examine_surface(surface, scale=scale, closed=False)
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    if not defects and size > diagonal:
+        defects = [f"size = {size:g} m, but the body's diagonal is {diagonal:.3g} m; remedy: a smaller size"]
+    closed = is_closed(triangles)
+    if closed and not defects:
+        triangles = out_of_material(vertices, triangles)
+        defects = [text for text in [too_many(shells(vertices, triangles).volume, size)] if text]
+    if defects:
+        raise MeshError(heading, defects)
+    key = _key(b"surface", vertices.tobytes(), triangles.tobytes(), repr(size).encode())
+    if found := _cached(key):
+        return found
+    asked = {"vertices": vertices, "triangles": triangles, "size": size}
+    raw = _run("surface", {**asked, "epsilon": min(ENVELOPE, NARROW * size / diagonal)}, heading)
+    if len(raw["cells"]) == 0:
+        text = "no tetrahedron is inside: the surface encloses nothing; remedy: close it, see `gdfe inspect`"
+        raise MeshError(heading, [text])
+    mesh = raised(raw["vertices"], raw["cells"])
+    return _kept(key, keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool)))
+
+
+def step_bounds(path: str | Path) -> NDArray[np.float64]:
+    """Return the lowest and highest corner of a STEP file's solids (2, 3) [m]."""
+    return _run("facts", {"path": str(path)}, f"step {path}")["bounds"]
+
+
+def step_facts(path: str | Path) -> list[tuple[str, str]]:
+    """Return what a STEP file contains, as (name, value) in words: solids, surfaces, volume, bounds in metres."""
+    raw = _run("facts", {"path": str(path)}, f"step {path}")
+    low, high = raw["bounds"]
+    spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
+    return [
+        ("kind", "STEP, to be filled with `mesh: {tets: {step: ...}}`"),
+        ("solids, surfaces", f"{int(raw['solids'])}, {int(raw['surfaces'])}"),
+        ("bounds in metres", spans),
+        ("volume", f"{float(raw['volume']):.6g} m^3"),
+    ]
+
+
+def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
+    """Run a mesher in a process of its own; return its arrays."""
+    began = time.monotonic()
+    if kind != "facts":
+        print(f"{heading}: meshing", end=" ", file=sys.stderr, flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        asked, answer = Path(folder) / "request.npz", Path(folder) / "result.npz"
+        np.savez(asked, **request)
+        command = [sys.executable, str(_SCRIPT), kind, str(asked), str(answer)]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_RUN, check=False)
+        except subprocess.TimeoutExpired as error:
+            text = f"the mesher did not end in {LONGEST_RUN:g} s; remedy: a larger size, or a simpler file"
+            raise MeshError(heading, [text]) from error
+        if not answer.is_file():
+            said = " ".join((done.stderr or done.stdout).split())[-300:]
+            text = f"the mesher ended with code {done.returncode}: {said or 'no message'}"
+            raise MeshError(heading, [f"{text}; remedy: repair the file, see `gdfe inspect`"])
+        with np.load(answer, allow_pickle=False) as archive:
+            found = dict(archive)
+    if "missing" in found:
+        raise MeshError(heading, [f"{found['missing']} is not installed; remedy: pip install 'gdfe_ros[cad]'"])
+    if "defect" in found:
+        raise MeshError(heading, [str(found["defect"])])
+    if kind == "facts":
+        return found
+    print(f"took {time.monotonic() - began:.1f} s, {len(found['cells'])} tetrahedra", file=sys.stderr)
+    return found
+
+
+def _curved(raw: dict[str, NDArray]) -> TetMesh:
+    """Return the mesh of a STEP file; edges that fold a cell when they are curved are straightened."""
+    sets = [
+        {name.removeprefix(start): ids for name, ids in raw.items() if name.startswith(start)}
+        for start in ("cell:", "vertex:")
+    ]
+    mesh = TetMesh(raw["vertices"], raw["cells"], *sets)
+    vertices = mesh.vertices.copy()
+    bad = mesh.cells[scaled_jacobians(mesh) < STRAIGHTENED]
+    vertices[bad[:, 4:]] = vertices[bad[:, EDGES]].mean(axis=2)
+    mesh = TetMesh(vertices, mesh.cells, *sets)
+    return keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool))
+
+
+def _key(*parts: bytes) -> str:
+    digest = hashlib.sha256(_VERSION.encode())
+    for part in (*parts, _SCRIPT.read_bytes()):
+        digest.update(len(part).to_bytes(8, "little") + part)
+    return digest.hexdigest()[:32]
+
+
+def cache_folder() -> Path:
+    """Return the folder of the meshes made so far; it may be deleted at any time."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gdfe_ros" / "tets"
+
+
+def _cached(key: str) -> TetMesh | None:
+    """Return the mesh made before from the same contents; None if there is none, or a damaged one."""
+    try:
+        return unpack_mesh((cache_folder() / key).read_text())
+    except (OSError, MeshError):
+        return None
+
+
+def _kept(key: str, mesh: TetMesh) -> TetMesh:
+    """Store a mesh for the next time, if the folder can be written."""
+    try:
+        cache_folder().mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", dir=cache_folder(), delete=False) as file:
+            file.write(pack_mesh(mesh))
+        os.replace(file.name, cache_folder() / key)
+    except OSError:
+        pass
+    return mesh

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The compiled functions that a cell type has to implement, and the choice among them by the type of its operators.
+
+A kernel that calls one of the functions below is compiled once for each cell type: numba sees the type of ``shape``,
+and the function of that cell type takes the place of the call. Hexahedra therefore run the same code as without
+other cell types. A third type needs an entry in `KERNELS`, and one in `gdfe_ros.solver.cell_type`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from numba import types
+from numba.extending import overload
+
+from gdfe_ros.mesh.operators import ShapeOperators
+from gdfe_ros.mesh.tet_operators import TetOperators
+from gdfe_ros.solver.elements import folding, hex_response, hexahedra, tetrahedra
+
+_INLINED = {"nogil": True, "error_model": "numpy", "forceinline": True, "no_cpython_wrapper": True}
+
+
+class CellKernels(NamedTuple):
+    """Compiled functions of a cell type; ``x`` (n, 3) are positions [m], ``e`` is an element, ``c`` its node count.
+
+    Attributes:
+        evaluate_blocks: writes node forces (m, c, 3) [N] and energies (m,) [J] of a range of blocks.
+        add_walls: adds the fold barriers of watched elements to both.
+        room: distance [m] that vertices may move before the barrier of ``e`` can act; 0 if it is nearly folded. It gets
+            scratch (8, 3).
+        mean_gradient: volume average of the deformation gradient of ``e``.
+        volume_ratio: current over rest volume of ``e``, the ratio that a pressure of the element keeps.
+        least_corner: least det F over the corners of ``e``; NaN if one of them is NaN.
+    """
+
+    evaluate_blocks: Callable
+    add_walls: Callable
+    room: Callable
+    mean_gradient: Callable
+    volume_ratio: Callable
+    least_corner: Callable
+
+
+def _of(*modules) -> CellKernels:
+    """Return the functions by name, each from the first of ``modules`` that has it."""
+    found = (next(getattr(module, name) for module in modules if hasattr(module, name)) for name in CellKernels._fields)
+    return CellKernels(*found)
+
+
+KERNELS = {ShapeOperators: _of(hex_response, folding, hexahedra), TetOperators: _of(tetrahedra)}
+"""The functions of each cell type, by the class of its operators."""
+
+
+def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
+    """Stand for `CellKernels.evaluate_blocks` in a kernel."""
+    raise NotImplementedError
+
+
+def add_walls(x, watched, shape, material, table, force, energy):
+    """Stand for `CellKernels.add_walls` in a kernel."""
+    raise NotImplementedError
+
+
+def room(x, shape, e, scratch):
+    """Stand for `CellKernels.room` in a kernel."""
+    raise NotImplementedError
+
+
+def mean_gradient(x, shape, e):
+    """Stand for `CellKernels.mean_gradient` in a kernel."""
+    raise NotImplementedError
+
+
+def volume_ratio(x, shape, e):
+    """Stand for `CellKernels.volume_ratio` in a kernel."""
+    raise NotImplementedError
+
+
+def least_corner(x, shape, e):
+    """Stand for `CellKernels.least_corner` in a kernel."""
+    raise NotImplementedError
+
+
+def _own(shape: types.NamedTuple, name: str) -> Callable:
+    return getattr(KERNELS[shape.instance_class], name)
+
+
+@overload(evaluate_blocks, jit_options=_INLINED)
+def _evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
+    own = _own(shape, "evaluate_blocks")
+
+    def chosen(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
+        own(first, last, x, shape, blocks, material, pressure, scale, table, force, energy)
+
+    return chosen
+
+
+@overload(add_walls, jit_options=_INLINED)
+def _add_walls(x, watched, shape, material, table, force, energy):
+    own = _own(shape, "add_walls")
+
+    def chosen(x, watched, shape, material, table, force, energy):
+        own(x, watched, shape, material, table, force, energy)
+
+    return chosen
+
+
+def _measure(stub: Callable, name: str) -> None:
+    """Let a stub of ``x``, ``shape`` and ``e`` stand for the function of that name."""
+
+    @overload(stub, jit_options=_INLINED)
+    def _chosen(x, shape, e):
+        own = _own(shape, name)
+        return lambda x, shape, e: own(x, shape, e)
+
+
+@overload(room, jit_options=_INLINED)
+def _room(x, shape, e, scratch):
+    own = _own(shape, "room")
+    return lambda x, shape, e, scratch: own(x, shape, e, scratch)
+
+
+for _stub in (mean_gradient, volume_ratio, least_corner):
+    _measure(_stub, _stub.__name__)

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quadratic tetrahedra in blocks of one law, eight lanes wide, and the rows of their scratch array."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.materials.table import MaterialTable
+from gdfe_ros.mesh.tet_operators import TetOperators
+from gdfe_ros.solver.elements.blocks import lanes_of
+from gdfe_ros.solver.elements.lanes import ROWS
+
+INVERSE, WEIGHT, TET_GEOMETRY_ROWS = 0, 36, 40
+"""First rows in ``TetBlocks.geometry`` of the inverses of dX/dxi (4 x 9) and the weights (4) of the integration points;
+and the number of rows."""
+NODES, TOTAL, GRADIENTS = ROWS, ROWS + 30, ROWS + 60
+"""First rows of the node coordinates (10 x 3), of the node forces (10 x 3), and of F at the points (4 x 9); those of
+hexahedra lie before them, because the laws are evaluated there."""
+SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
+"""Rows of the pressure on the mean volume, of the energy, and the first of the geometry (40)."""
+TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
+
+
+class TetBlocks(NamedTuple):
+    """The elements, sorted by law, in blocks; the last block of a law is padded by repetition.
+
+    Attributes:
+        element: (b, LANES) int32 element of each lane.
+        used: (b,) int32 number of lanes in use; the others repeat the first.
+        law: (b,) int32 law of the block's elements.
+        geometry: (b * TET_GEOMETRY_ROWS * LANES,) float64, rows as named above, lane by lane.
+    """
+
+    element: NDArray[np.int32]
+    used: NDArray[np.int32]
+    law: NDArray[np.int32]
+    geometry: NDArray[np.float64]
+
+
+def make_tet_blocks(
+    shape: TetOperators, material: NDArray[np.int32], table: MaterialTable, elements: NDArray[np.int32]
+) -> TetBlocks:
+    """Sort ``elements`` into blocks; the order within a law is kept."""
+    element, used = lanes_of(table.law[material][elements], elements)
+    geometry = np.concatenate([shape.inverse.reshape(-1, 36), shape.weight], axis=1)
+    rows = np.ascontiguousarray(geometry[element].transpose(0, 2, 1)).ravel()
+    return TetBlocks(element, used, table.law[material[element[:, 0]]], rows)

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled response of a block of quadratic tetrahedra: P2 with a split volume term (docs/theory/tetrahedra.md).
+
+A material's volume stiffness is divided into a local share, which acts at the four integration points, and the rest,
+which acts on the element's mean volume ratio. The table of materials has the shares (`local_share`).
+"""
+
+from __future__ import annotations
+
+from gdfe_ros.compiled import inlined
+from gdfe_ros.materials.stress import logarithmic_volume, volumetric
+from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR
+from gdfe_ros.materials.tensor import cofactor, determinant
+from gdfe_ros.mesh.tetrahedra import POINTS
+from gdfe_ros.solver.elements.blocks import LANES
+from gdfe_ros.solver.elements.lanes import (
+    ENERGY,
+    GRADIENT,
+    LAME_ROW,
+    PENALTY_ROW,
+    PRESSURE,
+    SHEAR_ROW,
+    STRESS,
+    load3,
+    load9,
+    store3,
+    store9,
+)
+from gdfe_ros.solver.elements.stress_rows import NEO_HOOKEAN, stress_rows
+from gdfe_ros.solver.elements.tet_blocks import (
+    GEOMETRY_OF_TET,
+    GRADIENTS,
+    INVERSE,
+    NODES,
+    SLOPE,
+    STORED_ENERGY,
+    TET_GEOMETRY_ROWS,
+    TOTAL,
+    WEIGHT,
+)
+
+L = tuple(tuple(float(value) for value in point) for point in POINTS)
+"""Barycentric coordinates of the integration points, as constants of the kernels."""
+
+
+@inlined
+def load_nodes(b, x, shape, elements):
+    """Copy the node coordinates of a block into its rows."""
+    for lane in range(LANES):
+        for a in range(10):
+            v = shape.cells[elements[lane], a]
+            store3(b, NODES + 3 * a, lane, (x[v, 0], x[v, 1], x[v, 2]))
+
+
+@inlined
+def load_geometry(b, geometry, block):
+    """Copy the geometry of a block into its rows."""
+    first = block * TET_GEOMETRY_ROWS * LANES
+    for i in range(TET_GEOMETRY_ROWS * LANES):
+        b[GEOMETRY_OF_TET * LANES + i] = geometry[first + i]
+
+
+@inlined
+def load_shares(b, law, elements, material, table):
+    """Copy the lanes' moduli at the integration points into the rows from which the laws read them."""
+    for lane in range(LANES):
+        k = material[elements[lane]]
+        b[PRESSURE * LANES + lane] = 0.0
+        b[SHEAR_ROW * LANES + lane] = table.parameters[k, SHEAR]
+        b[LAME_ROW * LANES + lane] = table.parameters[k, LOCAL] if law == NEO_HOOKEAN else 0.0
+        b[PENALTY_ROW * LANES + lane] = 0.0 if law == NEO_HOOKEAN else table.parameters[k, LOCAL]
+
+
+@inlined
+def axis_slopes(b, place, lane, axis):
+    """Return dx/dxi (3) of one coordinate at the point with barycentric coordinates ``place`` (4)."""
+    i = NODES + axis
+    l0, l1, l2, l3 = place
+    x4, x5, x6 = b[(i + 12) * LANES + lane], b[(i + 15) * LANES + lane], b[(i + 18) * LANES + lane]
+    x7, x8, x9 = b[(i + 21) * LANES + lane], b[(i + 24) * LANES + lane], b[(i + 27) * LANES + lane]
+    g0 = (4.0 * l0 - 1.0) * b[i * LANES + lane] + 4.0 * (l1 * x4 + l2 * x6 + l3 * x7)
+    g1 = (4.0 * l1 - 1.0) * b[(i + 3) * LANES + lane] + 4.0 * (l0 * x4 + l2 * x5 + l3 * x8)
+    g2 = (4.0 * l2 - 1.0) * b[(i + 6) * LANES + lane] + 4.0 * (l0 * x6 + l1 * x5 + l3 * x9)
+    g3 = (4.0 * l3 - 1.0) * b[(i + 9) * LANES + lane] + 4.0 * (l0 * x7 + l1 * x8 + l2 * x9)
+    return g1 - g0, g2 - g0, g3 - g0
+
+
+@inlined
+def gather_point(b, place, inverse, row):
+    """Write F at one integration point to the rows from ``row`` on; ``inverse`` is the first row of its dxi/dX."""
+    for lane in range(LANES):
+        m = load9(b, inverse, lane)
+        for axis in range(3):
+            d1, d2, d3 = axis_slopes(b, place, lane, axis)
+            f = (
+                d1 * m[0] + d2 * m[3] + d3 * m[6],
+                d1 * m[1] + d2 * m[4] + d3 * m[7],
+                d1 * m[2] + d2 * m[5] + d3 * m[8],
+            )
+            store3(b, row + 3 * axis, lane, f)
+
+
+@inlined
+def add(b, row, lane, value):
+    """Add to an entry of a row."""
+    b[row * LANES + lane] += value
+
+
+@inlined
+def scatter_point(b, place, inverse):
+    """Add the node forces of one integration point, whose weight times P stands in the rows of the stress."""
+    l0, l1, l2, l3 = place
+    for lane in range(LANES):
+        m = load9(b, inverse, lane)
+        for axis in range(3):
+            s, i = load3(b, STRESS + 3 * axis, lane), TOTAL + axis
+            g1 = s[0] * m[0] + s[1] * m[1] + s[2] * m[2]
+            g2 = s[0] * m[3] + s[1] * m[4] + s[2] * m[5]
+            g3 = s[0] * m[6] + s[1] * m[7] + s[2] * m[8]
+            g0 = -(g1 + g2 + g3)
+            add(b, i, lane, (4.0 * l0 - 1.0) * g0)
+            add(b, i + 3, lane, (4.0 * l1 - 1.0) * g1)
+            add(b, i + 6, lane, (4.0 * l2 - 1.0) * g2)
+            add(b, i + 9, lane, (4.0 * l3 - 1.0) * g3)
+            add(b, i + 12, lane, 4.0 * (l1 * g0 + l0 * g1))
+            add(b, i + 15, lane, 4.0 * (l2 * g1 + l1 * g2))
+            add(b, i + 18, lane, 4.0 * (l2 * g0 + l0 * g2))
+            add(b, i + 21, lane, 4.0 * (l3 * g0 + l0 * g3))
+            add(b, i + 24, lane, 4.0 * (l3 * g1 + l1 * g3))
+            add(b, i + 27, lane, 4.0 * (l3 * g2 + l2 * g3))
+
+
+@inlined
+def mean_volume_rows(b, elements, material, pressure, table):
+    """Write the slope and the energy [J] of the volume term of the mean volume ratio."""
+    for lane in range(LANES):
+        b[SLOPE * LANES + lane], b[STORED_ENERGY * LANES + lane] = 0.0, 0.0
+    for g in range(4):
+        for lane in range(LANES):
+            f, w = load9(b, GRADIENTS + 9 * g, lane), b[(GEOMETRY_OF_TET + WEIGHT + g) * LANES + lane]
+            add(b, SLOPE, lane, w * determinant(f, cofactor(f)))
+            add(b, STORED_ENERGY, lane, w)
+    for lane in range(LANES):
+        e = elements[lane]
+        k, volume = material[e], b[STORED_ENERGY * LANES + lane]
+        ratio = b[SLOPE * LANES + lane] / volume
+        energy, slope = volumetric(ratio, pressure[e], table.parameters[k, PENALTY])
+        if table.parameters[k, LAME] != 0.0:
+            more, steeper = logarithmic_volume(ratio, table.parameters[k, LAME])
+            energy, slope = energy + more, slope + steeper
+        b[SLOPE * LANES + lane], b[STORED_ENERGY * LANES + lane] = slope, volume * energy
+
+
+@inlined
+def add_mean_stress(b, weight):
+    """Add the pressure on the mean volume to P, and multiply P and the energy by the point's weight (a row)."""
+    for lane in range(LANES):
+        c, w = cofactor(load9(b, GRADIENT, lane)), b[weight * LANES + lane]
+        p, s = load9(b, STRESS, lane), b[SLOPE * LANES + lane]
+        p = (
+            w * (p[0] + s * c[0]),
+            w * (p[1] + s * c[1]),
+            w * (p[2] + s * c[2]),
+            w * (p[3] + s * c[3]),
+            w * (p[4] + s * c[4]),
+            w * (p[5] + s * c[5]),
+            w * (p[6] + s * c[6]),
+            w * (p[7] + s * c[7]),
+            w * (p[8] + s * c[8]),
+        )
+        store9(b, STRESS, lane, p)
+        add(b, STORED_ENERGY, lane, w * b[ENERGY * LANES + lane])
+
+
+@inlined
+def respond(b, law, elements, material, pressure, table):
+    """Write node forces [N] and energy [J] of a block from its rows of node coordinates, geometry and moduli."""
+    for g in range(4):
+        gather_point(b, L[g], GEOMETRY_OF_TET + INVERSE + 9 * g, GRADIENTS + 9 * g)
+    mean_volume_rows(b, elements, material, pressure, table)
+    for i in range(30 * LANES):
+        b[TOTAL * LANES + i] = 0.0
+    for g in range(4):
+        for i in range(9 * LANES):
+            b[GRADIENT * LANES + i] = b[(GRADIENTS + 9 * g) * LANES + i]
+        stress_rows(b, law, elements, material, table)
+        add_mean_stress(b, GEOMETRY_OF_TET + WEIGHT + g)
+        scatter_point(b, L[g], GEOMETRY_OF_TET + INVERSE + 9 * g)

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled functions of quadratic tetrahedra: response, tangents, measures and fold barrier (see `cell_kernels`)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gdfe_ros.compiled import inlined, internal, kernel
+from gdfe_ros.materials.table import SHEAR
+from gdfe_ros.materials.tensor import cofactor, cross, determinant, dot
+from gdfe_ros.solver.elements.barrier import NEARLY_FOLDED, THRESHOLD, WEIGHT, wall
+from gdfe_ros.solver.elements.blocks import LANES
+from gdfe_ros.solver.elements.tet_blocks import NODES, STORED_ENERGY, TET_ROWS, TOTAL
+from gdfe_ros.solver.elements.tet_rows import L, load_geometry, load_nodes, load_shares, respond
+
+CORNER_NODES = np.array(
+    [[0, 4, 6, 7], [1, 4, 5, 8], [2, 6, 5, 9], [3, 7, 8, 9]],
+    dtype=np.int32,
+)
+"""Each corner, and the nodes on the edges that meet there."""
+OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]], dtype=np.int32)
+"""The other ends of these edges."""
+ORDER = np.array([1.0, -1.0, 1.0, -1.0])
+"""Sign of the triple product of the edges in this order."""
+SPACING = 1e-5
+"""Displacement of a difference over the cube root of an element's volume."""
+
+
+@internal
+def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
+    """Write node forces (m, 10, 3) [N] and energies (m,) [J] of the blocks from ``first`` up to ``last``.
+
+    ``scale`` is not read: it belongs to hourglass stiffness.
+    """
+    b = np.empty(TET_ROWS * LANES)
+    for block in range(first, last):
+        elements = blocks.element[block]
+        load_geometry(b, blocks.geometry, block)
+        load_nodes(b, x, shape, elements)
+        load_shares(b, blocks.law[block], elements, material, table)
+        respond(b, blocks.law[block], elements, material, pressure, table)
+        for lane in range(blocks.used[block]):
+            e = elements[lane]
+            energy[e] = b[STORED_ENERGY * LANES + lane]
+            for a in range(10):
+                for axis in range(3):
+                    force[e, a, axis] = b[(TOTAL + 3 * a + axis) * LANES + lane]
+
+
+@kernel
+def element_tangents(x, shape, blocks, material, pressure, scale, table, out):
+    """Write d(node force)/d(node position) (m, 30, 30) [N/m] at ``x`` (n, 3) [m], as central differences."""
+    b = np.empty(TET_ROWS * LANES)
+    for block in range(len(blocks.element)):
+        elements = blocks.element[block]
+        spacing = SPACING * np.cbrt(shape.volume[elements[0]])
+        load_geometry(b, blocks.geometry, block)
+        load_nodes(b, x, shape, elements)
+        load_shares(b, blocks.law[block], elements, material, table)
+        for column in range(30):
+            row = (NODES + column) * LANES
+            for side in range(2):
+                step = spacing if side == 0 else -spacing
+                for lane in range(LANES):
+                    b[row + lane] += step
+                respond(b, blocks.law[block], elements, material, pressure, table)
+                for lane in range(LANES):
+                    b[row + lane] -= step
+                for lane in range(blocks.used[block]):
+                    e = elements[lane]
+                    for i in range(30):
+                        part = 0.5 * b[(TOTAL + i) * LANES + lane] / step
+                        out[e, column, i] = part if side == 0 else out[e, column, i] + part
+
+
+@inlined
+def mean_gradient(x, shape, e):
+    """Return the volume average of the deformation gradient of element ``e`` at positions ``x`` (n, 3)."""
+    f0, f1, f2, f3, f4, f5, f6, f7, f8 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for a in range(10):
+        v = shape.cells[e, a]
+        x0, x1, x2 = x[v, 0], x[v, 1], x[v, 2]
+        g0, g1, g2 = shape.gradient[e, a, 0], shape.gradient[e, a, 1], shape.gradient[e, a, 2]
+        f0, f1, f2 = f0 + x0 * g0, f1 + x0 * g1, f2 + x0 * g2
+        f3, f4, f5 = f3 + x1 * g0, f4 + x1 * g1, f5 + x1 * g2
+        f6, f7, f8 = f6 + x2 * g0, f7 + x2 * g1, f8 + x2 * g2
+    return f0, f1, f2, f3, f4, f5, f6, f7, f8
+
+
+@inlined
+def point_gradient(x, shape, e, g):
+    """Return the deformation gradient of element ``e`` at its integration point ``g``."""
+    l0, l1, l2, l3 = L[g]
+    m, v = shape.inverse[e, g], shape.cells[e]
+    d = np.empty((3, 3))
+    for i in range(3):
+        x4, x5, x6, x7 = x[v[4], i], x[v[5], i], x[v[6], i], x[v[7], i]
+        x8, x9 = x[v[8], i], x[v[9], i]
+        g0 = (4.0 * l0 - 1.0) * x[v[0], i] + 4.0 * (l1 * x4 + l2 * x6 + l3 * x7)
+        d[i, 0] = (4.0 * l1 - 1.0) * x[v[1], i] + 4.0 * (l0 * x4 + l2 * x5 + l3 * x8) - g0
+        d[i, 1] = (4.0 * l2 - 1.0) * x[v[2], i] + 4.0 * (l0 * x6 + l1 * x5 + l3 * x9) - g0
+        d[i, 2] = (4.0 * l3 - 1.0) * x[v[3], i] + 4.0 * (l0 * x7 + l1 * x8 + l2 * x9) - g0
+    return (
+        d[0, 0] * m[0, 0] + d[0, 1] * m[1, 0] + d[0, 2] * m[2, 0],
+        d[0, 0] * m[0, 1] + d[0, 1] * m[1, 1] + d[0, 2] * m[2, 1],
+        d[0, 0] * m[0, 2] + d[0, 1] * m[1, 2] + d[0, 2] * m[2, 2],
+        d[1, 0] * m[0, 0] + d[1, 1] * m[1, 0] + d[1, 2] * m[2, 0],
+        d[1, 0] * m[0, 1] + d[1, 1] * m[1, 1] + d[1, 2] * m[2, 1],
+        d[1, 0] * m[0, 2] + d[1, 1] * m[1, 2] + d[1, 2] * m[2, 2],
+        d[2, 0] * m[0, 0] + d[2, 1] * m[1, 0] + d[2, 2] * m[2, 0],
+        d[2, 0] * m[0, 1] + d[2, 1] * m[1, 1] + d[2, 2] * m[2, 1],
+        d[2, 0] * m[0, 2] + d[2, 1] * m[1, 2] + d[2, 2] * m[2, 2],
+    )
+
+
+@inlined
+def volume_ratio(x, shape, e):
+    """Return the mean volume ratio of element ``e`` over its integration points."""
+    total = 0.0
+    for g in range(4):
+        f = point_gradient(x, shape, e, g)
+        total += shape.weight[e, g] * determinant(f, cofactor(f))
+    return total / shape.volume[e]
+
+
+@inlined
+def corner_edge(x, shape, e, c, k):
+    """Return dx/dL_k - dx/dL_c [m] at corner ``c``, along the ``k``-th edge there: 4 x_ck - x_k - 3 x_c."""
+    own, middle, end = (
+        shape.cells[e, c],
+        shape.cells[e, CORNER_NODES[c, k + 1]],
+        shape.cells[e, OTHERS[c, k]],
+    )
+    return (
+        4.0 * x[middle, 0] - x[end, 0] - 3.0 * x[own, 0],
+        4.0 * x[middle, 1] - x[end, 1] - 3.0 * x[own, 1],
+        4.0 * x[middle, 2] - x[end, 2] - 3.0 * x[own, 2],
+    )
+
+
+@inlined
+def least_corner(x, shape, e):
+    """Return the least volume ratio det F over the corners of element ``e``; NaN if one of them is NaN."""
+    least, total = math.inf, 0.0
+    for c in range(4):
+        p, q, r = corner_edge(x, shape, e, c, 0), corner_edge(x, shape, e, c, 1), corner_edge(x, shape, e, c, 2)
+        ratio = ORDER[c] * shape.corner_ratio[e, c] * dot(p, cross(q, r))
+        least, total = min(least, ratio), total + ratio
+    return least if math.isfinite(total) else math.nan
+
+
+@inlined
+def room(x, shape, e, scratch):
+    """Return how far [m] vertices may move until a corner can be below the barrier; 0 for a nearly folded element.
+
+    The bound is that of `watch`, with edges that change by 8 d if no vertex moves by more than d.
+    """
+    found = math.inf
+    for c in range(4):
+        p, q, r = corner_edge(x, shape, e, c, 0), corner_edge(x, shape, e, c, 1), corner_edge(x, shape, e, c, 2)
+        scale = abs(shape.corner_ratio[e, c])
+        ratio = ORDER[c] * shape.corner_ratio[e, c] * dot(p, cross(q, r))
+        if not ratio >= NEARLY_FOLDED:
+            return 0.0
+        first, second, third = math.sqrt(dot(p, p)), math.sqrt(dot(q, q)), math.sqrt(dot(r, r))
+        share = 3.0 * scale * (first * second + second * third + third * first)
+        found = min(found, min(min(first, second), min(third, (ratio - THRESHOLD) / share)))
+    return 0.125 * found
+
+
+@internal
+def add_walls(x, watched, shape, material, table, force, energy):
+    """Add the fold barriers of the ``watched`` elements (k,) to node forces (m, 10, 3) [N] and energies (m,) [J]."""
+    for e in watched:
+        scale = 0.25 * WEIGHT * shape.volume[e] * table.parameters[material[e], SHEAR]
+        for c in range(4):
+            p, q, r = corner_edge(x, shape, e, c, 0), corner_edge(x, shape, e, c, 1), corner_edge(x, shape, e, c, 2)
+            signed = ORDER[c] * shape.corner_ratio[e, c]
+            over_p, over_q, over_r = cross(q, r), cross(r, p), cross(p, q)
+            ratio = signed * dot(p, over_p)
+            if not ratio < THRESHOLD:
+                continue
+            value, slope = wall(ratio / THRESHOLD)
+            energy[e] += scale * value
+            slope *= scale * signed / THRESHOLD
+            add_edge(force, e, c, 0, slope, over_p)
+            add_edge(force, e, c, 1, slope, over_q)
+            add_edge(force, e, c, 2, slope, over_r)
+
+
+@inlined
+def add_edge(force, e, c, k, share, derivative):
+    """Add ``share`` times the derivative by the ``k``-th edge of a corner to the forces on its three nodes."""
+    for i in range(3):
+        pull = share * derivative[i]
+        force[e, CORNER_NODES[c, k + 1], i] += 4.0 * pull
+        force[e, OTHERS[c, k], i] -= pull
+        force[e, c, i] -= 3.0 * pull

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gdfe new`` writes scenes that load, from surfaces, meshes and STEP files; what does not fit is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import trimesh
+
+from gdfe_ros.cli import BAD_INPUT, main
+from gdfe_ros.mesh import bar
+from gdfe_ros.mesh.tetmesh import divided
+from gdfe_ros.scene import load_scene
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def test_a_cavity_from_a_second_surface_becomes_a_chamber(tmp_path: Path) -> None:
+    """Join body and air, both in millimetres; the scene has a chamber of the air's volume and a program."""
+    pytest.importorskip("pytetwild")
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=12.0)
+    trimesh.creation.box((100, 60, 40)).export(tmp_path / "hand.stl")
+    ball.export(tmp_path / "inner.stl")
+    given = ["new", str(tmp_path / "hand.yaml"), "--from", str(tmp_path / "hand.stl"), "--size", "0.03"]
+    assert main([*given, "--cavity", str(tmp_path / "inner.stl"), "--scale", "0.001"]) == 0
+    scene = load_scene(tmp_path / "hand.yaml")
+    (air,) = scene.actuators
+    assert scene.mesh.noun == "tetrahedra"
+    assert air.quads.shape[1] == 6
+    assert np.ptp(scene.mesh.vertices[air.vertices], axis=0) == pytest.approx([0.024] * 3, rel=0.05)
+    assert scene.program.duration == 1.0
+
+
+def test_a_mesh_file_becomes_a_scene(tmp_path: Path) -> None:
+    """Hold a mesh of tetrahedra at the low end of its longest side."""
+    mesh = divided(bar([0.1, 0.02, 0.02], [3, 1, 1]))
+    meshio.Mesh(mesh.vertices, [("tetra10", mesh.cells)]).write(tmp_path / "bar.vtu")
+    assert main(["new", str(tmp_path / "bar.yaml"), "--from", str(tmp_path / "bar.vtu")]) == 0
+    scene = load_scene(tmp_path / "bar.yaml")
+    assert np.ptp(scene.mesh.vertices[scene.handles[0].vertices, 0]) == 0.0
+    assert scene.actuators == ()
+
+
+def test_what_does_not_fit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Refuse to overwrite a scene, and air that lies outside of the body."""
+    (tmp_path / "there.yaml").write_text("name: mine")
+    trimesh.creation.box((0.1, 0.06, 0.04)).export(tmp_path / "hand.stl")
+    trimesh.creation.box((0.01, 0.01, 0.01)).apply_translation((1.0, 0, 0)).export(tmp_path / "far.stl")
+    source = ["--from", str(tmp_path / "hand.stl")]
+    assert main(["new", str(tmp_path / "there.yaml"), *source]) == BAD_INPUT
+    assert "such a file already" in capsys.readouterr().err
+    assert main(["new", str(tmp_path / "new.yaml"), *source, "--cavity", str(tmp_path / "far.stl")]) == BAD_INPUT
+    assert "0 of 1 cavities lie inside of the body" in capsys.readouterr().err
+    assert not (tmp_path / "new.yaml").exists()

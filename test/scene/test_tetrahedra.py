@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes with bodies of tetrahedra: chambers, cables, loads, contact and motion; what they lack is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from gdfe_ros.command import Command
+from gdfe_ros.constraints import Pose
+from gdfe_ros.errors import CommandError, SceneError
+from gdfe_ros.mesh import HexMesh, TetMesh, bar
+from gdfe_ros.mesh.packing import pack_mesh
+from gdfe_ros.mesh.subset import keep_cells
+from gdfe_ros.mesh.tetmesh import divided, raised
+from gdfe_ros.scene.loader import scene_from_text
+from gdfe_ros.scene.solvable import remarks
+from gdfe_ros.simulation import Simulation
+from gdfe_ros.solver.settings import Policy
+
+YOUNG = 1e5
+SLAB = bar([0.1, 0.1, 0.04], [3, 3, 1])
+
+
+def scene_of(mesh: HexMesh | TetMesh, **entries: Any) -> Any:
+    """Return a scene of one rubber body with further entries."""
+    text = {
+        "name": "tets",
+        "mesh": {"embedded": pack_mesh(mesh)},
+        "materials": {"rubber": {"law": "neo_hookean", "young": YOUNG, "poisson": 0.0, "density": 1000}},
+        "regions": [{"material": "rubber"}],
+        "handles": {"base": {"where": {"face": "z-"}, "fixed": True}},
+        **entries,
+    }
+    return scene_from_text(yaml.safe_dump(text))
+
+
+def test_a_plate_presses_evenly() -> None:
+    """Press a slab of nu = 0 by a tenth: the force of uniaxial compression to 1e-3, no sideways motion to 1e-3."""
+    plate = {"plate": {"plane": [0, 0, -1], "at": [0.05, 0.0, 0.02]}}
+    simulation = Simulation(scene_of(divided(SLAB), obstacles=plate, solver={"tolerance": 1e-5}))
+    for down in (0.001, 0.002, 0.003, 0.004):
+        result = simulation.step(Command(handles={"plate": Pose((0.0, 0.0, -down))}))
+    assert result.converged
+    stretch = 0.9
+    exact = -0.5 * YOUNG * (stretch - 1.0 / stretch) * 0.01
+    assert -result.reactions["plate"][2] == pytest.approx(exact, rel=1e-3)
+    assert result.reactions["base"][2] == pytest.approx(exact, rel=2e-3)
+    moved = result.positions - simulation.mesh.vertices
+    assert np.abs(moved[:, :2]).max() < 1e-3 * 0.004
+
+
+def test_a_chamber_pushes_as_its_pressure_says() -> None:
+    """Hold a hollow block at one side: forces on a closed chamber balance, and its volume grows with the pressure."""
+    block = bar([0.09, 0.09, 0.09], [3, 3, 3])
+    hollow = divided(keep_cells(block, np.arange(27) != 13))
+    air = {"air": {"chamber": {"cavity": 0, "command": "pressure", "range": [0, 2e4]}}}
+    simulation = Simulation(scene_of(hollow, actuators=air))
+    at_rest = simulation.step(Command(actuators={"air": 0.0}))
+    pressed = simulation.step(Command(actuators={"air": 2e3}))
+    assert at_rest.actuators["air"].extent == pytest.approx(0.03**3)
+    assert pressed.converged
+    assert pressed.actuators["air"].extent > 1.01 * 0.03**3
+    assert np.abs(pressed.reactions["base"][:3]).max() < 1e-4 * 2e3 * 0.03**2
+
+
+def test_weight_and_cable_reach_the_handle() -> None:
+    """Carry the weight, a traction and a point load at the base; a cable between body points adds nothing."""
+    loads = {
+        "weight": {"gravity": [0, 0, -9.81]},
+        "pull": {"surface": {"where": {"face": "z+"}, "traction": [50.0, 0, 0]}},
+        "nudge": {"point": {"at": [0.05, 0.0, 0.01], "force": [0, 0.1, 0]}},
+    }
+    ends = [[0.01, 0.0, 0.005], [0.05, 0.01, 0.015], [0.09, 0.0, 0.005]]
+    cable = {"tendon": {"cable": {"points": ends, "command": "tension", "range": [0, 5]}}}
+    simulation = Simulation(scene_of(divided(SLAB), loads=loads, actuators=cable, probes={"top": [0.05, 0.0, 0.02]}))
+    result = simulation.step(Command(actuators={"tendon": 0.3}))
+    assert result.converged
+    weight = 1000 * 9.81 * 0.1 * 0.1 * 0.04
+    np.testing.assert_allclose(result.reactions["base"][:3], [-0.5, -0.1, weight], atol=2e-3 * weight)
+
+
+def test_a_body_falls_as_it_should() -> None:
+    """Fall freely by g t^2 / 2 with consistent mass, without strain; viscosity resists no rigid motion."""
+    mesh = divided(bar([0.1, 0.1, 0.1], [1, 1, 1]))
+    dynamics = {"scheme": "newmark", "step": 0.01, "damping": {"viscosity": 50.0}}
+    loads = {"weight": {"gravity": [0, 0, -9.81]}}
+    simulation = Simulation(scene_of(mesh, handles={}, dynamics=dynamics, loads=loads))
+    for _ in range(10):
+        result = simulation.step(Command(loads={"weight": 1.0}))
+    drop = (mesh.vertices - result.positions)[:, 2]
+    np.testing.assert_allclose(drop, 0.5 * 9.81 * 0.1**2, rtol=1e-4)
+
+
+def test_a_shaken_body_keeps_its_period_and_damps() -> None:
+    """Swing about the static stretch with the period 4 L / c of a bar held at one end; viscosity damps."""
+    mesh = divided(bar([0.02, 0.02, 0.2], [1, 1, 6]))
+    period = 4.0 * 0.2 / np.sqrt(YOUNG / 1000.0)
+    loads = {"pull": {"surface": {"where": {"face": "z+"}, "traction": [0, 0, 200.0]}}}
+    heights = {}
+    for viscosity in (0.0, 100.0):
+        dynamics = {"scheme": "newmark", "step": float(period / 40), "damping": {"viscosity": viscosity}}
+        simulation = Simulation(scene_of(mesh, dynamics=dynamics, loads=loads, probes={"end": [0.01, 0.0, 0.1]}))
+        steps = [simulation.step(Command(loads={"pull": 1.0})) for _ in range(45)]
+        heights[viscosity] = np.array([step.positions[:, 2].max() for step in steps]) - mesh.vertices[:, 2].max()
+    still = 200.0 * 0.2 / YOUNG
+    assert heights[0.0][:40].mean() == pytest.approx(still, rel=0.02)
+    assert abs(int(np.argmax(heights[0.0])) - 19) <= 1
+    assert heights[100.0].max() < 0.95 * heights[0.0].max()
+
+
+def test_what_tetrahedra_lack_is_refused() -> None:
+    """Name self-contact, growth and the policy `relative` in one message with its remedy."""
+    swelling = {"swell": {"growth": {"stretch": [1.1, 1.1, 1.1]}}}
+    with pytest.raises(SceneError, match=r"tetrahedra cannot have growth 'swell', self_contact yet; remedy"):
+        scene_of(divided(SLAB), actuators=swelling, self_contact={})
+    with pytest.raises(SceneError, match=r"tetrahedra cannot have policy 'relative' yet"):
+        scene_of(divided(SLAB), solver={"policy": "relative"})
+    with pytest.raises(CommandError, match="tetrahedra has no sensitivities yet"):
+        Simulation(scene_of(divided(SLAB))).sensitivities()
+
+
+def test_meshes_of_two_kinds_are_refused() -> None:
+    """Say which mesh has which cells."""
+    packed = {name: {"embedded": pack_mesh(mesh)} for name, mesh in {"a": SLAB, "b": divided(SLAB)}.items()}
+    packed["b"]["at"] = [0.5, 0.0, 0.0]
+    text = {"name": "two", "meshes": packed, "materials": {"m": {"law": "linear", "young": 1e5, "poisson": 0.3}}}
+    with pytest.raises(SceneError, match="'a' has hexahedra, 'b' has tetrahedra"):
+        scene_from_text(yaml.safe_dump({**text, "regions": [{"material": "m"}], "handles": {}}))
+
+
+def test_raised_tetrahedra_are_told() -> None:
+    """Remark that linear tetrahedra of a file were raised to second order."""
+    tets = divided(SLAB)
+    corners = np.unique(tets.cells[:, :4])
+    mesh = raised(tets.vertices[corners], np.searchsorted(corners, tets.cells[:, :4]), linear=True)
+    scene = scene_of(tets)
+    object.__setattr__(scene, "mesh", mesh)
+    assert any("got a node on each edge" in text for text in remarks(scene, Policy.ENERGY))
