@@ -28,6 +28,10 @@ class DefectsError(GdfeError):
         count = f"{len(self.defects)} defect" + ("s" if len(self.defects) != 1 else "")
         super().__init__("\n  - ".join([f"{heading}: {count}", *self.defects]))
 
+    def __reduce__(self) -> tuple[type[DefectsError], tuple[str, list[str]]]:
+        """Let the error pass from a worker process to its caller."""
+        return type(self), (self.heading, self.defects)
+
 
 class MeshError(DefectsError):
     """A mesh that cannot be simulated."""

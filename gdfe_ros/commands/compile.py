@@ -65,7 +65,7 @@ def _compile_surfaces() -> str:
     triangles = cube.surface()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype("int64")
     fill_surface(cube.vertices, triangles, cell=0.6, cells=Cells.CUT)
     carry_skin(cube.vertices, cube.cells, cube.vertices, triangles)
-    make_solid(cube.vertices, triangles, cell=0.2)
+    make_solid(cube.vertices, triangles, cell=0.05)
     return "surfaces"
 
 

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 import subprocess
 import sys
 import tempfile
@@ -16,8 +14,9 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.mesher_process import too_many
-from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
+from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
 from gdfe_ros.mesh.shells import shells
+from gdfe_ros.mesh.store import keep, key_of, recall
 from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.tet_shape import scaled_jacobians
 from gdfe_ros.mesh.tetmesh import TetMesh, raised
@@ -34,8 +33,6 @@ STRAIGHTENED = 0.1
 """Scaled Jacobian below which a cell's curved edges are straightened."""
 LONGEST_RUN = 1800.0
 """Time [s] after which a mesher is stopped."""
-_VERSION = "1"
-"""Changes with the results of the meshers or the format of the cache."""
 _SCRIPT = Path(__file__).with_name("mesher_process.py")
 
 
@@ -57,8 +54,8 @@ def from_step(path: str | Path, *, size: float) -> TetMesh:
         raise MeshError(heading, ["there is no such file; paths in a scene start at the folder of the scene"])
     if path.suffix.lower() not in STEP_SUFFIXES:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(STEP_SUFFIXES)}"])
-    key = _key(b"step", path.read_bytes(), repr(size).encode())
-    return _cached(key) or _kept(key, _curved(_run("step", {"path": str(path), "size": size}, heading)))
+    key = key_of(b"step", path.read_bytes(), repr(size).encode())
+    return _cached(key) or _kept(key, _curved(_run("step", {"path": str(path.resolve()), "size": size}, heading)))
 
 
 def from_surface(surface: str | Path, *, size: float, scale: float | None = None) -> TetMesh:
@@ -87,7 +84,7 @@ def from_surface(surface: str | Path, *, size: float, scale: float | None = None
         defects = [text for text in [too_many(shells(vertices, triangles).volume, size)] if text]
     if defects:
         raise MeshError(heading, defects)
-    key = _key(b"surface", vertices.tobytes(), triangles.tobytes(), repr(size).encode())
+    key = key_of(b"surface", vertices.tobytes(), triangles.tobytes(), repr(size).encode())
     if found := _cached(key):
         return found
     asked = {"vertices": vertices, "triangles": triangles, "size": size}
@@ -101,12 +98,12 @@ def from_surface(surface: str | Path, *, size: float, scale: float | None = None
 
 def step_bounds(path: str | Path) -> NDArray[np.float64]:
     """Return the lowest and highest corner of a STEP file's solids (2, 3) [m]."""
-    return _run("facts", {"path": str(path)}, f"step {path}")["bounds"]
+    return _run("facts", {"path": str(Path(path).resolve())}, f"step {path}")["bounds"]
 
 
 def step_facts(path: str | Path) -> list[tuple[str, str]]:
     """Return what a STEP file contains, as (name, value) in words: solids, surfaces, volume, bounds in metres."""
-    raw = _run("facts", {"path": str(path)}, f"step {path}")
+    raw = _run("facts", {"path": str(Path(path).resolve())}, f"step {path}")
     low, high = raw["bounds"]
     spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
     return [
@@ -127,7 +124,9 @@ def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
         np.savez(asked, **request)
         command = [sys.executable, str(_SCRIPT), kind, str(asked), str(answer)]
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST_RUN, check=False)
+            # Meshers leave files where they run.
+            options = {"cwd": folder, "capture_output": True, "text": True, "timeout": LONGEST_RUN}
+            done = subprocess.run(command, **options, check=False)
         except subprocess.TimeoutExpired as error:
             text = f"the mesher did not end in {LONGEST_RUN:g} s; remedy: a larger size, or a simpler file"
             raise MeshError(heading, [text]) from error
@@ -161,33 +160,13 @@ def _curved(raw: dict[str, NDArray]) -> TetMesh:
     return keep_cells(mesh, np.ones(mesh.n_cells, dtype=bool))
 
 
-def _key(*parts: bytes) -> str:
-    digest = hashlib.sha256(_VERSION.encode())
-    for part in (*parts, _SCRIPT.read_bytes()):
-        digest.update(len(part).to_bytes(8, "little") + part)
-    return digest.hexdigest()[:32]
-
-
-def cache_folder() -> Path:
-    """Return the folder of the meshes made so far; it may be deleted at any time."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gdfe_ros" / "tets"
-
-
 def _cached(key: str) -> TetMesh | None:
-    """Return the mesh made before from the same contents; None if there is none, or a damaged one."""
-    try:
-        return unpack_mesh((cache_folder() / key).read_text())
-    except (OSError, MeshError):
-        return None
+    """Return the mesh that was made before from the same contents; None if there is none."""
+    found = recall(key)
+    return None if found is None else mesh_of(found)
 
 
 def _kept(key: str, mesh: TetMesh) -> TetMesh:
-    """Store a mesh for the next time, if the folder can be written."""
-    try:
-        cache_folder().mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=cache_folder(), delete=False) as file:
-            file.write(pack_mesh(mesh))
-        os.replace(file.name, cache_folder() / key)
-    except OSError:
-        pass
+    """Keep a mesh for the next time, and return it."""
+    keep(key, mesh_arrays(mesh))
     return mesh

@@ -36,3 +36,8 @@ def test_the_first_scene_comes_before_all_others() -> None:
     names = [name for name, _ in command.work()]
     assert names[0] == command.FIRST
     assert set(names) == set(command.scene_names())
+
+
+def test_what_surfaces_need_is_compiled() -> None:
+    """Fill, line and measure a small surface, as no shipped scene does."""
+    assert command._compile_surfaces() == "surfaces"

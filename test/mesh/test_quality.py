@@ -66,8 +66,8 @@ def test_every_kind_of_defect_of_one_mesh_is_listed() -> None:
     vertices[[4, 9, 14, 19], 0] = 3.0
     defects = check_mesh(HexMesh(vertices, cells)).defects
     text = "\n".join(defects)
-    assert "1 cells that are inside out: 1;" in text
-    assert "cells that are flat (no volume at a corner): 3;" in text
+    assert "1 cells that are inside out: 1, the first near (1.5, 0, 0);" in text
+    assert "cells that are flat (no volume at a corner): 3, the first near (3, 0, 0);" in text
     assert "2 vertices that no cell uses: 20, 21;" in text
     assert "10 vertices at the same place as another" in text
     assert len(defects) == 4

@@ -12,9 +12,9 @@ import pytest
 import trimesh
 
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh import check_mesh, tetrahedralise
+from gdfe_ros.mesh import check_mesh, store, tetrahedralise
 from gdfe_ros.mesh.cavities import find_cavities
-from gdfe_ros.mesh.tetrahedralise import cache_folder, from_step, from_surface, step_facts
+from gdfe_ros.mesh.tetrahedralise import from_step, from_surface, step_facts
 
 BOX, BALL = trimesh.creation.box((0.1, 0.06, 0.04)), trimesh.creation.icosphere(subdivisions=2, radius=0.012)
 DRAWN = """
@@ -30,7 +30,7 @@ gmsh.write(sys.argv[1])
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(store, "_folder", lambda: tmp_path / "kept")
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_the_same_file_is_meshed_once(step: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(tetrahedralise, "_run", lambda *given: runs.append(given) or real(*given))
     assert np.array_equal(from_step(step, size=0.01).vertices, first.vertices)
     assert runs == []
-    for entry in cache_folder().iterdir():
+    for entry in store._folder().iterdir():
         entry.write_text("damaged")
     assert from_step(step, size=0.01).n_cells == first.n_cells
     assert len(runs) == 1
