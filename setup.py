@@ -61,6 +61,9 @@ EXTRAS = {
         "gymnasium>=1.0",
         "quadprog>=0.1.12",
         "pin>=3.0",
+        "gmsh>=4.13",
+        "pytetwild>=0.4",
+        "pyvista>=0.45",
     ],
 }
 

@@ -23,7 +23,6 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_cavity_from_a_second_surface_becomes_a_chamber(tmp_path: Path) -> None:
     """Join body and air, both in millimetres; the scene has a chamber of the air's volume and a program."""
-    pytest.importorskip("pytetwild")
     ball = trimesh.creation.icosphere(subdivisions=2, radius=12.0)
     trimesh.creation.box((100, 60, 40)).export(tmp_path / "hand.stl")
     ball.export(tmp_path / "inner.stl")

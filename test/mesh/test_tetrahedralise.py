@@ -36,7 +36,6 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def step(tmp_path: Path) -> Path:
     """Draw a block of 60 x 30 x 20 mm with a hole of radius 8 mm."""
-    pytest.importorskip("gmsh")
     path = tmp_path / "block.step"
     subprocess.run([sys.executable, "-c", DRAWN, str(path)], check=True, capture_output=True)
     return path
@@ -77,7 +76,6 @@ def test_the_facts_of_a_step_file(step: Path) -> None:
 
 def test_a_surface_with_a_cavity_is_filled(tmp_path: Path) -> None:
     """Keep a ball-shaped cavity, whichever way its triangles face."""
-    pytest.importorskip("pytetwild")
     trimesh.util.concatenate([BOX, BALL]).export(tmp_path / "hollow.stl")
     mesh = from_surface(tmp_path / "hollow.stl", size=0.03)
     assert check_mesh(mesh).defects == []
@@ -114,7 +112,6 @@ def test_a_missing_extra_is_one_line(step: Path, tmp_path: Path, monkeypatch: py
 
 def test_a_broken_step_file_is_refused(tmp_path: Path) -> None:
     """Pass on the mesher's reason, in one line."""
-    pytest.importorskip("gmsh")
     (tmp_path / "broken.step").write_text("ISO-10303-21; nonsense")
     with pytest.raises(MeshError, match=r"the mesher says|there is no solid"):
         from_step(tmp_path / "broken.step", size=0.01)
