@@ -58,10 +58,10 @@ solver: {policy: energy, tolerance: 1.0e-4}
 """
 
 ARMED = """\
-name: hand_on_an_arm
 mesh: {bar: {size: [0.06, 0.02, 0.02], cells: [6, 2, 2]}}
 materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1100}}
 regions: [{material: soft}]
+name: hand_on_an_arm
 handles: {wrist: {where: {face: x-}}}
 loads: {weight: {gravity: [0, 0, -9.81]}}
 arm: {urdf: arm.urdf, flange: tool0, handle: wrist, at: [-0.5, 0, 0], start: {lift: 1.57}}
@@ -69,10 +69,10 @@ program: {duration: 1.0, joints: {lift: [{time: 1.0, value: 1.2}]}}
 """
 
 TWO_ARMED = """\
-name: two_arms
 mesh: {bar: {size: [0.06, 0.02, 0.02], cells: [6, 2, 2]}}
 materials: {soft: {law: neo_hookean, young: 1.0e6, poisson: 0.45, density: 1100}}
 regions: [{material: soft}]
+name: two_arms
 handles: {near: {where: {face: x-}}, far: {where: {face: x+}}}
 arms:
   left: {urdf: arm.urdf, flange: tool0, handle: near, at: [-0.5, 0, 0]}

@@ -83,7 +83,7 @@ def _topics(scene: Scene) -> dict[str, type]:
     """Return the message types of the topics that play the scene's program, by name relative to the node's."""
     program = scene.program
     topics: dict[str, type] = {target_key(_handle(scene, name)): PoseStamped for name in program.keyframes}
-    return topics | ({ACTUATION: JointState} if program.actuators or program.loads else {})
+    return topics | ({ACTUATION: JointState} if program.actuators or program.loads or program.joints else {})
 
 
 def _messages(scene: Scene, moment: float) -> dict[str, Any]:
@@ -91,7 +91,8 @@ def _messages(scene: Scene, moment: float) -> dict[str, Any]:
     program, head = scene.program, Header()
     poses = program.handle_poses(moment).items()
     messages = {target_key(_handle(scene, name)): pose_stamped(head, pose) for name, pose in poses}
-    if values := program.actuator_values(moment) | program.load_factors(moment):
+    values = program.actuator_values(moment) | program.load_factors(moment) | program.joint_positions(moment)
+    if values:
         messages[ACTUATION] = actuation({actuator.name: actuator for actuator in scene.actuators}, values)
     return messages
 
