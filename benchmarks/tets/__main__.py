@@ -23,7 +23,7 @@ from gdfe_ros.solver.elements.response import evaluate
 
 CELLS = ([5, 1, 1], [10, 2, 2], [20, 4, 4])
 CONVERGED = {0.45: 18.0, 0.4999: 17.8}
-REPEATS = 20
+REPEATS = 60
 
 
 def sags(*, peers: bool) -> str:
@@ -70,12 +70,13 @@ def main() -> None:
     parser.add_argument("--peers", action="store_true", help="run Drake beside, if pydrake is installed")
     arguments = parser.parse_args()
     print(sags(peers=arguments.peers))
-    grid = bar([0.2, 0.1, 0.1], [20, 10, 10])
-    hexahedron, tetrahedron = element_time(grid), element_time(divided(grid))
-    print(
-        f"time of an element: hexahedron {hexahedron:.0f} ns, tetrahedron {tetrahedron:.0f} ns, "
-        f"ratio {tetrahedron / hexahedron:.2f}"
-    )
+    for cells, grid in (([13, 13, 12], [7, 7, 7]), ([24, 23, 22], [13, 13, 12])):
+        whole, parts = bar([0.1, 0.1, 0.1], cells), divided(bar([0.1, 0.1, 0.1], grid))
+        hexahedron, tetrahedron = element_time(whole), element_time(parts)
+        print(
+            f"time of an element: {hexahedron:.0f} ns of {whole.n_cells} hexahedra, {tetrahedron:.0f} ns of "
+            f"{parts.n_cells} tetrahedra, ratio {tetrahedron / hexahedron:.2f}"
+        )
 
 
 if __name__ == "__main__":

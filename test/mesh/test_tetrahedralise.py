@@ -74,10 +74,12 @@ def test_the_facts_of_a_step_file(step: Path) -> None:
     assert facts["volume"].startswith("3.19788e-05")
 
 
-def test_a_surface_with_a_cavity_is_filled(tmp_path: Path) -> None:
-    """Keep a ball-shaped cavity, whichever way its triangles face."""
+def test_a_surface_with_a_cavity_is_filled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep a ball-shaped cavity, whichever way its triangles face; leave no file behind."""
     trimesh.util.concatenate([BOX, BALL]).export(tmp_path / "hollow.stl")
+    monkeypatch.chdir(tmp_path)
     mesh = from_surface(tmp_path / "hollow.stl", size=0.03)
+    assert {path.name for path in tmp_path.iterdir()} == {"hollow.stl", "kept"}
     assert check_mesh(mesh).defects == []
     assert check_mesh(mesh).volume == pytest.approx(BOX.volume - BALL.volume, rel=0.01)
     (cavity,) = find_cavities(mesh)

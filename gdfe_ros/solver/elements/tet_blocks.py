@@ -22,6 +22,8 @@ hexahedra lie before them, because the laws are evaluated there."""
 SLOPE, STORED_ENERGY, GEOMETRY_OF_TET = GRADIENTS + 36, GRADIENTS + 37, GRADIENTS + 38
 """Rows of the pressure on the mean volume, of the energy, and the first of the geometry (40)."""
 TET_ROWS = GEOMETRY_OF_TET + TET_GEOMETRY_ROWS
+STRAIGHT = 1e-9
+"""Relative difference of dxi/dX between the points of an element up to which its edges count as straight."""
 
 
 class TetBlocks(NamedTuple):
@@ -31,12 +33,17 @@ class TetBlocks(NamedTuple):
         element: (b, LANES) int32 element of each lane.
         used: (b,) int32 number of lanes in use; the others repeat the first.
         law: (b,) int32 law of the block's elements.
-        geometry: (b * TET_GEOMETRY_ROWS * LANES,) float64, rows as named above, lane by lane.
+        straight: (b,) bool, whether all its edges are straight: one inverse and one weight serve all points.
+        start: (b,) int64 index in ``geometry`` at which each block begins.
+        geometry: float64, rows as named above, lane by lane; of straight blocks one inverse (9) and one weight. The
+            kernels are limited by memory, and these are a quarter of the numbers.
     """
 
     element: NDArray[np.int32]
     used: NDArray[np.int32]
     law: NDArray[np.int32]
+    straight: NDArray[np.bool_]
+    start: NDArray[np.int64]
     geometry: NDArray[np.float64]
 
 
@@ -44,7 +51,14 @@ def make_tet_blocks(
     shape: TetOperators, material: NDArray[np.int32], table: MaterialTable, elements: NDArray[np.int32]
 ) -> TetBlocks:
     """Sort ``elements`` into blocks; the order within a law is kept."""
-    element, used = lanes_of(table.law[material][elements], elements)
-    geometry = np.concatenate([shape.inverse.reshape(-1, 36), shape.weight], axis=1)
-    rows = np.ascontiguousarray(geometry[element].transpose(0, 2, 1)).ravel()
-    return TetBlocks(element, used, table.law[material[element[:, 0]]], rows)
+    inverse = shape.inverse.reshape(-1, 4, 9)
+    bend = np.abs(inverse - inverse[:, :1]).max(axis=(1, 2))
+    straight = bend <= STRAIGHT * np.abs(inverse[:, 0]).max(axis=1)
+    element, used = lanes_of((2 * table.law[material] + straight)[elements], elements)
+    kind = straight[element[:, 0]]
+    whole = np.concatenate([shape.inverse.reshape(-1, 36), shape.weight], axis=1)
+    short = np.concatenate([inverse[:, 0], shape.weight[:, :1]], axis=1)
+    rows = [(short if kind[b] else whole)[lanes].T.ravel() for b, lanes in enumerate(element)]
+    start = np.cumsum([0, *map(len, rows)])[:-1]
+    geometry = np.concatenate([np.zeros(0), *rows])
+    return TetBlocks(element, used, table.law[material[element[:, 0]]], kind, start, geometry)

@@ -53,11 +53,18 @@ def load_nodes(b, x, shape, elements):
 
 
 @inlined
-def load_geometry(b, geometry, block):
-    """Copy the geometry of a block into its rows."""
-    first = block * TET_GEOMETRY_ROWS * LANES
-    for i in range(TET_GEOMETRY_ROWS * LANES):
-        b[GEOMETRY_OF_TET * LANES + i] = geometry[first + i]
+def load_geometry(b, blocks, block):
+    """Copy the geometry of a block into its rows; that of a straight block into the rows of all four points."""
+    first, geometry = blocks.start[block], blocks.geometry
+    if not blocks.straight[block]:
+        for i in range(TET_GEOMETRY_ROWS * LANES):
+            b[GEOMETRY_OF_TET * LANES + i] = geometry[first + i]
+        return
+    for g in range(4):
+        for i in range(9 * LANES):
+            b[(GEOMETRY_OF_TET + INVERSE + 9 * g) * LANES + i] = geometry[first + i]
+        for lane in range(LANES):
+            b[(GEOMETRY_OF_TET + WEIGHT + g) * LANES + lane] = geometry[first + 9 * LANES + lane]
 
 
 @inlined

@@ -37,7 +37,7 @@ def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, ta
     b = np.empty(TET_ROWS * LANES)
     for block in range(first, last):
         elements = blocks.element[block]
-        load_geometry(b, blocks.geometry, block)
+        load_geometry(b, blocks, block)
         load_nodes(b, x, shape, elements)
         load_shares(b, blocks.law[block], elements, material, table)
         respond(b, blocks.law[block], elements, material, pressure, table)
@@ -56,7 +56,7 @@ def element_tangents(x, shape, blocks, material, pressure, scale, table, out):
     for block in range(len(blocks.element)):
         elements = blocks.element[block]
         spacing = SPACING * np.cbrt(shape.volume[elements[0]])
-        load_geometry(b, blocks.geometry, block)
+        load_geometry(b, blocks, block)
         load_nodes(b, x, shape, elements)
         load_shares(b, blocks.law[block], elements, material, table)
         for column in range(30):
