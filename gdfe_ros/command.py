@@ -116,6 +116,9 @@ class Orders:
             if (handle := self.handle(name)).carrier:
                 text = f"handle {name!r} is carried by arm {handle.carrier!r}"
                 raise CommandError(f"{text}; remedy: command the arm's joints")
+            if handle.section == "bodies":
+                text = f"body {name!r} moves freely and follows no target"
+                raise CommandError(f"{text}; remedy: a Command's `bodies` puts it in a place")
             if handle.fixed:
                 movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
                 raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")

@@ -13,8 +13,6 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Session
 from gdfe_ros.live.view import View
 from gdfe_ros.node.orders import ActuatorOrder
-from gdfe_ros.scene.loader import scene_from_text
-from gdfe_ros.simulation import Command, Simulation
 
 STILL = 1e-6
 """Relative change of the commands below which they have come to rest."""
@@ -93,7 +91,10 @@ class Leading:
             threading.Thread(target=self._made, args=(self._probe,), name="model of a probe", daemon=True).start()
 
     def _made(self, probe: str) -> None:
-        from gdfe_ros.control import FeedbackControl, Target  # needed here only
+        # Needed here only: the page is there before the compiler is.
+        from gdfe_ros.control import FeedbackControl, Target
+        from gdfe_ros.scene.loader import scene_from_text
+        from gdfe_ros.simulation import Command, Simulation
 
         control, session = None, self._session
         try:

@@ -121,11 +121,11 @@ def test_what_is_not_installed_is_skipped(table: Table) -> None:
 
 
 def test_every_table_has_a_script_and_a_probe() -> None:
-    """Look the modules up; names are unique, and the expected time of all is at most an hour."""
+    """Look the modules up; names are unique, and the expected time of all is far below two hours."""
     assert len(set(NAMES)) == len(NAMES)
     for item in TABLES:
         assert item.missing() or callable(item.replay_function()), item.name
-    assert sum(item.minutes for item in TABLES) <= 60.0
+    assert sum(item.minutes for item in TABLES) <= 75.0
 
 
 def test_the_list_shows_every_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

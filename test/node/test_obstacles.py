@@ -23,7 +23,7 @@ from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
 from gdfe_ros.contacts import contact_names
-from gdfe_ros.errors import GdfeError
+from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.node.following import leaders_of
 from gdfe_ros.node.messages import pose_stamped
 from gdfe_ros.scene.loader import load_scene
@@ -289,7 +289,7 @@ def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path, slab: P
     bag = tmp_path / "bag"
     with Simulator(slab, bag=bag, parameters={"dt": 0.02}) as simulator:
         states = [simulator.step(Command(handles={"table": Pose((0.0, 0.0, 1e-5 * k))})) for k in range(25)]
-        with pytest.raises(GdfeError, match="nothing is called"):
+        with pytest.raises(CommandError, match="body 'part' moves freely and follows no target"):
             simulator.step(Command(handles={"part": Pose()}))
     assert contact_names(simulator.scene.handles) == ["table", "part", "part on table"]
     weight = 9.81 * 1500 * 0.04 * 0.03 * 0.02
@@ -342,7 +342,7 @@ def test_bodies_that_were_put_are_replayed_to_the_bit(tmp_path: Path, slab: Path
             state = simulator.step(Command(handles={"table": table}, bodies=bodies.get(step, {})))
             if step == 3:
                 np.testing.assert_allclose(state.poses["part"].translation, [0.01, 0.0, 0.1], atol=5e-3)
-        with pytest.raises(GdfeError, match="nothing is called"):
+        with pytest.raises(CommandError, match="no rigid body 'table' in scene 'slab'; bodies: part"):
             simulator.step(Command(bodies={"table": Pose()}))
     assert state.poses["part"].translation[2] < 0.01
     run = BagRun(bag)

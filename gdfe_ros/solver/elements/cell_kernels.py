@@ -53,33 +53,35 @@ KERNELS = {ShapeOperators: _of(hex_response, folding, hexahedra), TetOperators: 
 
 
 def evaluate_blocks(first, last, x, shape, blocks, material, pressure, scale, table, force, energy):
-    """Stand for `CellKernels.evaluate_blocks` in a kernel."""
-    raise NotImplementedError
+    """Stand for `CellKernels.evaluate_blocks` in a kernel; if the compiler is off, call it."""
+    return KERNELS[type(shape)].evaluate_blocks(
+        first, last, x, shape, blocks, material, pressure, scale, table, force, energy
+    )
 
 
 def add_walls(x, watched, shape, material, table, force, energy):
-    """Stand for `CellKernels.add_walls` in a kernel."""
-    raise NotImplementedError
+    """Stand for `CellKernels.add_walls` in a kernel; if the compiler is off, call it."""
+    return KERNELS[type(shape)].add_walls(x, watched, shape, material, table, force, energy)
 
 
 def room(x, shape, e, scratch):
-    """Stand for `CellKernels.room` in a kernel."""
-    raise NotImplementedError
+    """Stand for `CellKernels.room` in a kernel; if the compiler is off, call it."""
+    return KERNELS[type(shape)].room(x, shape, e, scratch)
 
 
 def mean_gradient(x, shape, e):
-    """Stand for `CellKernels.mean_gradient` in a kernel."""
-    raise NotImplementedError
+    """Stand for `CellKernels.mean_gradient` in a kernel; if the compiler is off, call it."""
+    return KERNELS[type(shape)].mean_gradient(x, shape, e)
 
 
 def volume_ratio(x, shape, e):
-    """Stand for `CellKernels.volume_ratio` in a kernel."""
-    raise NotImplementedError
+    """Stand for `CellKernels.volume_ratio` in a kernel; if the compiler is off, call it."""
+    return KERNELS[type(shape)].volume_ratio(x, shape, e)
 
 
 def least_corner(x, shape, e):
-    """Stand for `CellKernels.least_corner` in a kernel."""
-    raise NotImplementedError
+    """Stand for `CellKernels.least_corner` in a kernel; if the compiler is off, call it."""
+    return KERNELS[type(shape)].least_corner(x, shape, e)
 
 
 def _own(shape: types.NamedTuple, name: str) -> Callable:
