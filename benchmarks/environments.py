@@ -32,7 +32,7 @@ SCENES = (
     "swinging_arm", "tendon_finger", "three_chamber_arm",
 )  # fmt: skip
 """Shipped scenes that have actuators with ranges, and probes."""
-STEPS, LONGEST = 100, 15.0
+STEPS, LONGEST = 100, 6.0
 """Steps of a run, and the time [s] after which it makes no further one."""
 RESETS = 5
 """Resets after the steps, of which the median counts."""

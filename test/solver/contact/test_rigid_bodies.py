@@ -139,5 +139,5 @@ def test_the_tangent_couples_both_sides(cushion: Callable[..., Simulation], name
 
 def test_a_body_takes_no_commands(cushion: Callable[..., Simulation]) -> None:
     """Who commands a body that moves freely is told that it takes none."""
-    with pytest.raises(CommandError, match="'part' is fixed; bodies that move: none"):
+    with pytest.raises(CommandError, match="'part' moves freely and follows no target"):
         cushion().step(Command(handles={"part": Pose((0.0, 0.0, 0.1))}))
