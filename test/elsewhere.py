@@ -40,6 +40,7 @@ COMPUTING = (
     "mesh",
     "materials",
     "actuators",
+    "arms",
     "constraints",
     "control",
     "fitting",
