@@ -127,6 +127,21 @@ def test_a_killed_worker_costs_no_case(runner: ModuleType) -> None:
     assert {result["status"] for _, result in done} == {"converged"}
 
 
+def test_results_survive_workers_that_end_late(runner: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have dask not hear in time that its workers ended, as on a busy machine: the results are there all the same."""
+    scene = load_scene("bend5", overrides={"mesh.bar.cells": [10, 1, 1]}).source
+    close = runner.LocalCluster.close
+
+    def late(cluster: object, timeout: float | None = None) -> None:
+        close(cluster, timeout)
+        raise TimeoutError
+
+    monkeypatch.setattr(runner.LocalCluster, "close", late)
+    with runner.connect(None, 1) as client:
+        results = list(runner.run_cases(client, scene, grid_cases({"solver.steps": [1, 2]})))
+    assert [result["status"] for _, result in results] == ["converged"] * 2
+
+
 def test_a_sweep_without_workers_ends(runner: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     """Have no worker at all, as when none can be started again: an error instead of a wait without end."""
     monkeypatch.setattr(runner, "PATIENCE", 2.0)

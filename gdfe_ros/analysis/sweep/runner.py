@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import dask
 from distributed import Client, Future, LocalCluster, as_completed
@@ -51,12 +52,15 @@ def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
         with Client(scheduler) as client:
             yield client
         return
-    with (
-        dask.config.set(_SETTINGS),
-        LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
+    with dask.config.set(_SETTINGS):
+        cluster = LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0")
+        try:
+            with Client(cluster) as client:
+                yield client
+        finally:
+            # On a busy machine dask may not hear within 5 s that a worker has ended which it has killed.
+            with suppress(TimeoutError, asyncio.TimeoutError):
+                cluster.close()
 
 
 def run_cases(client: Client, scene: str, cases: Sequence[Case]) -> Iterator[tuple[Case, Result]]:
