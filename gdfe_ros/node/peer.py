@@ -129,9 +129,11 @@ class Peer:
 
         def found_or_lacking() -> bool:
             nonlocal known, since
-            if (now := names()) != known:
+            if look():
+                return True
+            if (now := names()) != known:  # many queries: only while the entry is missing
                 known, since = now, time.monotonic()
-            return bool(look()) or (bool(known) and time.monotonic() - since > UNCHANGED)
+            return bool(known) and time.monotonic() - since > UNCHANGED
 
         self._wait(found_or_lacking)
         return look()
