@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.markdown import markdown_table
 from benchmarks.peers.peer import worker_environment
-from benchmarks.replay import figures
+from benchmarks.replay import figures, summed
 from benchmarks.report import options, write_report
 from gdfe_ros.scene import load_scene
 from gdfe_ros.testing import make_env, make_vector_env
@@ -132,7 +132,7 @@ def probe() -> dict[str, float]:
         env.action_space.seed(SEED)
         results = (_result(env) for _ in range(PROBED))
         found |= figures(scene, results, env.simulation)
-    return found
+    return summed(found)
 
 
 def _result(env: Any) -> Any:
