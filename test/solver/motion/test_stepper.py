@@ -107,9 +107,9 @@ def test_a_deadline_makes_no_energy(moving: Callable) -> None:
 
 
 def test_a_step_that_fails_keeps_the_last_sound_state(moving: Callable) -> None:
-    """Jerk the tip by two body lengths in the shortest internal step: it fails, says so, and the bar goes on from before.
+    """Jerk the tip by two body lengths in the shortest internal step: it fails, says so, and the bar goes on.
 
-    The test asks for more than a body length there: of ten roundings, two let a jerk of 0.6 begin.
+    A third of that jerk is not enough for the test: with three of eleven roundings its first part succeeds.
     """
     bar = moving(handles={"base": {"where": {"face": "x-"}}, "tip": {"where": {"face": "x+"}}})
     bar.step()
