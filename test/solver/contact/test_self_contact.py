@@ -13,6 +13,7 @@ from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.constraints.self_contact import NAME
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.solver.result import StepResult
+from gdfe_ros.solver.settings import SolverSettings
 
 SHOT = """
 name: shot
@@ -31,6 +32,11 @@ def pressed(simulation: Simulation, depth: float, *, slide: float = 0.0) -> Step
     result = simulation.step(Command(handles={"high": Pose((slide, 0.0, -depth))}))
     assert result.converged, result.message
     return result
+
+
+def _at_default_tolerance(simulation: Simulation) -> Simulation:
+    scene = simulation.scene
+    return Simulation(replace(scene, solver=replace(scene.solver, tolerance=SolverSettings().tolerance)))
 
 
 @pytest.mark.parametrize(("low", "high"), [(4, 4), (4, 3), (2, 5)])
@@ -62,8 +68,12 @@ def test_what_acts_acts_back() -> None:
 
 
 def test_a_block_sticks_to_a_block_and_slips_beyond() -> None:
-    """Pushed aside, friction carries the push as one body would until it is mu times the press, and then no more."""
-    loose, tied = stack(3, 3, friction=0.2), stack(3, 3, friction=50.0)
+    """Pushed aside, friction carries the push as one body would until it is mu times the press, and then no more.
+
+    Where all that stuck begins to slip at once, updates settle slowly: in 323 to 655 iterations on twelve meshes that
+    differ by 1e-13 of the size. At a tolerance of 1e-5 it was 488 to 853 on ten, more than 2000 on two.
+    """
+    loose, tied = (_at_default_tolerance(stack(3, 3, friction=friction)) for friction in (0.2, 50.0))
     for simulation in (loose, tied):
         pressed(simulation, PRESSED)
     for way in (0.0005, 0.004):

@@ -68,6 +68,7 @@ def test_a_linear_field_is_exact(make_body: MakeBody, block: TetMesh, law: Mater
     assert np.ptp(fields.energy_density) < 1e-5 * fields.energy_density.max()
 
 
+@pytest.mark.exact("a shift bends the edges, which a balance to rounding feels")
 def test_constant_stress_is_in_balance_to_rounding(make_body: MakeBody, block: TetMesh, law: Material) -> None:
     """Let no force act on the inner vertices of a body in a linear field."""
     body = make_body(block, law)
