@@ -58,8 +58,14 @@ PLAYS: dict[str, Play] = {
     "gripper": Play("gripper", 60),
     "shape_memory_strip": Play("shape_memory_strip", 60),
     "two_material_bar": Play("two_material_bar", 100),
+    "tendon_finger, 10 ms": Play("tendon_finger", 400),
+    "gripper, 10 ms": Play("gripper", 400),
+    "three_chamber_arm, 10 ms": Play("three_chamber_arm", 600),
+    "bending_tube, 10 ms": Play("bending_tube", 400),
+    "pneunet, 10 ms": Play("pneunet", 400),
+    "shape_memory_strip, 10 ms": Play("shape_memory_strip", 400),
 }
-"""By name: streams of small steps, cold solves, and the robots' programs."""
+"""By name: streams of small steps, cold solves, the robots' programs in coarse steps, and at 100 steps a second."""
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,8 @@ ROUGH = 0.3
 """Distance to which the next minimisation converges, over the pairs' error at the last update."""
 SCALE_SLACK = 10.0
 """Change of an hourglass scale, over the tolerance, that still leaves the positions within it."""
+SURE = 0.3
+"""Motion by an update, in tolerances, after which a certified solve is not repeated."""
 WARM_SLACK = 10.0
 """Volume error of an element, over the tolerance, that a step of a motion may leave to the next step's pressures."""
 WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
@@ -150,6 +152,8 @@ class Solve:
         task = self._placed(active, coupling, threads)
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
+        if self._softens(active) and not self.anew:  # a prediction of a motion is near enough
+            self._soften(active)
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
         least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
         if self._actuation.drives and status["count"] < LONG_MEMORY and not self._prediction.sure:
@@ -181,8 +185,9 @@ class Solve:
             last = (inner == tolerance and not rough and not coarse) or ended is not End.NONE
             # Scales follow the positions alone: where these have not moved, another update changes nothing.
             quiet = went.iterations == 0 and (self._settled or not accumulates)
-            self._settled = self._update(active, still=went.iterations == 0) and last
-            if self._settled and (quiet or not self._minimiser.certified):
+            moved = self._update(active, still=went.iterations == 0)
+            self._settled = last and moved <= 1.0
+            if self._settled and (quiet or not self._minimiser.certified or moved <= SURE):
                 break
             if not self._settled and self._level is None:  # a slender body is far softer than the penalties
                 self._actuation.hasten(tolerance)
@@ -257,20 +262,19 @@ class Solve:
             tolerance=problem.tolerance,
         )
 
-    def _update(self, active: ActiveSet, *, still: bool) -> bool:
-        """Update pressures, multipliers and scales; return whether the changes keep the positions within tolerance."""
-        body, shape, x, settled = self._body, self._operators.shape, active.workspace.x, True
+    def _update(self, active: ActiveSet, *, still: bool) -> float:
+        """Update pressures, multipliers and scales; return by how many tolerances that moves the positions at most."""
+        x, moved = active.workspace.x, [0.0]
         tolerance = self.problem.keeping or self.problem.tolerance
         slack = WARM_SLACK if self.warm and not self._minimiser.certified else 1.0
         if len(active.carried):
-            volumes = self.problem.volumes or tolerance
-            settled = self.pressures.update(x, active.carried, shape, still=still) <= slack * volumes
+            change = self.pressures.update(x, active.carried, self._operators.shape, still=still)
+            moved.append(change / (slack * (self.problem.volumes or tolerance)))
         if self._actuation.updates:
-            settled = self._actuation.update(x) <= tolerance and settled
+            moved.append(self._actuation.update(x) / tolerance)
         if self._softens(active):
-            change = update_hourglass_scales(x, active.softening, shape, body.material, body.table, self._scale)
-            settled = settled and change <= SCALE_SLACK * slack * tolerance
-        return settled
+            moved.append(self._soften(active) / (SCALE_SLACK * slack * tolerance))
+        return float(np.max(moved))
 
     def _nearly_folded(self) -> NDArray[np.int32]:
         """Return the vertices of elements that are nearly folded at the start."""
@@ -278,6 +282,13 @@ class Solve:
             return np.zeros(0, dtype=np.int32)
         shape = self._operators.shape
         return np.unique(shape.cells[nearly_folded(self.start.positions, self._operators)])
+
+    def _soften(self, active: ActiveSet) -> float:
+        """Set the hourglass scales to those at the present positions; return the largest change."""
+        x, body = active.workspace.x, self._body
+        return update_hourglass_scales(
+            x, active.softening, self._operators.shape, body.material, body.table, self._scale
+        )
 
     def _softens(self, active: ActiveSet) -> bool:
         """Return whether hourglass scales follow the strain."""

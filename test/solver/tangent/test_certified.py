@@ -12,7 +12,7 @@ from benchmarks.torture.honesty import FORKS, PROMISE, error_of
 from benchmarks.torture.slender_bodies import FINGERS, fork
 from gdfe_ros import Simulation
 from gdfe_ros.constraints import Pose
-from gdfe_ros.scene import scene_from_text
+from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.simulation import Command
 
 COLUMN = """
@@ -50,3 +50,18 @@ def test_a_column_does_not_stay_at_its_saddle(shorter: float) -> None:
     result, bent = at_once.step(shortened), aside.step(shortened)
     assert (result.converged, bent.converged) == (True, True)
     assert result.energy == pytest.approx(bent.energy, rel=1e-3)
+
+
+def test_errors_of_small_steps_do_not_add_up() -> None:
+    """Inflate a tube in steps of 10 ms: each ends within a tolerance.
+
+    Where no Newton step was made at an estimated tenth of it, 1.5 tolerances added up along the softest mode.
+    """
+    scene = load_scene("bending_tube")
+    simulation, fine = Simulation(scene), Simulation(scene, settings=replace(scene.solver, tolerance=1e-8))
+    for number, result in zip(range(75), simulation.play(400), strict=False):
+        if number >= 70:
+            fine.restore(simulation.snapshot())
+            true = fine.step()
+            assert true.converged, true.message
+            assert error_of(result, true, simulation.mesh.size) <= simulation.settings.tolerance
