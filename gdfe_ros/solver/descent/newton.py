@@ -48,7 +48,7 @@ LONGEST = 10.0
 """Longest Newton step over the body's size; an almost singular tangent asks for longer ones."""
 AWAY = 0.02
 """Step along a direction of negative curvature, over the body's size, if no other direction is known."""
-FREE = 3
+FREE = 4
 """Products of a Newton step that do not count towards the cost at which the tangent is renewed."""
 
 
@@ -98,6 +98,7 @@ class Krylov(NamedTuple):
     Attributes:
         direction, image, residual, z: (3 r,) p, K p, r, M^-1 r.
         step: (3 r,) the Newton step d [m].
+        motion: (3 r,) the motion v since the last equilibrium [m]; zero if there is none.
         diagonal, beside: of Lanczos' tridiagonal matrix.
         course: (1,) of `COURSE`.
     """
@@ -107,6 +108,7 @@ class Krylov(NamedTuple):
     residual: NDArray[np.float64]
     z: NDArray[np.float64]
     step: NDArray[np.float64]
+    motion: NDArray[np.float64]
     diagonal: NDArray[np.float64]
     beside: NDArray[np.float64]
     course: NDArray[np.void]
@@ -114,7 +116,7 @@ class Krylov(NamedTuple):
 
 def allocate_krylov(rows: int) -> Krylov:
     """Return work arrays for ``rows`` rows of unknowns."""
-    vectors = [np.zeros(3 * rows) for _ in range(5)]
+    vectors = [np.zeros(3 * rows) for _ in range(6)]
     return Krylov(*vectors, *np.zeros((2, MOST_PRODUCTS)), np.zeros(1, dtype=COURSE).view(np.recarray))
 
 
@@ -146,6 +148,25 @@ def follow(krylov, length):
         krylov.residual[n] -= length * krylov.image[n]
 
 
+@internal
+def begin_along(problem, work, beside, kept, krylov, spacing):
+    """Begin the Newton step with its part along the motion v, for which v^T (K d - r) = 0; return the products made.
+
+    A body moves along its softest mode, of which conjugate gradients see little: forces along it are small.
+    """
+    v, r = krylov.motion, krylov.residual
+    krylov.step[:] = 0.0
+    if largest(v) == 0.0:
+        return 0
+    multiply(problem, work.u, work.gradient, beside, v, spacing, krylov.image)
+    stiffness = inner(v, krylov.image)
+    if stiffness > 0.0:
+        krylov.direction[:] = v
+        follow(krylov, inner(r, v) / stiffness)
+        solve_kept(kept, r, krylov.z)
+    return 1
+
+
 @kernel
 def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left):
     """Solve K d = r for the given residual and z = M^-1 r; return a `StepKind` and the number of products.
@@ -155,14 +176,14 @@ def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left
     """
     course = krylov.course[0]
     p, r, z, d = krylov.direction, krylov.residual, krylov.z, krylov.step
-    for n in range(len(d)):
-        d[n], p[n] = 0.0, z[n]
+    made = begin_along(problem, work, beside, kept, krylov, spacing)
+    p[:] = z
     weight = inner(r, z)
     start, length, ratio = weight, 1.0, 0.0
     if not weight > 0.0:
         found = largest(z) == 0.0
         course.distance = 0.0 if found else math.inf
-        return StepKind.FOUND if found else StepKind.UNKNOWN, 0
+        return StepKind.FOUND if found else StepKind.UNKNOWN, made
     for count in range(MOST_PRODUCTS):
         multiply(problem, work.u, work.gradient, beside, p, spacing, krylov.image)
         curvature = inner(p, krylov.image)
@@ -170,7 +191,7 @@ def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left
             if count == 0:
                 d[:] = p
             course.distance = math.inf
-            return StepKind.CURVED, count + 1
+            return StepKind.CURVED, made + count + 1
         krylov.diagonal[count] = curvature / weight + (ratio / length if count > 0 else 0.0)
         length = weight / curvature
         follow(krylov, length)
@@ -181,7 +202,7 @@ def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left
         small = left <= max(INEXACT * target, FORCING * far) and (count > 1 or left <= CLOSE * target)
         if (small and course.least >= STEADY * before and weight <= most_left * start) or not weight > ROUNDING * start:
             course.distance = far + left
-            return StepKind.FOUND, count + 1
+            return StepKind.FOUND, made + count + 1
         ratio = weight / last
         krylov.beside[count] = math.sqrt(ratio) / length
         for n in range(len(d)):
@@ -236,7 +257,7 @@ def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, l
         if far == 0.0:
             return Why.HARD, iteration
         share = min(1.0, LONGEST * size / far)
-        if solved == StepKind.CURVED and products == 1:
+        if solved == StepKind.CURVED and products == (2 if largest(krylov.motion) > 0.0 else 1):
             share = AWAY * size / far
         aim(work, krylov, share)
         if advance(problem, work, 0.0, first):

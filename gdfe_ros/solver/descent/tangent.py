@@ -95,6 +95,7 @@ class TangentMinimiser(Minimiser):
         self.tangent, self._last = start.tangent, start.positions if warm else None
         self.lost, self._tangents, self._known, self._turned = False, 0, False, False
         self._cleared, self._learning = 0 if warm else -1, not self.certified
+        self._krylov.motion[...] = 0.0
         course = self._course
         course["distance"], course["curved"], course["unknown"] = np.inf, 0, 0
         if self.tangent is not None:
@@ -115,6 +116,9 @@ class TangentMinimiser(Minimiser):
         work, target = task.active.workspace, min(tolerance, self._finest) * self._body.size
         target *= self._share
         self._beside.x[...] = work.x  # with the handles where they are
+        if self.certified and self._last is not None:
+            free = task.active.unknowns.free
+            self._krylov.motion.reshape(-1, 3)[: len(free)] = work.x[free] - self._last[free]
         if self.tangent is None or (not self.certified and self._course["spent"] >= 2 * self._patient):
             self._take(task, self._last)
         elif self._level.touched(work.x):
@@ -175,7 +179,11 @@ class TangentMinimiser(Minimiser):
                 if not self.certified and (why is Why.ASTRAY or status["distance"] > 0.5 * before):
                     damping = max(self._softness, DAMPING * damping)
                 before = float(status["distance"])
-                self._take(task, damping=damping)
+                # A prediction may be strained along stiff directions, which stiffens the soft ones, too.
+                self._take(task, self._last if why is Why.STALE and not used else None, damping=damping)
+                if not self._turned:
+                    self._level.turn(task.active.workspace.x)
+                    self._turned = True
                 task.precondition(task.active.workspace.gradient, task.active.workspace.step)
                 self._learning = why is Why.HARD or not self.certified
 
@@ -217,7 +225,7 @@ class TangentMinimiser(Minimiser):
         """
         work, krylov = task.active.workspace, self._krylov
         distance = float(self._course["distance"])
-        krylov.residual[...] = np.random.default_rng(0).standard_normal(len(work.u))
+        krylov.residual[...], krylov.motion[...] = np.random.default_rng(0).standard_normal(len(work.u)), 0.0
         self._level.solve(krylov.residual, krylov.z)
         given = task.problem, work, self._beside, self._level.kept, krylov
         before = float(self._course["least"])

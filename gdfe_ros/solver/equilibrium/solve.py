@@ -152,8 +152,8 @@ class Solve:
         task = self._placed(active, coupling, threads)
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
-        if self._softens(active) and not self.anew:  # a prediction of a motion is near enough
-            self._soften(active)
+        if self._softens(active) and self._minimiser.certified and not self.anew:
+            self._soften(active)  # the prediction of a stream is nearer than the last step
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
         least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
         if self._actuation.drives and status["count"] < LONG_MEMORY and not self._prediction.sure:
@@ -187,7 +187,8 @@ class Solve:
             quiet = went.iterations == 0 and (self._settled or not accumulates)
             moved = self._update(active, still=went.iterations == 0)
             self._settled = last and moved <= 1.0
-            if self._settled and (quiet or not self._minimiser.certified or moved <= SURE):
+            sure = moved <= SURE and not self._actuation.contacts
+            if self._settled and (quiet or sure or not self._minimiser.certified):
                 break
             if not self._settled and self._level is None:  # a slender body is far softer than the penalties
                 self._actuation.hasten(tolerance)
