@@ -62,12 +62,15 @@ class Strip:
         now = np.stack([products(column) for column in np.eye(len(work.u))])
         return cls(tasks[-1], level, work.gradient.copy(), 0.5 * (now + now.T))
 
-    def solved(self, right: NDArray[np.float64], target: float) -> tuple[StepKind, newton.Krylov]:
-        """Solve with the present tangent for a right-hand side."""
+    def solved(
+        self, right: NDArray[np.float64], target: float, motion: NDArray[np.float64] | None = None
+    ) -> tuple[StepKind, newton.Krylov]:
+        """Solve with the present tangent for a right-hand side, after a motion since the last equilibrium."""
         work = self.task.active.workspace
         krylov, beside = newton.allocate_krylov(len(work.u) // 3), allocate(len(work.u) // 3, work.x, (40, 8), memory=0)
         krylov.course[0].least = 1.0
         krylov.residual[...] = right
+        krylov.motion[...] = 0.0 if motion is None else motion
         self.level.solve(right, krylov.z)
         solved, _ = newton.solve_newton(self.task.problem, work, beside, self.level.kept, krylov, 1e-8, target, np.inf)
         return StepKind(solved), krylov
@@ -93,6 +96,16 @@ def test_the_least_ritz_value_is_that_of_the_pencil() -> None:
     taken = strip.level.assembled(strip.level._loaded).toarray()
     least = np.linalg.eigvals(np.linalg.solve(taken, strip.now)).real.min()
     assert least * 0.999 <= float(krylov.course[0].least) <= 1.25 * min(least, 1.0)
+
+
+def test_a_step_along_the_motion_is_found_at_once() -> None:
+    """Ask roughly for a step along the softest mode: it is exact if the body moved along that mode, else far off."""
+    strip = Strip.moved(0.05)
+    _, vectors = np.linalg.eigh(strip.now)
+    soft = 1e-3 * vectors[:, 0] / largest(vectors[:, 0])
+    errors = [largest(strip.solved(strip.now @ soft, 1.0, motion)[1].step - soft) for motion in (3.0 * soft, None)]
+    assert errors[0] < 1e-4 * largest(soft)
+    assert errors[1] > 1e-2 * largest(soft)
 
 
 def test_negative_curvature_is_told() -> None:
