@@ -171,8 +171,9 @@ def begin_along(problem, work, beside, kept, krylov, spacing):
 def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left):
     """Solve K d = r for the given residual and z = M^-1 r; return a `StepKind` and the number of products.
 
-    They end when the remainder is small against d or the ``target`` [m], and r M^-1 r is at most ``most_left`` of its
-    first value. With negative curvature at once, d is the direction of it.
+    Conjugate gradients begin after the part of d along ``krylov.motion``. They end when the remainder is small against
+    d or the ``target`` [m], and r M^-1 r is at most ``most_left`` of its first value. With negative curvature at once,
+    d is the direction of it.
     """
     course = krylov.course[0]
     p, r, z, d = krylov.direction, krylov.residual, krylov.z, krylov.step

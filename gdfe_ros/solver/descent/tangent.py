@@ -181,9 +181,6 @@ class TangentMinimiser(Minimiser):
                 before = float(status["distance"])
                 # A prediction may be strained along stiff directions, which stiffens the soft ones, too.
                 self._take(task, self._last if why is Why.STALE and not used else None, damping=damping)
-                if not self._turned:
-                    self._level.turn(task.active.workspace.x)
-                    self._turned = True
                 task.precondition(task.active.workspace.gradient, task.active.workspace.step)
                 self._learning = why is Why.HARD or not self.certified
 
@@ -252,8 +249,11 @@ class TangentMinimiser(Minimiser):
         task.advance(0.0)
 
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
+        """Take the tangent at positions ``x`` (n, 3) [m], turned to the present ones; None: at these."""
         work, course = task.active.workspace, self._course
         self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, damping=damping)
-        self._tangents, self._turned = self._tangents + 1, x is None
+        if x is not None:
+            self._level.turn(work.x)
+        self._tangents, self._turned = self._tangents + 1, True
         course["spent"], course["least"], self._since = 0, 1.0, 0
         task.active.status["count"], task.active.status["pending"], task.active.status["ended"] = 0, 0, End.NONE

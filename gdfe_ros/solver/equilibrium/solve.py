@@ -153,7 +153,7 @@ class Solve:
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
         if self._softens(active) and self._minimiser.certified and not self.anew:
-            self._soften(active)  # the prediction of a stream is nearer than the last step
+            self._update_scales(active)  # the prediction of a stream is nearer than the last step
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
         least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
         if self._actuation.drives and status["count"] < LONG_MEMORY and not self._prediction.sure:
@@ -274,7 +274,7 @@ class Solve:
         if self._actuation.updates:
             moved.append(self._actuation.update(x) / tolerance)
         if self._softens(active):
-            moved.append(self._soften(active) / (SCALE_SLACK * slack * tolerance))
+            moved.append(self._update_scales(active) / (SCALE_SLACK * slack * tolerance))
         return float(np.max(moved))
 
     def _nearly_folded(self) -> NDArray[np.int32]:
@@ -284,7 +284,7 @@ class Solve:
         shape = self._operators.shape
         return np.unique(shape.cells[nearly_folded(self.start.positions, self._operators)])
 
-    def _soften(self, active: ActiveSet) -> float:
+    def _update_scales(self, active: ActiveSet) -> float:
         """Set the hourglass scales to those at the present positions; return the largest change."""
         x, body = active.workspace.x, self._body
         return update_hourglass_scales(
