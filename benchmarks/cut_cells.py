@@ -18,7 +18,7 @@ from benchmarks.report import options, write_report
 from gdfe_ros.command import Command
 from gdfe_ros.constraints import Pose
 from gdfe_ros.mesh.packing import pack_mesh
-from gdfe_ros.mesh.voxels import Cells, fill_surface
+from gdfe_ros.mesh.voxels import CutCubes, fill_surface
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 
@@ -59,7 +59,7 @@ def bending_stiffness(fineness: int, cells: str, direction: float) -> dict[str, 
     cell, angle = 2.0 * RADIUS / fineness, np.radians(direction)
     axis, across = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
     body = cylinder(direction)
-    mesh = fill_surface(body.vertices, body.faces, cell=cell, cells=Cells(cells))
+    mesh = fill_surface(body.vertices, body.faces, cell=cell, cells=CutCubes(cells))
     along = mesh.vertices @ axis
     ends = [np.flatnonzero(sign * along > HELD * LENGTH / 2.0).tolist() for sign in (-1.0, 1.0)]
     scene = {

@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 
 from gdfe_ros.errors import CommandError, GdfeError
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.motion.stepper import MotionStepper
 from gdfe_ros.solver.sensitivity.columns import EquilibriumColumns, Tangents, joined
 from gdfe_ros.solver.sensitivity.motion import Trail
 from gdfe_ros.solver.sensitivity.parameter import Parameter, Parameters
 from gdfe_ros.solver.sensitivity.result import Outputs, Sensitivities
-from gdfe_ros.solver.sensitivity.variant import Model
+from gdfe_ros.solver.sensitivity.variant import MaterialVariant
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.stepper import Stepper
 
@@ -33,14 +33,14 @@ class Derivatives:
     """
 
     def __init__(self, scene: Scene, stepper: Stepper | MotionStepper) -> None:
-        if not isinstance(stepper.equilibrium, EnergyEquilibrium):
+        if not isinstance(stepper.equilibrium, EquilibriumSolver):
             raise CommandError("sensitivities need forces, which this policy lacks; remedy: solver.policy: energy")
         if not stepper.body.cell_type.softens:
             noun = stepper.body.cell_type.noun
             raise CommandError(f"a body of {noun} has no sensitivities yet; remedy: `mesh: {{voxels: ...}}`")
         names = [handle.name for handle in scene.handles]
         self._outputs = Outputs(scene.probes, names, scene.mesh.n_vertices)
-        model = Model(
+        model = MaterialVariant(
             materials=scene.materials,
             loads=scene.loads,
             masses=scene.masses,

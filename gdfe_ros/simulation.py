@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.actuators import ActuatorState, Gravity
 from gdfe_ros.arms.carriers import Carriers, JointReading
-from gdfe_ros.arms.dynamics import Frame
+from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.command import Command, Orders, checked_positions, require_snapshot
 from gdfe_ros.constraints import Pose
 from gdfe_ros.constraints.obstacle import Obstacle
@@ -368,7 +368,7 @@ class Simulation:
         """Velocity of each joint of the arms over the last step [rad/s] or [m/s]."""
         return self._carriers.parts(self._joints, "velocities")
 
-    def link_frames(self) -> dict[str, Frame]:
+    def link_frames(self) -> dict[str, LinkFrame]:
         """Return the frame of each link of the arms in the world, by name."""
         return self._carriers.frames(self._joints)
 

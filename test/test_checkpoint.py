@@ -39,7 +39,7 @@ def test_a_restored_simulation_goes_on_to_the_bit(scene: str, policy: str) -> No
     for step in range(6, 10):
         one, two = (simulation.step(_command(step), dt=0.1) for simulation in (first, second))
         assert np.array_equal(one.positions, two.positions)
-        assert (one.time, one.residual, one.energy) == (two.time, two.residual, two.energy)
+        assert (one.time, one.error_estimate, one.energy) == (two.time, two.error_estimate, two.energy)
 
 
 def test_a_state_can_be_restored_more_than_once() -> None:

@@ -145,7 +145,7 @@ def test_results_say_what_was_done(simulate: MakeSimulation) -> None:
     result = simulate().step(tip(z=0.04), dt=0.1)
     assert result.converged
     assert result.message == ""
-    assert 0.0 <= result.residual <= 1e-5
+    assert 0.0 <= result.error_estimate <= 1e-5
     assert result.iterations > 0
     assert result.substeps == 1
     assert result.energy > 0.0
@@ -176,7 +176,7 @@ def test_a_snapshot_is_solved_on_to_a_smaller_tolerance(simulate: MakeSimulation
     assert not fine.settled
     result = fine.step()
     assert result.converged
-    assert result.residual <= 1e-8
+    assert result.error_estimate <= 1e-8
 
 
 @pytest.mark.parametrize("other", [{"policy": Policy.RELATIVE}, {"torsion": Torsion.SECTION}], ids=str)
@@ -291,12 +291,12 @@ def test_an_unfinished_step_is_not_skipped(simulate: MakeSimulation) -> None:
 
 @pytest.mark.parametrize("policy", list(Policy))
 def test_a_deadline_returns_a_finite_state_that_goes_on_later(simulate: MakeSimulation, policy: Policy) -> None:
-    """Give a step no time: finite, not converged, with residual and reason; later steps reach the target."""
+    """Give a step no time: finite, not converged, with error estimate and reason; later steps reach the target."""
     simulation = simulate(solver__policy=policy.value)
     hurried = simulation.step(tip(z=0.04), dt=0.1, deadline=0.0)
     assert not hurried.converged
     assert np.isfinite(hurried.positions).all()
-    assert hurried.residual > 1e-5
+    assert hurried.error_estimate > 1e-5
     assert "deadline" in hurried.message
     assert hurried.time == pytest.approx(0.1)
     result = simulation.step()

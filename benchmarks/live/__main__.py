@@ -18,7 +18,7 @@ from benchmarks.live.browser import Browser
 from benchmarks.live.cost import leftovers, shares
 from benchmarks.live.wire import Arrival
 from gdfe_ros.live.stage import scale_of
-from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.node.interface.scene_topics import is_commanded
 from gdfe_ros.scene import Scene, load_scene
 
@@ -83,7 +83,7 @@ def _watch(scene: Scene, arguments: argparse.Namespace) -> None:
     """Open the page, move a slider, play the program."""
     with _served(arguments.scene):
         pass  # the first start is not a warm one
-    with Browser(Surface(scene.mesh), size=_WINDOW) as browser, _served(arguments.scene) as (port, started):
+    with Browser(DrawnSurface(scene.mesh), size=_WINDOW) as browser, _served(arguments.scene) as (port, started):
         ready = time.time()
         browser.open(port)
         drawn, first = time.time() - started, next(browser.wire.arrivals()).moment
@@ -107,7 +107,7 @@ def _drag(arguments: argparse.Namespace) -> None:
     """Drag the tip of a bar upwards with the mouse, then play its program in more steps than there can be frames."""
     scene = load_scene("bend5", overrides={"mesh.bar.cells": _CELLS})
     options = ("--set", f"mesh.bar.cells={_CELLS}", "--dt", "0.001")
-    with Browser(Surface(scene.mesh), size=_WINDOW) as browser, _served(scene.name, *options) as (port, _):
+    with Browser(DrawnSurface(scene.mesh), size=_WINDOW) as browser, _served(scene.name, *options) as (port, _):
         browser.open(port)
         browser.dismiss()
         browser.settle()
@@ -123,7 +123,7 @@ def _drag(arguments: argparse.Namespace) -> None:
         browser.wait(arrived, "a body that goes along")
         browser.settle()
         seen.extend(browser.wire.arrivals())
-        way = (seen[-1].total - before.total) / Surface(scene.mesh).count / scale_of(scene.mesh)
+        way = (seen[-1].total - before.total) / DrawnSurface(scene.mesh).count / scale_of(scene.mesh)
         what = f"{scene.name}, {scene.mesh.n_cells} cells: rise of the surface"
         _row(f"{what} where {handle.name} is dragged up by 60 px with the mouse", f"{way:.4f} m", "")
         _play(browser, scene, min(arguments.seconds, 4.0), dt=0.001)

@@ -17,7 +17,7 @@ from benchmarks.chromium import PATIENCE, start
 from benchmarks.live.wire import Wire
 from gdfe_ros.constraints import Handle
 from gdfe_ros.live.stage import CONTROL, first_view, scale_of
-from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.mesh import HexMesh
 
 _FIELD = np.radians(75.0)
@@ -56,7 +56,7 @@ class Browser:
         wire: what reaches it.
     """
 
-    def __init__(self, surface: Surface, *, size: tuple[int, int] = (1100, 700)) -> None:
+    def __init__(self, surface: DrawnSurface, *, size: tuple[int, int] = (1100, 700)) -> None:
         self.chrome = start(size, reachable="127.0.0.1")
         self.wire = Wire(self.chrome.capabilities["goog:chromeOptions"]["debuggerAddress"])
         source = _WATCH % {"bytes": 12 * surface.count, "indices": surface.triangles.size}

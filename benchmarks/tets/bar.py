@@ -13,7 +13,7 @@ from gdfe_ros.constraints import Handle
 from gdfe_ros.materials import Material
 from gdfe_ros.mesh import Mesh
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.solution import Increment
 from gdfe_ros.solver.terms.actuation import Actuation
 
@@ -43,7 +43,7 @@ def sag(mesh: Mesh, law: Material) -> Sag:
     )
     weight = np.array([0.0, 0.0, -GRAVITY])
     load = Gravity(name="weight", acceleration=weight, density=np.full(mesh.n_cells, DENSITY))
-    equilibrium = EnergyEquilibrium(body, Actuation(body, (), [load]))
+    equilibrium = EquilibriumSolver(body, Actuation(body, (), [load]))
     ready = time.perf_counter()
     rest = equilibrium.at_rest()
     found = equilibrium.solve(

@@ -12,7 +12,7 @@ from gdfe_ros.materials import NeoHookean
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.solution import Increment
 
 CELLS, THREADS, STEPS, STEP, TOLERANCE = [32, 16, 16], 2, 12, 5e-4, 1e-4
@@ -24,10 +24,10 @@ def main() -> None:
     x, none = mesh.vertices[:, 0], np.zeros(mesh.n_cells, np.int32)
     ends = [np.flatnonzero(x == value).astype(np.int32) for value in (x.min(), x.max())]
     handles = [Handle("base", ends[0], fixed=True), Handle("end", ends[1])]
-    EnergyEquilibrium(Body.build(mesh.vertices, mesh.cells, [NeoHookean(young=2e5, poisson=0.45)], none, handles))
+    EquilibriumSolver(Body.build(mesh.vertices, mesh.cells, [NeoHookean(young=2e5, poisson=0.45)], none, handles))
     began = time.perf_counter()
     body = Body.build(mesh.vertices, mesh.cells, [NeoHookean(young=2e5, poisson=0.45)], none, handles)
-    equilibrium = EnergyEquilibrium(body, threads=THREADS)
+    equilibrium = EquilibriumSolver(body, threads=THREADS)
     state, setup = equilibrium.at_rest(), time.perf_counter() - began
     times, iterations = [], []
     for k in range(STEPS):

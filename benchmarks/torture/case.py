@@ -166,7 +166,7 @@ def _flaws(results: tuple[StepResult, ...]) -> list[str]:
     for i, result in enumerate(results):
         values = [result.energy, result.min_det, *np.concatenate([*result.reactions.values(), [0.0]])]
         # A solve that was cut knows no distance: its residual is infinite, and it has not converged.
-        known = np.isfinite(result.residual) or (result.residual == np.inf and not result.converged)
+        known = np.isfinite(result.error_estimate) or (result.error_estimate == np.inf and not result.converged)
         if not (np.isfinite(result.positions).all() and np.isfinite(values).all() and known):
             flaws.append(f"step {i} is not finite")
         if not result.converged and not result.message:

@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmarks.live.browser import Browser
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
-from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.live.view import View
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Simulation
@@ -43,7 +43,7 @@ def draw(name: str, path: Path, *, moment: float, dt: float) -> None:
     page.show(session)
     session.start()
     try:
-        with Browser(Surface(scene.mesh), size=(1300, 800)) as browser:
+        with Browser(DrawnSurface(scene.mesh), size=(1300, 800)) as browser:
             browser.open(page.port)
             browser.press("play the program")
             time = f"{moment:.3f} s"

@@ -10,7 +10,7 @@ from typing import Any
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagStep, BagSteps, StepKey, step_keys
-from gdfe_ros.analysis.difference import Differences, Verdict
+from gdfe_ros.analysis.difference import Difference, Differences
 from gdfe_ros.scene.document import parse_document
 
 
@@ -30,12 +30,12 @@ class Comparison:
     foreign: tuple[list[str], list[str]]
     scene_changes: dict[str, tuple[Any, Any]]
 
-    def verdict(self, factor: float = 0.0) -> Verdict:
+    def verdict(self, factor: float = 0.0) -> Difference:
         """Return ``Differences.verdict``; different if the steps differ, incomplete if parts were not compared."""
         if any(self.only) or not self.differences.steps:
-            return Verdict.DIFFERENT
+            return Difference.DIFFERENT
         verdict = self.differences.verdict(factor)
-        return Verdict.INCOMPLETE if any(self.foreign) and verdict is not Verdict.DIFFERENT else verdict
+        return Difference.INCOMPLETE if any(self.foreign) and verdict is not Difference.DIFFERENT else verdict
 
 
 def compare_bags(first: str | Path, second: str | Path) -> Comparison:

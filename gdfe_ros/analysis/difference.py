@@ -24,10 +24,10 @@ VELOCITIES = ("vx", "vy", "vz")
 _RATIOS = ("eps_eq", "J", "omega", "min_det")
 CUT = 100.0
 """Error, in tolerances, assumed for a step whose solve was cut, because its distance to the equilibrium is unknown."""
-_COSTS = ("iterations", "substeps", "residual", "skipped")
+_COSTS = ("iterations", "substeps", "error_estimate", "skipped")
 
 
-class Verdict(Enum):
+class Difference(Enum):
     """Result of a comparison."""
 
     IDENTICAL = "bit-identical"
@@ -146,12 +146,12 @@ class Differences:
                 self._add_topic(key, topic, first[topic], second[topic], tolerance)
 
     def _reached(self, record: Values) -> float:
-        """Return the accuracy of a step: the tolerance, or the largest residual since the last converged step."""
+        """Return the accuracy of a step: the tolerance, or the largest error estimate since the last converged step."""
         if "converged" not in record or record["converged"].item():
             self._open = self._tolerance
         else:
-            residual = float(record["residual"].item())
-            self._open = max(self._open, residual if np.isfinite(residual) else CUT * self._tolerance)
+            estimate = float(record["error_estimate"].item())
+            self._open = max(self._open, estimate if np.isfinite(estimate) else CUT * self._tolerance)
         return self._open
 
     def _add_topic(self, key: StepKey, topic: str, first: Values, second: Values, tolerance: float) -> None:
@@ -175,8 +175,8 @@ class Differences:
         """Return the difference that ``factor`` times the solver's tolerance explains, in the unit of the field.
 
         Steps that did not converge in the first run, e.g. because a deadline cut them, accumulate errors. For these the
-        largest residual of a step since the last converged one replaces the tolerance (None: the largest one with a
-        difference). Whether another run converges there is not judged.
+        largest error estimate of a step since the last converged one replaces the tolerance (None: the largest one with
+        a difference). Whether another run converges there is not judged.
 
         The tolerance bounds the displacement over the body's size. Lengths may differ by that; strains by that over the
         shortest edge; moduli, energies and forces by the same share of the largest value of their kind. A force may
@@ -199,14 +199,14 @@ class Differences:
         rounding = float(np.finfo(np.float32).eps) * entry.scale
         return factor * tolerance * scale + rounding if factor > 0.0 else rounding
 
-    def verdict(self, factor: float = 0.0) -> Verdict:
+    def verdict(self, factor: float = 0.0) -> Difference:
         """Return the verdict; with ``factor`` > 0, differences up to ``factor`` solver tolerances are allowed."""
         if not self.differing and not self.unmatched:
-            return Verdict.IDENTICAL
+            return Difference.IDENTICAL
         if factor <= 0.0 or self.unmatched:
-            return Verdict.DIFFERENT
+            return Difference.DIFFERENT
         within = all(self._is_within(entry, factor) for entry in self.differing)
-        return Verdict.WITHIN if within else Verdict.DIFFERENT
+        return Difference.WITHIN if within else Difference.DIFFERENT
 
     def factor_needed(self) -> float:
         """Return the smallest factor with which all differences are allowed; infinite if there is none."""

@@ -14,7 +14,7 @@ from gdfe_ros.recording.step_record import StepRecord
 Values = dict[str, NDArray[Any]]
 """Arrays (k,) of one message by field name, e.g. ``eps_eq`` or ``wrench.force.x``."""
 
-RECORD_FIELDS = ("converged", "iterations", "substeps", "residual", "energy", "min_det")
+RECORD_FIELDS = ("converged", "iterations", "substeps", "error_estimate", "energy", "min_det")
 """Outcomes of a step that two equal runs have in common; wall times and texts are excluded."""
 
 _DESCRIPTION = frozenset({"header", "layout", "__msgtype__"})

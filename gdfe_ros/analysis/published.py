@@ -20,7 +20,7 @@ from gdfe_ros.solver.motion.imu import ImuReading
 from gdfe_ros.solver.result import StepResult
 
 STRAIN_FIELDS = ("eps_eq", "J", "omega", "tangent", "energy_density")
-_OUTCOMES = ("converged", "iterations", "substeps", "residual", "energy", "min_det", "skipped", "energies")
+_OUTCOMES = ("converged", "iterations", "substeps", "error_estimate", "energy", "min_det", "skipped", "energies")
 
 
 class Publication:

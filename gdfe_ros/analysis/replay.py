@@ -13,7 +13,7 @@ from typing import Any
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagStep, BagSteps
-from gdfe_ros.analysis.difference import Differences, Verdict
+from gdfe_ros.analysis.difference import Difference, Differences
 from gdfe_ros.analysis.published import Publication
 from gdfe_ros.checkpoint import load_state
 from gdfe_ros.errors import GdfeError, RecordingError
@@ -52,11 +52,11 @@ class ReplayReport:
     tail: Counter[str] = field(default_factory=Counter)
     end: str = ""
 
-    def verdict(self, factor: float = 0.0) -> Verdict:
+    def verdict(self, factor: float = 0.0) -> Difference:
         """Return ``Differences.verdict``; if not everything could be compared, equal parts are no success."""
         verdict = self.differences.verdict(factor)
         incomplete = self.end or self.unknown or self.strays or not self.differences.compared
-        return Verdict.INCOMPLETE if incomplete and verdict is not Verdict.DIFFERENT else verdict
+        return Difference.INCOMPLETE if incomplete and verdict is not Difference.DIFFERENT else verdict
 
 
 class Replay:

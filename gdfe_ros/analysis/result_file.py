@@ -30,7 +30,7 @@ def write_result(path: Path, simulation: Simulation, result: StepResult, *, step
         "policy": result.policy.value,
         "tolerance": simulation.settings.tolerance,
         "converged": result.converged,
-        "residual": result.residual,
+        "error_estimate": result.error_estimate,
         "steps": steps,
         "wall_time": wall_time,
         "min_det": result.min_det,

@@ -181,4 +181,4 @@ def _reach(given: tuple[str, str, tuple[str, ...], NDArray[np.float64]]) -> tupl
 
 def _near(result: StepResult) -> bool:
     """Return whether the probe's position is accurate enough."""
-    return result.converged or (result.residual <= CLOSE and result.min_det > 0.0)
+    return result.converged or (result.error_estimate <= CLOSE and result.min_det > 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.arms.description import Joint
-from gdfe_ros.arms.dynamics import Frame, LinkDynamics
+from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
 from gdfe_ros.arms.limits import JointLimits
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.pose import Pose
@@ -80,7 +80,7 @@ class Arm:
         return JointLimits([joint.limits for joint in self.joints])
 
     @cached_property
-    def rest(self) -> dict[str, Frame]:
+    def rest(self) -> dict[str, LinkFrame]:
         """Frame of each link at rest."""
         return self.dynamics.frames(self.start)
 

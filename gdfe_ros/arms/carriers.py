@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.arms.arm import Arm
-from gdfe_ros.arms.dynamics import Frame, Push
+from gdfe_ros.arms.dynamics import LinkFrame, Push
 from gdfe_ros.arms.limits import JointMotion
 from gdfe_ros.command import Command
 from gdfe_ros.constraints.pose import Pose
@@ -44,7 +44,7 @@ class JointReading(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class ArmsStep:
     """Outcome of a step of all arms.
 
     Attributes:
@@ -108,14 +108,14 @@ class Carriers:
         """Return a ``part`` of the motions, e.g. ``positions``, by joint."""
         return {name: float(getattr(motions[arm.name], part)[i]) for name, (arm, i) in self._places.items()}
 
-    def frames(self, motions: Motions) -> dict[str, Frame]:
+    def frames(self, motions: Motions) -> dict[str, LinkFrame]:
         """Return the frames of all links in the world, by name."""
-        found: dict[str, Frame] = {}
+        found: dict[str, LinkFrame] = {}
         for arm in self._arms:
             found |= arm.dynamics.frames(motions[arm.name].positions)
         return found
 
-    def advance(self, motions: Motions, goals: Mapping[str, float], dt: float, last: Mapping[str, Pose]) -> Moved:
+    def advance(self, motions: Motions, goals: Mapping[str, float], dt: float, last: Mapping[str, Pose]) -> ArmsStep:
         """Return all arms after a step.
 
         Args:
@@ -140,7 +140,7 @@ class Carriers:
                 kinds = [kind for kind, held in zip(cut._fields, cut, strict=True) if held[i]]
                 if kinds:
                     cuts[joint.name] = " and ".join(kinds)
-        return Moved(found, poses, cuts)
+        return ArmsStep(found, poses, cuts)
 
     @staticmethod
     def part_way(before: Motions, after: Motions, fraction: float) -> Motions:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Kind(str, Enum):
+class GeometryKind(str, Enum):
     """Kind of a geometry."""
 
     BOX = "box"
@@ -20,7 +20,7 @@ class Kind(str, Enum):
     MESH = "mesh"
 
 
-class Motion(str, Enum):
+class JointKind(str, Enum):
     """Kind of a joint."""
 
     FIXED = "fixed"
@@ -43,7 +43,7 @@ class Geometry:
         colour: red, green, blue, from 0 to 1; None if the description states none.
     """
 
-    kind: Kind
+    kind: GeometryKind
     numbers: tuple[float, ...]
     file: str = ""
     origin: NDArray[np.float64]
@@ -76,7 +76,7 @@ class Mimic:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class UrdfLimits:
     """Limits of a joint.
 
     Attributes:
@@ -106,21 +106,21 @@ class Joint:
     """
 
     name: str
-    motion: Motion
+    motion: JointKind
     parent: str
     child: str
-    limits: Limits | None = None
+    limits: UrdfLimits | None = None
     mimic: Mimic | None = None
 
     @property
     def moves(self) -> bool:
         """Whether it is not fixed."""
-        return self.motion is not Motion.FIXED
+        return self.motion is not JointKind.FIXED
 
     @property
     def unit(self) -> str:
         """Unit of its position."""
-        return "m" if self.motion is Motion.PRISMATIC else "rad"
+        return "m" if self.motion is JointKind.PRISMATIC else "rad"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -171,4 +171,4 @@ class Description:
     def mesh_files(self) -> Iterator[str]:
         """Yield the URI of each mesh once."""
         shapes = (shape for link in self.links.values() for shape in (*link.collisions, *link.visuals))
-        yield from dict.fromkeys(shape.file for shape in shapes if shape.kind is Kind.MESH)
+        yield from dict.fromkeys(shape.file for shape in shapes if shape.kind is GeometryKind.MESH)

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.arms.description import Description, Motion
+from gdfe_ros.arms.description import Description, JointKind
 from gdfe_ros.errors import ArmError
 
 Vector = NDArray[np.float64]
@@ -19,7 +19,7 @@ FARTHEST = 1e9
 """Limit [rad] of a continuous joint, for pinocchio, which is to have one number for each joint."""
 
 
-class Frame(NamedTuple):
+class LinkFrame(NamedTuple):
     """Origin (3,) [m] and rotation (3, 3) of a frame in the world."""
 
     origin: Vector
@@ -52,7 +52,7 @@ class LinkDynamics:
         ArmError: pinocchio is not installed, or refuses the description.
     """
 
-    def __init__(self, description: Description, base: Frame) -> None:
+    def __init__(self, description: Description, base: LinkFrame) -> None:
         self.description, self._base = description, base
         self.joints = description.commanded
         self._pin = pin = _pinocchio()
@@ -77,14 +77,14 @@ class LinkDynamics:
             offset[row] = 0.0 if mimic is None else mimic.offset
         return spread, offset
 
-    def frames(self, q: Vector) -> dict[str, Frame]:
+    def frames(self, q: Vector) -> dict[str, LinkFrame]:
         """Return the frame of each link in the world."""
         self._pin.framesForwardKinematics(self._model, self._data, self._full(q))
         found = {}
         for name, number in self._frames.items():
             place = self._data.oMf[number]
             origin = self._base.origin + self._base.axes @ place.translation
-            found[name] = Frame(origin, self._base.axes @ place.rotation)
+            found[name] = LinkFrame(origin, self._base.axes @ place.rotation)
         return found
 
     def efforts(self, q: Vector, v: Vector, a: Vector, *, gravity: Vector, pushes: Mapping[str, Push]) -> Vector:
@@ -141,7 +141,9 @@ def _plain(description: Description) -> str:
             item.remove(mimic)
         joint = description.joints[item.get("name")]
         if joint.moves:
-            item.set("type", Motion.PRISMATIC.value if joint.motion is Motion.PRISMATIC else Motion.REVOLUTE.value)
+            item.set(
+                "type", JointKind.PRISMATIC.value if joint.motion is JointKind.PRISMATIC else JointKind.REVOLUTE.value
+            )
             for limit in item.findall("limit"):
                 item.remove(limit)
             far = {"lower": -FARTHEST, "upper": FARTHEST, "velocity": FARTHEST, "effort": FARTHEST}

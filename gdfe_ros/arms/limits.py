@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.arms.description import Limits
+from gdfe_ros.arms.description import UrdfLimits
 
 Vector = NDArray[np.float64]
 SHORTFALL = 1e-9
@@ -66,7 +66,7 @@ class JointLimits:
         limits: of each joint.
     """
 
-    def __init__(self, limits: Sequence[Limits]) -> None:
+    def __init__(self, limits: Sequence[UrdfLimits]) -> None:
         self.lower, self.upper, self._velocity, self._acceleration, self.effort = (
             np.array([getattr(each, name) for each in limits], dtype=np.float64)
             for name in ("lower", "upper", "velocity", "acceleration", "effort")

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.arms.arm import Visual
-from gdfe_ros.arms.description import Description, Geometry, Kind
-from gdfe_ros.arms.dynamics import Frame
+from gdfe_ros.arms.description import Description, Geometry, GeometryKind
+from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.arms.meshes import Surface, convex_pieces
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.form import Box, Cylinder, Form, Sphere, TriangleMesh
@@ -26,7 +26,7 @@ def touching_links(
     names: Iterable[str],
     *,
     surfaces: Mapping[str, Surface],
-    rest: Mapping[str, Frame],
+    rest: Mapping[str, LinkFrame],
     friction: float,
 ) -> tuple[ArmLink, ...]:
     """Return the obstacles of links, named ``<link>_piece`` and, if a link has several, ``<link>_piece_2``.
@@ -64,13 +64,13 @@ def touching_links(
 
 def _forms(link: str, shape: Geometry, surfaces: Mapping[str, Surface]) -> Iterator[tuple[Form, Geometry]]:
     match shape.kind:
-        case Kind.BOX:
+        case GeometryKind.BOX:
             yield Box(shape.numbers), shape
-        case Kind.CYLINDER:
+        case GeometryKind.CYLINDER:
             yield Cylinder(*shape.numbers), shape
-        case Kind.SPHERE:
+        case GeometryKind.SPHERE:
             yield Sphere(*shape.numbers), shape
-        case Kind.MESH:
+        case GeometryKind.MESH:
             vertices, triangles = surfaces[shape.file]
             try:
                 for points, faces in convex_pieces((vertices * np.array(shape.numbers), triangles)):
@@ -100,12 +100,12 @@ def visuals(robot: Description, surfaces: Mapping[str, Surface]) -> tuple[Visual
 
 def _faces(shape: Geometry, surfaces: Mapping[str, Surface]) -> np.ndarray:
     match shape.kind:
-        case Kind.BOX:
+        case GeometryKind.BOX:
             return form_faces(Box(shape.numbers))
-        case Kind.CYLINDER:
+        case GeometryKind.CYLINDER:
             return form_faces(Cylinder(*shape.numbers))
-        case Kind.SPHERE:
+        case GeometryKind.SPHERE:
             return form_faces(Sphere(*shape.numbers))
-        case Kind.MESH:
+        case GeometryKind.MESH:
             vertices, triangles = surfaces[shape.file]
             return (vertices * np.array(shape.numbers))[triangles]

@@ -12,14 +12,14 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.arms.description import Description, Geometry, Joint, Kind, Limits, Link, Mimic, Motion
+from gdfe_ros.arms.description import Description, Geometry, GeometryKind, Joint, JointKind, Link, Mimic, UrdfLimits
 from gdfe_ros.arms.tree import mimic_defects, root_of
 from gdfe_ros.errors import ArmError
 from gdfe_ros.spelling import did_you_mean
 
 _NAMED = {"link": ("name",), "joint": ("name",), "parent": ("link",), "child": ("link",), "mimic": ("joint",)}
 """Attributes that hold the name of a link or a joint, by element."""
-_NUMBERS = {Kind.BOX: ("size",), Kind.CYLINDER: ("radius", "length"), Kind.SPHERE: ("radius",)}
+_NUMBERS = {GeometryKind.BOX: ("size",), GeometryKind.CYLINDER: ("radius", "length"), GeometryKind.SPHERE: ("radius",)}
 """Attributes of the shapes that are not meshes."""
 
 
@@ -32,7 +32,7 @@ def parse_urdf(
         text: the URDF.
         where: its name in an error.
         prefix: put before the name of every link and joint, so that two arms of one kind differ.
-        limits: by joint, in the names of the result: values of `Limits` that replace those of the URDF.
+        limits: by joint, in the names of the result: values of `UrdfLimits` that replace those of the URDF.
 
     Raises:
         ArmError: every defect, with its remedy.
@@ -130,7 +130,7 @@ class _Reader:
     def _geometry(self, part: Element, where: str, colours: Mapping[str | None, Any]) -> Geometry | None:
         shape = part.find("geometry")
         found = None if shape is None else next(iter(shape), None)
-        kinds = {kind.value: kind for kind in Kind}
+        kinds = {kind.value: kind for kind in GeometryKind}
         if found is None or found.tag not in kinds:
             given = "no shape" if found is None else f"<{found.tag}>"
             self._add(f"{where}: its <geometry> has {given}; allowed: {', '.join(f'<{kind}>' for kind in kinds)}")
@@ -140,13 +140,13 @@ class _Reader:
         material = part.find("material")
         colour = None if material is None else _colour(material) or colours.get(material.get("name"))
         given = {"origin": place, "axes": axes, "colour": colour}
-        if kind is Kind.MESH:
+        if kind is GeometryKind.MESH:
             if not found.get("filename"):
                 self._add(f'{where}: its <mesh> has no filename; remedy: filename="package://.../arm.stl"')
                 return None
             scale = self._vector(found, "scale", where, (1.0, 1.0, 1.0))
             return Geometry(kind=kind, numbers=scale, file=found.get("filename"), **given)
-        if kind is Kind.BOX:
+        if kind is GeometryKind.BOX:
             numbers = self._vector(found, "size", where, None)
         else:
             numbers = tuple(self._number(found, name, where) for name in _NUMBERS[kind])
@@ -161,17 +161,17 @@ class _Reader:
         ends = [item.find(tag).get("link", "") if item.find(tag) is not None else "" for tag in ("parent", "child")]
         if not all(ends):
             self._add(f"{where}: it lacks <parent link=...> or <child link=...>")
-        if kind not in [motion.value for motion in Motion]:
+        if kind not in [motion.value for motion in JointKind]:
             remedy = "remedy: replace it by revolute and prismatic ones with links without mass between them"
             self._add(f"{where}: its type is {kind!r}; allowed: fixed, revolute, continuous, prismatic; {remedy}")
-            return Joint(name=name, motion=Motion.FIXED, parent=ends[0], child=ends[1])
-        motion = Motion(kind)
+            return Joint(name=name, motion=JointKind.FIXED, parent=ends[0], child=ends[1])
+        motion = JointKind(kind)
         self._place(item.find("origin"), where)
         axis = item.find("axis")
         if axis is not None and not any(self._vector(axis, "xyz", f"{where}, <axis>", (1.0, 0.0, 0.0))):
             self._add(f'{where}: its axis is zero; remedy: a direction, e.g. <axis xyz="0 0 1"/>')
         mimic, limits = self._mimic(item.find("mimic"), where), None
-        if motion is not Motion.FIXED:
+        if motion is not JointKind.FIXED:
             limits = self._joint_limits(item.find("limit"), name, motion)
         return Joint(name=name, motion=motion, parent=ends[0], child=ends[1], limits=limits, mimic=mimic)
 
@@ -182,12 +182,12 @@ class _Reader:
                               (("multiplier", 1.0), ("offset", 0.0)))  # fmt: skip
         return Mimic(joint=item.get("joint", ""), multiplier=multiplier, offset=offset)
 
-    def _joint_limits(self, item: Element | None, name: str, motion: Motion) -> Limits | None:
+    def _joint_limits(self, item: Element | None, name: str, motion: JointKind) -> UrdfLimits | None:
         where, own = f"joint {name!r}", dict(self._limits.get(name, {}))
         for part in ("lower", "upper", "velocity", "acceleration", "effort"):
             if item is not None and item.get(part) is not None:
                 own.setdefault(part, self._number(item, part, f"{where}, <limit>"))
-        if motion is Motion.CONTINUOUS:
+        if motion is JointKind.CONTINUOUS:
             own.setdefault("lower", -math.inf)
             own.setdefault("upper", math.inf)
         missing = [part for part in ("lower", "upper", "velocity") if part not in own]
@@ -208,7 +208,7 @@ class _Reader:
                 if part != "effort":
                     remedy = 'remedy: a limit above 0, or type="fixed"'
                     self._add(f"{where}: its largest {part} is {own[part]:g}; {remedy}")
-        return Limits(**own)
+        return UrdfLimits(**own)
 
     def _place(self, origin: Element | None, where: str) -> tuple[np.ndarray, np.ndarray]:
         if origin is None:

@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 
 from gdfe_ros.analysis.comparison import Comparison, compare_bags
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.difference_table import difference_table, wide_console
 
 DIFFERENT = 1
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
         console.print(text, markup=False)
     if differences.differing:
         console.print(difference_table(differences, factor=arguments.within))
-    passed = verdict in (Verdict.IDENTICAL, Verdict.WITHIN)
+    passed = verdict in (Difference.IDENTICAL, Difference.WITHIN)
     colour = "green" if passed else "red"
     console.print(f"[{colour}]{verdict.value}[/]: {differences.steps} steps, {differences.compared} arrays compared")
     return 0 if passed else DIFFERENT

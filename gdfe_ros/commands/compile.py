@@ -59,11 +59,11 @@ def _compile_surfaces() -> str:
     from gdfe_ros.mesh import bar
     from gdfe_ros.mesh.outside import carry_skin
     from gdfe_ros.mesh.solid import make_solid
-    from gdfe_ros.mesh.voxels import Cells, fill_surface
+    from gdfe_ros.mesh.voxels import CutCubes, fill_surface
 
     cube = bar((1.0, 1.0, 1.0), (1, 1, 1))
     triangles = cube.surface()[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype("int64")
-    fill_surface(cube.vertices, triangles, cell=0.6, cells=Cells.CUT)
+    fill_surface(cube.vertices, triangles, cell=0.6, cells=CutCubes.CUT)
     carry_skin(cube.vertices, cube.cells, cube.vertices, triangles)
     make_solid(cube.vertices, triangles, cell=0.05)
     return "surfaces"

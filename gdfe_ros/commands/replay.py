@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.difference_table import difference_table, wide_console
 from gdfe_ros.analysis.replay import Replay, ReplayReport
 from gdfe_ros.commands.overrides import read_overrides
@@ -67,8 +67,8 @@ def _replay(path: Path, overrides: dict[str, object], factor: float, *, ros: boo
             console.print(f"factor that allows all of it: {differences.factor_needed():.3g}")
     for text in _remarks(run, report, overrides):
         console.print(text)
-    passed = verdict in (Verdict.IDENTICAL, Verdict.WITHIN)
-    text = _partly(report, factor) if verdict is Verdict.INCOMPLETE else verdict.value
+    passed = verdict in (Difference.IDENTICAL, Difference.WITHIN)
+    text = _partly(report, factor) if verdict is Difference.INCOMPLETE else verdict.value
     console.print(
         f"[{'green' if passed else 'red'}]{text}[/]: {path}, {differences.steps} steps, "
         f"{differences.compared} arrays; {report.duration:.3g} s of simulation in {report.wall_time:.3g} s"

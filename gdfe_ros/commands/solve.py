@@ -87,7 +87,7 @@ def _table(simulation: Simulation, results: list[StepResult], wall_time: float) 
     table.add_row("solve time", f"{wall_time:.3f}", "s")
     table.add_row("constant matrix", last.factorisation, "")
     table.add_row("converged", convergence(results), "")
-    table.add_row("estimated distance to equilibrium", f"{last.residual:.2e}", "of size")
+    table.add_row("estimated distance to equilibrium", f"{last.error_estimate:.2e}", "of size")
     table.add_row("strain energy", f"{last.energy:.6g}", "J")
     table.add_row("min det F", f"{last.min_det:.4f}", "")
     for name, reaction in last.reactions.items():

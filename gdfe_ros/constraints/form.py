@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.inertia import Inertia, inertia_of
+from gdfe_ros.mesh.inertia import SolidIntegrals, inertia_of
 from gdfe_ros.mesh.refinement import refine
 from gdfe_ros.mesh.solid import Solid
 
@@ -273,7 +273,7 @@ class TriangleMesh:
         return x, y, z
 
     @cached_property
-    def _inertia(self) -> Inertia:
+    def _inertia(self) -> SolidIntegrals:
         return inertia_of(self.solid.vertices, self.solid.triangles)
 
     @property

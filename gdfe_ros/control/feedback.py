@@ -7,8 +7,8 @@ robot by dy instead of J dc adds
 
     dJ = learning * (dy - J dc) (D^2 dc)^T / |D dc|^2,
 
-with the costs D of the changes (`Limits.costs`). The error itself adds up in the command, so that an error of the model
-leaves no offset; at the end of a range nothing adds up.
+with the costs D of the changes (`CommandLimits.costs`). The error itself adds up in the command, so that an error of
+the model leaves no offset; at the end of a range nothing adds up.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.control.inverse import ENOUGH, LONGER, SHORTER, Reach, require_equilibria, require_positive
-from gdfe_ros.control.limits import Limits
+from gdfe_ros.control.limits import CommandLimits
 from gdfe_ros.control.programme import least_squares
 from gdfe_ros.control.stack import Stack
 from gdfe_ros.control.targets import Aim
@@ -81,7 +81,7 @@ class FeedbackControl:
             raise CommandError(f"slew must be a finite time [s], not negative, got {slew!r}")
         self._stack = Stack(simulation, targets, tolerance)
         self.names = tuple(simulation.actuator_names if actuators is None else actuators)
-        self._limits = Limits.of_scene(simulation.scene, self.names, slew=slew)
+        self._limits = CommandLimits.of_scene(simulation.scene, self.names, slew=slew)
         if not simulation.settled:
             simulation.step()
         self._rows, self._learning = self._stack.jacobian(self.names), learning

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gdfe_ros.control.jacobian import KeptJacobian
-from gdfe_ros.control.limits import Limits
+from gdfe_ros.control.limits import CommandLimits
 from gdfe_ros.control.programme import least_squares
 from gdfe_ros.control.stack import Stack
 from gdfe_ros.control.targets import Aim
@@ -91,7 +91,7 @@ class InverseControl:
         require_positive("the tolerance of inverse control", tolerance, "m")
         self._stack = Stack(simulation, targets, tolerance)
         self.names = tuple(simulation.actuator_names if actuators is None else actuators)
-        self._limits = Limits.of_scene(scene, self.names)
+        self._limits = CommandLimits.of_scene(scene, self.names)
         self.simulation, self._trust = simulation, 1.0
         self._jacobian = KeptJacobian(self._exact)
 

@@ -17,7 +17,7 @@ ROUNDING = 1e-9
 """Share of a change that is none."""
 
 
-class Limits:
+class CommandLimits:
     """Ranges and rates of the commands of some actuators.
 
     Args:
@@ -42,7 +42,7 @@ class Limits:
         self._alike = np.array([[unit == other for other in units] for unit in units])
 
     @classmethod
-    def of_scene(cls, scene: Scene, names: Sequence[str], *, slew: float = 0.0) -> Limits:
+    def of_scene(cls, scene: Scene, names: Sequence[str], *, slew: float = 0.0) -> CommandLimits:
         """Return the limits of a scene's actuators.
 
         Raises:

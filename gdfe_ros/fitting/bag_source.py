@@ -14,7 +14,7 @@ from gdfe_ros.fitting.bag_topics import TopicValues
 from gdfe_ros.fitting.match import Source
 from gdfe_ros.fitting.match_schema import CommandModel, CompareModel
 from gdfe_ros.fitting.matched import along_of, matched_observable, scale_of
-from gdfe_ros.fitting.observable import CLOUDS, Kind, Observable
+from gdfe_ros.fitting.observable import CLOUDS, Observable, QuantityKind
 from gdfe_ros.fitting.recording import Schedule, Series
 from gdfe_ros.fitting.track import Track, constant
 from gdfe_ros.recording.reader import BagReader
@@ -81,7 +81,7 @@ def _cloud_values(
     observable: Observable, clouds: list[NDArray[np.float64]], scene: Scene, where: str
 ) -> NDArray[np.float64]:
     """Return (m, 3 n) of all vertices, or (m, p, 3) of points on the surface, NaN where a cloud has fewer."""
-    if observable.kind is Kind.VERTICES:
+    if observable.kind is QuantityKind.VERTICES:
         counts = {len(cloud) for cloud in clouds}
         if counts != {scene.mesh.n_vertices}:
             text = f"its clouds have {sorted(counts)} points, and the scene has {scene.mesh.n_vertices} vertices"
@@ -120,10 +120,10 @@ def _own(source: Source, scene: Scene) -> tuple[tuple[Series, ...], Schedule, tu
     times = np.array([step.record.time for step in compared])
     if probes:
         given = {"labels": tuple("xyz"), "along": np.eye(3)}
-        series = [Series(n, Observable(Kind.PROBE, n), times, _positions(compared, n), **given) for n in probes]
+        series = [Series(n, Observable(QuantityKind.PROBE, n), times, _positions(compared, n), **given) for n in probes]
     else:
         clouds = [np.stack([step.samples["mesh"][axis] for axis in "xyz"], axis=1) for step in compared]
-        observable = Observable(Kind.VERTICES)
+        observable = Observable(QuantityKind.VERTICES)
         found = _cloud_values(observable, [cloud.astype(np.float64) for cloud in clouds], scene, f"bag {source.path}")
         series = [Series("mesh", observable, times, found, ("",))]
     return tuple(series), schedule, remarks

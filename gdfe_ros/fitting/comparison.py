@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.fitting.observable import POSITIONS, Kind
+from gdfe_ros.fitting.observable import POSITIONS, QuantityKind
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import Trajectory
 
@@ -57,7 +57,7 @@ def residuals(
     for series, values, sigma in zip(
         recording.series, predicted(recording, trajectory, own, horizon=horizon), sigmas, strict=True
     ):
-        if series.observable.kind is Kind.SURFACE:
+        if series.observable.kind is QuantityKind.SURFACE:
             found.append(distances(values, series.values) / sigma)
         else:
             found.append((values - series.values) / sigma)

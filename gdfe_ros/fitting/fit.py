@@ -13,8 +13,8 @@ from scipy.optimize import least_squares
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.bounds import require_bounds
 from gdfe_ros.fitting.comparison import SurfaceDistances, first_own
-from gdfe_ros.fitting.observable import Kind
-from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.observable import QuantityKind
+from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.pool import Pool
 from gdfe_ros.fitting.problem import FitPoint, FitProblem, require_motion
 from gdfe_ros.fitting.recording import Recording
@@ -43,7 +43,7 @@ class Fit:
     """
 
     scene: Scene
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[FittedParameter, ...]
     problem: FitProblem
     solved: Solved
     known: Confidence
@@ -62,7 +62,7 @@ class Fit:
 def fit_scene(
     scene: Scene,
     recordings: Sequence[Recording],
-    parameters: Sequence[Parameter],
+    parameters: Sequence[FittedParameter],
     *,
     pool: Pool,
     held_out: Sequence[Recording] = (),
@@ -139,7 +139,7 @@ def predict(problem: FitProblem, values: tuple[float, ...]) -> FitPoint:
 
 
 def _surface(scene: Scene, recordings: Sequence[Recording]) -> SurfaceDistances | None:
-    needed = any(series.observable.kind is Kind.SURFACE for item in recordings for series in item.series)
+    needed = any(series.observable.kind is QuantityKind.SURFACE for item in recordings for series in item.series)
     return SurfaceDistances(scene.mesh.boundary.quads) if needed else None
 
 

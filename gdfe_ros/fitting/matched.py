@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError, MeshError
 from gdfe_ros.fitting.match_schema import AXES, CompareModel
-from gdfe_ros.fitting.observable import CLOUDS, POSITIONS, Kind, Observable, require_known
+from gdfe_ros.fitting.observable import CLOUDS, POSITIONS, Observable, QuantityKind, require_known
 from gdfe_ros.fitting.units import FACTORS
 from gdfe_ros.mesh import select_vertices
 from gdfe_ros.scene.scene import Scene
@@ -28,8 +28,8 @@ def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observa
             raise GdfeError(f"{where}: {error}") from error
         if not vertices.size:
             raise GdfeError(f"{where}: `mean` selects no vertex of scene {scene.name!r}")
-        return Observable(Kind.MEAN, vertices=vertices, displacement=model.displacement)
-    kind = Kind(value) if key == "cloud" else Kind(key)
+        return Observable(QuantityKind.MEAN, vertices=vertices, displacement=model.displacement)
+    kind = QuantityKind(value) if key == "cloud" else QuantityKind(key)
     name = "" if key == "cloud" else value
     require_known(kind, name, scene, where)
     return Observable(kind, name, displacement=model.displacement)
@@ -43,7 +43,7 @@ def along_of(
     Raises:
         GdfeError: the entry does not say along what a single column of a vector is measured.
     """
-    vector = observable.kind in POSITIONS or observable.kind is Kind.FORCE
+    vector = observable.kind in POSITIONS or observable.kind is QuantityKind.FORCE
     if observable.kind in CLOUDS or (not vector and not model.columns):
         return ("",), None
     if not vector:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gdfe_ros.simulation import Simulation
 
 
-class Kind(Enum):
+class QuantityKind(Enum):
     """Kinds of quantities; positions are vectors [m] and can be in a frame of the recording's own."""
 
     PROBE = "probe"
@@ -30,8 +30,8 @@ class Kind(Enum):
     EXTENT = "extent"
 
 
-POSITIONS = (Kind.PROBE, Kind.MEAN, Kind.HANDLE, Kind.VERTICES, Kind.SURFACE)
-CLOUDS = (Kind.VERTICES, Kind.SURFACE)
+POSITIONS = (QuantityKind.PROBE, QuantityKind.MEAN, QuantityKind.HANDLE, QuantityKind.VERTICES, QuantityKind.SURFACE)
+CLOUDS = (QuantityKind.VERTICES, QuantityKind.SURFACE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Observable:
         displacement: positions count from rest.
     """
 
-    kind: Kind
+    kind: QuantityKind
     name: str = ""
     vertices: NDArray[np.int32] | None = None
     displacement: bool = False
@@ -53,7 +53,7 @@ class Observable:
     @property
     def unit(self) -> str:
         """SI unit of the values, of an actuator that of its own."""
-        return "m" if self.kind in POSITIONS else "N" if self.kind is Kind.FORCE else "SI"
+        return "m" if self.kind in POSITIONS else "N" if self.kind is QuantityKind.FORCE else "SI"
 
     def of(self, simulation: Simulation) -> NDArray[np.float64]:
         """Return the values (c,): x, y, z of a point, one of an actuator, 3 n of the vertices one after the other."""
@@ -61,41 +61,43 @@ class Observable:
         return (values - self._at_rest(simulation.scene)) if self.displacement else values
 
     def _values(self, simulation: Simulation) -> NDArray[np.float64]:
-        if self.kind is Kind.PROBE:
+        if self.kind is QuantityKind.PROBE:
             return simulation.scene.probes[self.name].at(simulation.positions)[0]
-        if self.kind is Kind.MEAN:
+        if self.kind is QuantityKind.MEAN:
             return simulation.positions[self.vertices].mean(axis=0)
-        if self.kind is Kind.HANDLE:
+        if self.kind is QuantityKind.HANDLE:
             return np.array(simulation.handle_pose(self.name).translation)
         if self.kind in CLOUDS:
             return simulation.positions.ravel()
-        if self.kind is Kind.FORCE:
+        if self.kind is QuantityKind.FORCE:
             result = simulation.result
             return np.zeros(3) if result is None else np.array(result.reactions[self.name][:3])
         state = simulation.actuator_states()[self.name]
-        return np.array([state.effort if self.kind is Kind.EFFORT else state.extent])
+        return np.array([state.effort if self.kind is QuantityKind.EFFORT else state.extent])
 
     def _at_rest(self, scene: Scene) -> NDArray[np.float64]:
-        if self.kind is Kind.PROBE:
+        if self.kind is QuantityKind.PROBE:
             return scene.probes[self.name].at(scene.mesh.vertices)[0]
-        if self.kind is Kind.MEAN:
+        if self.kind is QuantityKind.MEAN:
             return scene.mesh.vertices[self.vertices].mean(axis=0)
         return scene.mesh.vertices.ravel() if self.kind in CLOUDS else np.zeros(1)
 
 
-def require_known(kind: Kind, name: str, scene: Scene, where: str) -> None:
+def require_known(kind: QuantityKind, name: str, scene: Scene, where: str) -> None:
     """Refuse a name that the scene does not have.
 
     Raises:
         GdfeError: there is no such probe, handle or actuator.
     """
     known = {
-        Kind.PROBE: list(scene.probes),
-        Kind.HANDLE: [handle.name for handle in scene.handles],
-        Kind.FORCE: [handle.name for handle in scene.handles],
-        Kind.EFFORT: [actuator.name for actuator in scene.actuators],
-        Kind.EXTENT: [actuator.name for actuator in scene.actuators],
+        QuantityKind.PROBE: list(scene.probes),
+        QuantityKind.HANDLE: [handle.name for handle in scene.handles],
+        QuantityKind.FORCE: [handle.name for handle in scene.handles],
+        QuantityKind.EFFORT: [actuator.name for actuator in scene.actuators],
+        QuantityKind.EXTENT: [actuator.name for actuator in scene.actuators],
     }.get(kind)
     if known is not None and name not in known:
-        noun = {Kind.PROBE: "probe", Kind.EFFORT: "actuator", Kind.EXTENT: "actuator"}.get(kind, "handle")
+        noun = {QuantityKind.PROBE: "probe", QuantityKind.EFFORT: "actuator", QuantityKind.EXTENT: "actuator"}.get(
+            kind, "handle"
+        )
         raise GdfeError(f"{where}: no {noun} {name!r} in scene {scene.name!r}; it has {', '.join(known) or 'none'}")

@@ -15,7 +15,7 @@ _FORM = "--vary takes KEY=LOW..HIGH or KEY=LOW..START..HIGH, e.g. materials.sili
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FittedParameter:
     """A key of the scene and the interval that its value is sought in.
 
     The coordinate u that a solver moves is ln(value) where the lower bound is positive, else value / (high - low): a
@@ -52,7 +52,7 @@ class Parameter:
         return value if self.logarithmic else self.high - self.low
 
 
-def read_parameters(entries: Iterable[str], scene: Scene) -> list[Parameter]:
+def read_parameters(entries: Iterable[str], scene: Scene) -> list[FittedParameter]:
     """Read ``KEY=LOW..HIGH`` entries; a search starts from the scene's own value where it lies between the bounds.
 
     Raises:
@@ -68,7 +68,7 @@ def read_parameters(entries: Iterable[str], scene: Scene) -> list[Parameter]:
     return found
 
 
-def _parameter(entry: str, data: object) -> Parameter:
+def _parameter(entry: str, data: object) -> FittedParameter:
     key, separator, interval = entry.partition("=")
     try:
         numbers = [float(part) for part in interval.split("..")]
@@ -83,7 +83,7 @@ def _parameter(entry: str, data: object) -> Parameter:
     own = _look_up(key, data)
     middle = math.sqrt(low * high) if low > 0.0 else 0.5 * (low + high)
     start = numbers[1] if len(numbers) == 3 else own if own is not None and low <= own <= high else middle
-    return Parameter(key, low, high, start)
+    return FittedParameter(key, low, high, start)
 
 
 def _look_up(key: str, data: object) -> float | None:

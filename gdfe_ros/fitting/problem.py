@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.comparison import Own, SurfaceDistances, first_own, residuals
-from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.pool import Pool
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.sensitivity import trajectory_columns
@@ -61,7 +61,7 @@ class FitProblem:
     def __init__(
         self,
         pool: Pool,
-        parameters: Sequence[Parameter],
+        parameters: Sequence[FittedParameter],
         recordings: Sequence[Recording],
         *,
         surface: SurfaceDistances | None = None,

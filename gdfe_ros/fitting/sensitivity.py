@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.pool import Pool
 from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
@@ -20,7 +20,7 @@ STEP = 0.01
 def trajectory_columns(
     pool: Pool,
     recordings: Sequence[Recording],
-    parameters: Sequence[Parameter],
+    parameters: Sequence[FittedParameter],
     values: Sequence[float],
     base: Sequence[Trajectory],
     *,
@@ -58,14 +58,16 @@ def trajectory_columns(
     return columns
 
 
-def _step(parameter: Parameter, value: float) -> float:
+def _step(parameter: FittedParameter, value: float) -> float:
     """Return the change of u, towards the middle of the bounds."""
     low, here, high = (parameter.coordinate(each) for each in (parameter.low, value, parameter.high))
     size = min(STEP, 0.25 * (high - low))
     return size if here <= 0.5 * (low + high) else -size
 
 
-def _changed(parameters: Sequence[Parameter], values: Sequence[float], place: int, step: float) -> dict[str, float]:
+def _changed(
+    parameters: Sequence[FittedParameter], values: Sequence[float], place: int, step: float
+) -> dict[str, float]:
     """Return all values, one of them changed."""
     given = {parameter.key: value for parameter, value in zip(parameters, values, strict=True)}
     changed = parameters[place]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.problem import FitProblem
 from gdfe_ros.fitting.solve import Solved
 
@@ -96,13 +96,13 @@ def confidence(problem: FitProblem, solved: Solved) -> Confidence:
     return Confidence(tuple(found), correlations, tuple(loose))
 
 
-def _bound(parameter: Parameter, coordinate: float) -> str:
+def _bound(parameter: FittedParameter, coordinate: float) -> str:
     low, high = parameter.coordinate(parameter.low), parameter.coordinate(parameter.high)
     near = AT_BOUND * (high - low)
     return "low" if coordinate - low < near else "high" if high - coordinate < near else ""
 
 
-def _ends(parameter: Parameter, coordinate: float, half: float) -> tuple[float, float]:
+def _ends(parameter: FittedParameter, coordinate: float, half: float) -> tuple[float, float]:
     """Return a confidence interval in values, which may reach beyond the bounds."""
     if parameter.logarithmic:
         half = min(half, 300.0)

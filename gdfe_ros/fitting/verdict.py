@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.fitting.parameter import Parameter
+from gdfe_ros.fitting.parameter import FittedParameter
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.statistics import STRUCTURED, Confidence, autocorrelation
 
@@ -73,7 +73,7 @@ def _size(values: NDArray[np.float64], *, displacement: bool) -> float:
 
 
 def warnings(
-    fitted: Sequence[Match], held_out: Sequence[Match], known: Confidence, parameters: Sequence[Parameter]
+    fitted: Sequence[Match], held_out: Sequence[Match], known: Confidence, parameters: Sequence[FittedParameter]
 ) -> list[str]:
     """Say what is doubtful about a fit."""
     notes = list(known.loose)

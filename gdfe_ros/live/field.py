@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.colour_map import NOISE, VIRIDIS, colour_range
-from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.live.view import View
 from gdfe_ros.scene.scene import Scene
 
@@ -26,7 +26,7 @@ class Field:
     """
 
     label: str
-    values: Callable[[View, Surface], NDArray[np.float64]]
+    values: Callable[[View, DrawnSurface], NDArray[np.float64]]
     noise: float = NOISE
 
 

@@ -17,7 +17,7 @@ _LENGTH = 4096
 _AXES = ("x", "y", "z")
 
 
-class History:
+class StepHistory:
     """Numbers of the last steps; written by the stepping thread, read by another.
 
     Args:

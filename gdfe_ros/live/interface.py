@@ -24,7 +24,7 @@ class Ability(str, Enum):
     MODULI = "change the body"
 
 
-class Session(Protocol):
+class ShownRun(Protocol):
     """A run that is drawn and commanded.
 
     Attributes:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
-from gdfe_ros.live.interface import Session
+from gdfe_ros.live.interface import ShownRun
 from gdfe_ros.live.view import View
 from gdfe_ros.node.orders import ActuatorOrder
 
@@ -37,7 +37,7 @@ class Leading:
         say: takes a text for the viewers.
     """
 
-    def __init__(self, session: Session, say: Callable[[str], None]) -> None:
+    def __init__(self, session: ShownRun, say: Callable[[str], None]) -> None:
         self._session, self._say = session, say
         self._lock = threading.Lock()
         self._probe = self._making = ""

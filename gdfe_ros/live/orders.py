@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, PutOrder, require_near
+from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, TeleportOrder, require_near
 from gdfe_ros.node.refusals import Reason, Refusal
 
 
@@ -16,7 +16,7 @@ def require_order(name: str, order: Order, size: float) -> None:
         Refusal: a number of it is not finite, or it leads too far away.
     """
     match order:
-        case PoseOrder() | PutOrder():
+        case PoseOrder() | TeleportOrder():
             _require_finite(name, (*order.translation, *order.quaternion))
             require_near(order.translation, size)
         case ActuatorOrder():

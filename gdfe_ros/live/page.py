@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.field import Range, fields_of, legend
-from gdfe_ros.live.history import History
-from gdfe_ros.live.interface import Session
+from gdfe_ros.live.history import StepHistory
+from gdfe_ros.live.interface import ShownRun
 from gdfe_ros.live.leading import Leading
 from gdfe_ros.live.panel import Panel
 from gdfe_ros.live.plots import Plots
@@ -73,7 +73,7 @@ class Page:
         self.port = self._server.get_port()
         self._changed, self._ending = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._work, name=VIEWER, daemon=True)
-        self._session: Session | None = None
+        self._session: ShownRun | None = None
         self._leading: Leading | None = None
         self._early = False
         self._stage: Stage | None = None
@@ -104,12 +104,12 @@ class Page:
         async def _(client: viser.ClientHandle) -> None:
             self._look_again()
 
-    def show(self, session: Session) -> None:
+    def show(self, session: ShownRun) -> None:
         """Connect a session, and begin to draw the steps that it passes to `take`."""
         if self._stage is None:
             self.lay_out(session.scene, session.title)
         gui = self._server.gui
-        self._history = History(session.scene)
+        self._history = StepHistory(session.scene)
         self._status = Status(session)
         self._session = session
         self._leading = Leading(session, self.say)

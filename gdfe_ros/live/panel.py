@@ -13,7 +13,7 @@ from typing import Any
 import viser
 
 from gdfe_ros.actuators import Actuator
-from gdfe_ros.live.interface import Ability, Session
+from gdfe_ros.live.interface import Ability, ShownRun
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
 
@@ -38,7 +38,7 @@ class Panel:
     def __init__(
         self,
         gui: viser.GuiApi,
-        session: Session,
+        session: ShownRun,
         *,
         say: Callable[[str], None],
         guarded: Callable[[Callable[[], Any]], None],

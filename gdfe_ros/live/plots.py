@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import viser
 
-from gdfe_ros.live.history import History
+from gdfe_ros.live.history import StepHistory
 
 _COLOURS = ("#d62728", "#2ca02c", "#1f77b4", "#9467bd", "#ff7f0e", "#8c564b")
 _COUNT = 2
@@ -20,7 +20,7 @@ class Plots:
         below: panel below which the plots are docked.
     """
 
-    def __init__(self, gui: viser.GuiApi, history: History, *, below: viser.PanelHandle) -> None:
+    def __init__(self, gui: viser.GuiApi, history: StepHistory, *, below: viser.PanelHandle) -> None:
         self._gui, self._history = gui, history
         panel = gui.add_panel()
         self._tab = panel.add_tab("Plots")
@@ -46,7 +46,7 @@ class _Plot:
         name: initial selection.
     """
 
-    def __init__(self, gui: viser.GuiApi, history: History, name: str) -> None:
+    def __init__(self, gui: viser.GuiApi, history: StepHistory, name: str) -> None:
         self._gui, self._history = gui, history
         self._choice = gui.add_dropdown("plot", tuple(history.curves), initial_value=name)
         self._folder = gui.add_folder(None)

@@ -23,7 +23,7 @@ from gdfe_ros.node.pace import ClockMode, FastPace, Timing, WallPace
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import moduli_of, with_moduli
 from gdfe_ros.node.step import Demand, Step, to_nanoseconds
-from gdfe_ros.node.stepper import Stepper
+from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
@@ -50,7 +50,7 @@ class RestingPace(WallPace):
 
 
 class LiveSession:
-    """Steps a simulation and passes on each step; it is the host of the node's `Stepper` and `Drive`.
+    """Steps a simulation and passes on each step; it is the host of the node's `SteppingThread` and `CommandAssembler`.
 
     Args:
         simulation: ready to step; used by the stepping thread only from now on.
@@ -91,7 +91,7 @@ class LiveSession:
         self._clock, self._told, self._warn = clock, told, warn
         self._programme: Programme | None = None
         self._bag: LiveBag | None = None
-        self.stepper = Stepper(self, lambda: Demand(imus=False), deliver=self._deliver)
+        self.stepper = SteppingThread(self, lambda: Demand(imus=False), deliver=self._deliver)
         self._inbox = Inbox(self.stepper.changed, queued=False)
 
     @property

@@ -22,11 +22,11 @@ from gdfe_ros.contacts import contact_names
 from gdfe_ros.live.arms import Arms
 from gdfe_ros.live.arrows import Arrows
 from gdfe_ros.live.solids import Solids
-from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.live.view import View
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.node.interface.scene_topics import is_commanded
-from gdfe_ros.node.orders import PoseOrder, PutOrder
+from gdfe_ros.node.orders import PoseOrder, TeleportOrder
 from gdfe_ros.scene.scene import Scene
 
 HANDLES, PROBES, REACTIONS, CONTACTS, SOLIDS = "handles", "probes", "reactions", "contact forces", "obstacles"
@@ -70,13 +70,13 @@ class Stage:
         server: viser.ViserServer,
         scene: Scene,
         *,
-        dragged: Callable[[str, PoseOrder | PutOrder], None],
+        dragged: Callable[[str, PoseOrder | TeleportOrder], None],
         aimed: Callable[[str, NDArray[np.float64]], None],
     ) -> None:
         self._scene, self._dragged, self._aimed = scene, dragged, aimed
         self._scale = scale_of(scene.mesh)
         self._size = scene.mesh.size * self._scale
-        self.surface = Surface(scene.mesh, scale=self._scale)
+        self.surface = DrawnSurface(scene.mesh, scale=self._scale)
         self._space = server.scene
         server.initial_camera.look_at, server.initial_camera.position = first_view(scene.mesh, scene.arms)
         self._light()
@@ -184,7 +184,7 @@ class Stage:
 
     def _control(self, handle: Handle) -> viser.TransformControlsHandle:
         """Add a control that moves a handle or obstacle, or teleports a rigid body."""
-        name, kind = handle.name, PutOrder if isinstance(handle, RigidBody) else PoseOrder
+        name, kind = handle.name, TeleportOrder if isinstance(handle, RigidBody) else PoseOrder
         control = self._space.add_transform_controls(
             f"/handles/{name}",
             scale=CONTROL * self._size,

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Mapping
 from time import monotonic
 
-from gdfe_ros.live.interface import Session
+from gdfe_ros.live.interface import ShownRun
 from gdfe_ros.live.view import View
 
 _WINDOW = 1.0
@@ -22,7 +22,7 @@ class Status:
         session: the running session.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: ShownRun) -> None:
         self._session = session
         self._times: deque[tuple[float, float, int]] = deque(maxlen=10_000)
 
@@ -54,7 +54,7 @@ class Status:
             "state": self._doing(),
             "time": f"{record.time:.3f} s, " + (f"{pace[1]:.0f} steps/s" if pace else "no steps"),
             "real time": f"&times; {pace[0]:.2f}" if pace else "-",
-            "solve": f"{record.iterations} iterations, residual {record.residual:.1e}",
+            "solve": f"{record.iterations} iterations, error estimate {record.error_estimate:.1e}",
             "converged": "yes" if record.converged else _bad(f"no: {record.message}"),
             "least det F": f"{record.min_det:.3f}",
             **{f"longest of {name}": f"{force:.3g} N" for name, force in largest.items()},

@@ -32,7 +32,7 @@ def _linear(colours: NDArray[np.float64]) -> NDArray[np.float32]:
 _LINEAR = _linear(colour(np.linspace(0.0, 1.0, 256)))
 
 
-class Surface:
+class DrawnSurface:
     """The boundary of a mesh, or its skin, as triangles coloured by vertex.
 
     Args:

@@ -16,7 +16,7 @@ from gdfe_ros.mesh.touching import Touching
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class MeshPart:
     """A mesh among others.
 
     Attributes:
@@ -43,7 +43,7 @@ class Part:
         return replace(self.mesh, vertices=vertices)
 
 
-def assemble(parts: Mapping[str, Part]) -> HexMesh:
+def assemble(parts: Mapping[str, MeshPart]) -> HexMesh:
     """Return one mesh of all parts, in their order; vertices at the same place stay separate.
 
     Sets of one name are united, and the parts are available by name in `HexMesh.parts`. If one part has a skin, the

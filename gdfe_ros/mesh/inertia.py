@@ -13,7 +13,7 @@ ALIKE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Inertia:
+class SolidIntegrals:
     """Integrals over a solid of uniform density.
 
     Attributes:
@@ -29,7 +29,7 @@ class Inertia:
     moments: NDArray[np.float64]
 
 
-def inertia_of(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Inertia:
+def inertia_of(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> SolidIntegrals:
     """Return the inertia of a solid.
 
     The solid is a sum of signed tetrahedra between a point o and each triangle (a, b, c). With V = det(a, b, c) / 6 the
@@ -47,7 +47,7 @@ def inertia_of(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> I
     squares = np.einsum("t,tai,taj->ij", volumes, corners, corners) + np.einsum("t,ti,tj->ij", volumes, sums, sums)
     spread = squares / (20.0 * volume) - np.outer(centre, centre)
     axes = _principal_axes(spread)
-    return Inertia(volume, middle + centre, axes, np.einsum("ia,ij,ja->a", axes, spread, axes))
+    return SolidIntegrals(volume, middle + centre, axes, np.einsum("ia,ij,ja->a", axes, spread, axes))
 
 
 def _principal_axes(spread: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.outside import Outside
 
 if TYPE_CHECKING:
-    from gdfe_ros.mesh.assembly import Part
+    from gdfe_ros.mesh.assembly import MeshPart
     from gdfe_ros.mesh.touching import Touching
 
 
@@ -55,7 +55,7 @@ class Mesh:
     filling: Filling | None = None
     skin: Outside | None = None
     touching: Touching | None = None
-    parts: Mapping[str, Part] = field(default_factory=dict)
+    parts: Mapping[str, MeshPart] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         vertices = np.ascontiguousarray(self.vertices, dtype=np.float64)

@@ -16,7 +16,7 @@ from gdfe_ros.mesh.cavities import corners_of
 from gdfe_ros.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
-    from gdfe_ros.mesh.assembly import Part
+    from gdfe_ros.mesh.assembly import MeshPart
 
 #: Points this close to a box or sphere still count as inside, as a share of the mesh size: coordinates such
 #: as 0.1 * 3 are not exact.
@@ -44,7 +44,7 @@ class Face:
 
 
 @dataclass(frozen=True)
-class Box:
+class BoxSelection:
     """Points within closed intervals [m]; None leaves an axis open."""
 
     x: tuple[float, float] | None = None
@@ -53,7 +53,7 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Sphere:
+class SphereSelection:
     """Points within `radius` [m] of `center` [m]."""
 
     center: tuple[float, float, float]
@@ -68,7 +68,7 @@ class Vertices:
 
 
 @dataclass(frozen=True)
-class Cells:
+class CellSelection:
     """Cells by id; vertices of these cells."""
 
     ids: tuple[int, ...]
@@ -96,7 +96,7 @@ class AnyOf:
     places: tuple[Where, ...]
 
 
-Where = Face | Box | Sphere | Vertices | Cells | NamedSet | Within | AnyOf
+Where = Face | BoxSelection | SphereSelection | Vertices | CellSelection | NamedSet | Within | AnyOf
 
 
 def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
@@ -115,11 +115,11 @@ def select_vertices(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     match where:
         case Face(side):
             return _ids(_on_side(mesh, side))
-        case Box() | Sphere():
+        case BoxSelection() | SphereSelection():
             return _ids(_inside(mesh, mesh.vertices, where))
         case Vertices(ids):
             return _checked(ids, mesh.n_vertices, "vertex")
-        case Cells(ids):
+        case CellSelection(ids):
             return _vertices_of(mesh, _checked(ids, mesh.n_cells, "cell"))
         case Within(name, inner):
             part = part_of(mesh, name)
@@ -153,11 +153,11 @@ def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     match where:
         case Face(side):
             return _ids(_on_side(mesh, side)[mesh.cells].any(axis=1))
-        case Box() | Sphere():
+        case BoxSelection() | SphereSelection():
             return _ids(_inside(mesh, mesh.centroids, where))
         case Vertices(ids):
             return _cells_within(mesh, _checked(ids, mesh.n_vertices, "vertex"))
-        case Cells(ids):
+        case CellSelection(ids):
             return _checked(ids, mesh.n_cells, "cell")
         case Within(name, inner):
             part = part_of(mesh, name)
@@ -194,7 +194,7 @@ def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
     return faces[all_selected]
 
 
-def part_of(mesh: Mesh, name: str) -> Part:
+def part_of(mesh: Mesh, name: str) -> MeshPart:
     """Return one of the meshes of which a mesh was assembled.
 
     Raises:
@@ -220,7 +220,7 @@ def select_skin(mesh: Mesh, where: Where) -> NDArray[np.int32]:
             return np.unique(np.concatenate([select_skin(mesh, place) for place in places]), axis=0)
         case Face(side):
             chosen = _at_end(points, side, FACE_SLACK * mesh.size)
-        case Box() | Sphere():
+        case BoxSelection() | SphereSelection():
             chosen = _inside(mesh, points, where)
         case _:
             raise _of_cells()
@@ -249,7 +249,7 @@ def select_touching(mesh: Mesh, where: Where) -> NDArray[np.int32]:
         case Face(side):
             ends = mesh.outside.at(mesh.vertices)
             return _ids(_at_end(np.concatenate([points, ends]), side, FACE_SLACK * mesh.size)[: len(points)])
-        case Box() | Sphere():
+        case BoxSelection() | SphereSelection():
             return _ids(_inside(mesh, points, where))
         case _:
             raise _of_cells()
@@ -272,9 +272,9 @@ def _at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np
     return coordinate >= coordinate.max() - slack
 
 
-def _inside(mesh: Mesh, points: NDArray[np.float64], where: Box | Sphere) -> NDArray[np.bool_]:
+def _inside(mesh: Mesh, points: NDArray[np.float64], where: BoxSelection | SphereSelection) -> NDArray[np.bool_]:
     slack = INSIDE_SLACK * mesh.size
-    if isinstance(where, Sphere):
+    if isinstance(where, SphereSelection):
         return np.linalg.norm(points - where.center, axis=1) <= where.radius + slack
     inside = np.ones(len(points), dtype=bool)
     for axis, interval in enumerate((where.x, where.y, where.z)):

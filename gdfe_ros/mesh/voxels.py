@@ -31,14 +31,16 @@ MOST_CUBES = 50_000_000
 VOLUME_ERROR = 0.3
 
 
-class Cells(str, Enum):
+class CutCubes(str, Enum):
     """Treatment of the cubes that a surface cuts."""
 
     WHOLE = "whole"
     CUT = "cut"
 
 
-def read_voxels(surface: str | Path, *, cell: float, scale: float | None = None, cells: Cells = Cells.WHOLE) -> HexMesh:
+def read_voxels(
+    surface: str | Path, *, cell: float, scale: float | None = None, cells: CutCubes = CutCubes.WHOLE
+) -> HexMesh:
     """Fill a closed surface with cubes.
 
     Args:
@@ -84,7 +86,7 @@ def fill_surface(
     triangles: NDArray[np.int64],
     *,
     cell: float,
-    cells: Cells = Cells.WHOLE,
+    cells: CutCubes = CutCubes.WHOLE,
     where: str = "surface",
 ) -> HexMesh:
     """Fill a closed surface with cubes; its inside follows from the even-odd rule.
@@ -110,7 +112,7 @@ def fill_surface(
     nx, ny, nz = count.astype(int)
     start = (low + high - count * cell) / 2
     axes = (origin + cell * np.arange(n + 1) for origin, n in zip(start, (nx, ny, nz), strict=True))
-    if cells is Cells.CUT:
+    if cells is CutCubes.CUT:
         moments = gather_slivers(cube_moments((vertices - start) / cell, triangles, (nx, ny, nz)), (nx, ny, nz))
         kept = moments[:, 0] > 0.0
         mesh = replace(keep_cells(grid(*axes), kept), filling=Filling.of_moments(moments[kept]))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gdfe_ros.node.inputs import Inputs
-from gdfe_ros.node.outputs import Outputs
+from gdfe_ros.node.outputs import TopicOutputs
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.run import Run
 from gdfe_ros.recording.backpressure import BackPressure, QueueOptions
@@ -32,7 +32,7 @@ class Bags:
         active: whether a bag is being written.
     """
 
-    def __init__(self, run: Run, inputs: Inputs, outputs: Outputs) -> None:
+    def __init__(self, run: Run, inputs: Inputs, outputs: TopicOutputs) -> None:
         self._run, self._logger = run, run.node.get_logger()
         self._inputs, self._outputs = inputs, outputs
         self.recorder: Recorder | None = None

@@ -15,7 +15,7 @@ from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.session import Session
+from gdfe_ros.node.session import NodeSession
 from gdfe_ros.node.strays import Doubles
 
 _LONG = 0.5
@@ -45,7 +45,7 @@ class _Mark:
     late: float = 0.0
 
     @classmethod
-    def of(cls, session: Session) -> _Mark:
+    def of(cls, session: NodeSession) -> _Mark:
         stepper, courier = session.stepper, session.courier
         other = stepper.spent - stepper.solving + (courier.spent if courier else 0.0)
         pace = session.run.pace
@@ -69,7 +69,7 @@ class Diagnostics:
         self._doubles = Doubles(node)
         self._mark, self._refused, self._faults = _Mark(), 0, 0
 
-    def publish(self, session: Session | None, state: str, problem: str) -> None:
+    def publish(self, session: NodeSession | None, state: str, problem: str) -> None:
         """Publish the statuses.
 
         Args:
@@ -104,14 +104,14 @@ class Diagnostics:
         array.header.stamp = now.to_msg()
         self._channel.send(array, now.nanoseconds)
 
-    def _whole(self, session: Session | None, state: str) -> Mapping[str, object]:
+    def _whole(self, session: NodeSession | None, state: str) -> Mapping[str, object]:
         values: dict[str, object] = {"state": state, topics.PROCESS: os.getpid()}
         if session is not None:
             values |= {"scene": session.scene.name, **_work(session)}
         values |= {"exceptions in callbacks": self._node.faults.count}
         return values | ({"last exception": self._node.faults.last} if self._node.faults.count else {})
 
-    def _parts(self, session: Session | None) -> dict[str, _Part]:
+    def _parts(self, session: NodeSession | None) -> dict[str, _Part]:
         parts = {"commands": self._commands(session)}
         if session is not None:
             last, self._mark = self._mark, _Mark.of(session)
@@ -122,7 +122,7 @@ class Diagnostics:
             parts["clock"] = _Part(values, _WARN, self._doubles.found)
         return parts
 
-    def _commands(self, session: Session | None) -> _Part:
+    def _commands(self, session: NodeSession | None) -> _Part:
         """Return the refusals and exceptions since the last report, and the inputs that a lockstep step waits for."""
         counts: dict[str, object] = dict(self._refusals.counts())
         refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
@@ -154,13 +154,13 @@ class Diagnostics:
         return _Part(counts, _OK, reason)
 
 
-def _limited(session: Session | None) -> dict[str, str]:
+def _limited(session: NodeSession | None) -> dict[str, str]:
     """Return which limits cut the motion of joints in the last step, or are exceeded by their efforts, by joint."""
     last = session.run.last if session is not None else None
     return {} if last is None else {name: joint.told for name, joint in last.joints.items() if joint.told}
 
 
-def _on_their_way(session: Session) -> str:
+def _on_their_way(session: NodeSession) -> str:
     """Return the commands that are followed at a limited rate, and the rate."""
     slew, present = session.stepper.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
@@ -169,7 +169,7 @@ def _on_their_way(session: Session) -> str:
     return f"{goals}; slowed down to {100.0 * slew.share:.3g} % of the range in slew_time, so that steps converge"
 
 
-def _work(session: Session) -> dict[str, object]:
+def _work(session: NodeSession) -> dict[str, object]:
     """Return a description of the present task if it takes long."""
     stepper, walk = session.stepper, session.walk
     work, rounds = stepper.work, stepper.rounds
@@ -179,7 +179,7 @@ def _work(session: Session) -> dict[str, object]:
     return {"working on": f"~/step: {walk}"} if walk is not None and walk.going else {}
 
 
-def _solver(session: Session, last: _Mark, mark: _Mark) -> _Part:
+def _solver(session: NodeSession, last: _Mark, mark: _Mark) -> _Part:
     steps = mark.steps - last.steps
     values: dict[str, object] = {"steps": mark.steps, "steps failed": session.stepper.failures}
     if steps > 0:
@@ -191,7 +191,7 @@ def _solver(session: Session, last: _Mark, mark: _Mark) -> _Part:
     values |= {
         "converged": result.converged,
         "iterations": result.iterations,
-        "residual": f"{result.residual:.3e}",
+        "error estimate": f"{result.error_estimate:.3e}",
         "energy [J]": f"{result.energy:.6g}",
         **{f"energy: {name} [J]": f"{value:.6g}" for name, value in result.energies.items()},
         "least det F": f"{result.min_det:.4g}",
@@ -204,7 +204,7 @@ def _solver(session: Session, last: _Mark, mark: _Mark) -> _Part:
     return _Part(values, _WARN, f"not converged: {result.message or 'no step was solved there'}")
 
 
-def _recording(session: Session) -> _Part:
+def _recording(session: NodeSession) -> _Part:
     if session.bags.recorder is None:
         return _Part({}, _OK, "no bag")
     status = session.bags.recorder.status
@@ -221,7 +221,7 @@ def _recording(session: Session) -> _Part:
     return _Part(values, _OK, "recording" if session.bags.active else "finished")
 
 
-def _clock(session: Session, last: _Mark, mark: _Mark) -> _Part:
+def _clock(session: NodeSession, last: _Mark, mark: _Mark) -> _Part:
     """Return the status of the pace; rates are over the time since the last report."""
     span, steps = max(mark.wall - last.wall, 1e-9), mark.steps - last.steps
     values: dict[str, object] = {
@@ -241,7 +241,7 @@ def _clock(session: Session, last: _Mark, mark: _Mark) -> _Part:
     return _Part(values, _OK, str(values["clock"]))
 
 
-def _figures(session: Session, last: _Mark, mark: _Mark) -> dict[str, str]:
+def _figures(session: NodeSession, last: _Mark, mark: _Mark) -> dict[str, str]:
     """Return the requested rate, the achieved rate, and the delay per step.
 
     Under the wall clock the achieved rate is that of steps in succession: an idle node makes none.

@@ -10,12 +10,20 @@ import numpy as np
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.node.host import Host
-from gdfe_ros.node.orders import ActuatorOrder, Order, PoseOrder, PutOrder, TrajectoryOrder, TwistOrder, require_near
+from gdfe_ros.node.orders import (
+    ActuatorOrder,
+    Order,
+    PoseOrder,
+    TeleportOrder,
+    TrajectoryOrder,
+    TwistOrder,
+    require_near,
+)
 from gdfe_ros.node.refusals import Refusal
 from gdfe_ros.simulation import Command
 
 
-class Drive:
+class CommandAssembler:
     """Assembles one command per step from orders; used by the stepping thread only.
 
     A pose ends the velocity of its handle; a command of an actuator ends the trajectory of that actuator only.
@@ -68,7 +76,7 @@ class Drive:
                     poses[order.handle] = order.after(self._target(order.handle, poses))
                 case TwistOrder():
                     self._twists[order.handle] = (order, self._run.parameters["velocity_timeout"])
-                case PutOrder():
+                case TeleportOrder():
                     bodies[order.body] = order.pose
                 case ActuatorOrder():
                     actuators.update(order.values)

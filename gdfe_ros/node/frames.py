@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gdfe_ros.arms.dynamics import Frame
+from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.constraints.arm_link import ArmLink
 from gdfe_ros.constraints.obstacle import Obstacle
@@ -95,7 +95,7 @@ class Frames:
         probes: Mapping[str, Pose],
         units: Mapping[str, ImuReading],
         positions: NDArray[np.float64],
-        links: Mapping[str, Frame],
+        links: Mapping[str, LinkFrame],
     ) -> list[Placement]:
         """Return the places of the moving frames.
 

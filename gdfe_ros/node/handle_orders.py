@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 from gdfe_ros.constraints import Handle
 from gdfe_ros.node.frames import Frames, Placement
 from gdfe_ros.node.numbers import require_finite, require_unit
-from gdfe_ros.node.orders import FARTHEST, PoseOrder, PutOrder, TwistOrder, require_near
+from gdfe_ros.node.orders import FARTHEST, PoseOrder, TeleportOrder, TwistOrder, require_near
 from gdfe_ros.node.refusals import Reason, Refusal
 
 UNIT_SLACK = 1e-3
@@ -38,13 +38,13 @@ def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fra
     return PoseOrder(handle.name, *_given(message, handle, size, frames))
 
 
-def put_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> PutOrder:
+def put_order(message: PoseStamped, handle: Handle, *, size: float, frames: Frames) -> TeleportOrder:
     """Return the order to teleport a rigid body; arguments as for ``pose_order``.
 
     Raises:
         Refusal: as for ``pose_order``, except for fixed handles.
     """
-    return PutOrder(handle.name, *_given(message, handle, size, frames))
+    return TeleportOrder(handle.name, *_given(message, handle, size, frames))
 
 
 def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frames) -> PoseOrder:

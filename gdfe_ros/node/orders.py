@@ -79,7 +79,7 @@ class TwistOrder:
 
 
 @dataclass(frozen=True)
-class PutOrder:
+class TeleportOrder:
     """A teleport of a rigid body.
 
     Attributes:
@@ -92,9 +92,9 @@ class PutOrder:
     translation: tuple[float, float, float]
     quaternion: tuple[float, float, float, float]
 
-    def without(self, later: Order) -> PutOrder | None:
+    def without(self, later: Order) -> TeleportOrder | None:
         """Return this order, or None if ``later`` teleports the same body."""
-        return None if isinstance(later, PutOrder) and later.body == self.body else self
+        return None if isinstance(later, TeleportOrder) and later.body == self.body else self
 
     @property
     def pose(self) -> Pose:
@@ -184,7 +184,7 @@ class TrajectoryOrder:
         return spline(times, *tables, at=elapsed)
 
 
-Order = PoseOrder | TwistOrder | PutOrder | ActuatorOrder | TrajectoryOrder
+Order = PoseOrder | TwistOrder | TeleportOrder | ActuatorOrder | TrajectoryOrder
 
 
 def require_near(translation: tuple[float, float, float], size: float) -> None:

@@ -25,7 +25,7 @@ from gdfe_ros.node.step import Demand, Step, to_nanoseconds
 from gdfe_ros.recording.recorder import Recorder
 
 
-class Outputs:
+class TopicOutputs:
     """Publishes scenes and steps; no message is built for a topic without subscriber or bag.
 
     Args:
@@ -141,7 +141,7 @@ class Outputs:
         for name, channel in _due(self._wrenches, step):
             channel.send_step(step, self._wrench_packers[name].pack(stamp, step.result.reactions[name]))
         if step.poses:
-            self._publish_plates(step)
+            self._publish_handles(step)
         for name, channel in _due(self._probes, step):
             channel.send_step(step, self._probe_packer.pack(stamp, self._probe(name, step)))
         if (step.actuators or not self._run.scene.actuators) and self._joints is not None and self._joints.due(step):
@@ -158,7 +158,7 @@ class Outputs:
         for channel in self.channels:
             channel.destroy()
 
-    def _publish_plates(self, step: Step) -> None:
+    def _publish_handles(self, step: Step) -> None:
         """Publish outputs that depend on the present poses of handles and obstacles."""
         stamp = step.record.stamp
         for name, channel in _due(self._poses, step):

@@ -18,17 +18,17 @@ from rclpy.parameter import Parameter
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.specification import Change, ParameterSpec
+from gdfe_ros.node.specification import Changeable, ParameterSpec
 from gdfe_ros.spelling import did_you_mean
 
 _OPEN = {
-    Change.INACTIVE: ("unconfigured", "inactive"),
-    Change.UNCONFIGURED: ("unconfigured",),
-    Change.START: (),
+    Changeable.INACTIVE: ("unconfigured", "inactive"),
+    Changeable.UNCONFIGURED: ("unconfigured",),
+    Changeable.START: (),
 }
 
 
-class Parameters:
+class NodeParameters:
     """The parameters of one node: ``parameters["rate"]`` is the present value.
 
     Args:
@@ -82,7 +82,11 @@ class Parameters:
                 require_allowed(spec, change.value)
             except GdfeError as error:
                 return SetParametersResult(successful=False, reason=str(error))
-            if spec.change is not Change.ALWAYS and state not in _OPEN[spec.change] and change.value != self[spec.name]:
+            if (
+                spec.change is not Changeable.ALWAYS
+                and state not in _OPEN[spec.change]
+                and change.value != self[spec.name]
+            ):
                 reason = f"{spec.name} can be changed {spec.change.value}; the node is {state}"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
@@ -109,7 +113,7 @@ def _descriptor(spec: ParameterSpec) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=f"{spec.meaning}{unit}",
         additional_constraints="; ".join(filter(None, [spec.allowed, f"changed {spec.change.value}"])),
-        read_only=spec.change is Change.START,
+        read_only=spec.change is Changeable.START,
         dynamic_typing=isinstance(spec.default, float),
     )
     if spec.least is not None:

@@ -9,12 +9,12 @@ from rclpy.lifecycle import LifecycleNode
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.moduli import given_moduli
-from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.scene.loader import load_scene
 from gdfe_ros.simulation import Simulation
 
 
-def prepare(node: LifecycleNode, parameters: Parameters) -> Simulation:
+def prepare(node: LifecycleNode, parameters: NodeParameters) -> Simulation:
     """Return a simulation of the scene with its overrides and moduli, factored and compiled.
 
     Raises:

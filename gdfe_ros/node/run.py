@@ -16,7 +16,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.frames import Frames
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.pace import ExternalPace, Pace, Timing
-from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.step import Step, to_nanoseconds
 from gdfe_ros.node.transforms import Transforms
@@ -47,7 +47,7 @@ class Run:
     def __init__(
         self,
         node: ManagedNode,
-        parameters: Parameters,
+        parameters: NodeParameters,
         simulation: Simulation,
         refusals: RefusalLog,
         ending: threading.Event,

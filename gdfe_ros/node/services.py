@@ -17,9 +17,9 @@ from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.qos import interface_class
-from gdfe_ros.node.session import Session
+from gdfe_ros.node.session import NodeSession
 from gdfe_ros.recording.step_record import Begin
 
 
@@ -32,7 +32,9 @@ class Services:
         session: returns the running session, or None.
     """
 
-    def __init__(self, node: ManagedNode, parameters: Parameters, session: Callable[[], Session | None]) -> None:
+    def __init__(
+        self, node: ManagedNode, parameters: NodeParameters, session: Callable[[], NodeSession | None]
+    ) -> None:
         self._node, self._parameters, self._find = node, parameters, session
         actions = {
             services.RESET: self._reset,
@@ -49,13 +51,13 @@ class Services:
         for spec, action in actions.items():
             node.offer(interface_class(spec.type), spec.name, self._answer(spec.name, action))
 
-    def _session(self) -> Session:
+    def _session(self) -> NodeSession:
         session = self._find()
         if session is None:
             raise GdfeError("the node is unconfigured; call the transition `configure` first")
         return session
 
-    def _active(self) -> Session:
+    def _active(self) -> NodeSession:
         session = self._session()
         if not session.stepper.running:
             raise GdfeError("the node is not active; call the transition `activate` first")

@@ -22,15 +22,15 @@ from gdfe_ros.node.inputs import Inputs
 from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.moduli import Moduli
-from gdfe_ros.node.outputs import Outputs
+from gdfe_ros.node.outputs import TopicOutputs
 from gdfe_ros.node.pace import ClockMode, make_pace
-from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.refusals import RefusalLog
 from gdfe_ros.node.remodelling import with_moduli
 from gdfe_ros.node.run import Run
 from gdfe_ros.node.step import Demand, Step, handle_error, observe
-from gdfe_ros.node.stepper import Stepper
-from gdfe_ros.node.strays import Strays
+from gdfe_ros.node.stepper import SteppingThread
+from gdfe_ros.node.strays import UnmatchedTopics
 from gdfe_ros.node.throttle import Throttle
 from gdfe_ros.node.transforms import Transforms, transforms_installed
 from gdfe_ros.node.walk import Walk
@@ -42,7 +42,7 @@ _LATE = 1.0
 """Lag behind an external clock from which on a warning is logged [s]."""
 
 
-class Session:
+class NodeSession:
     """A configured simulation with its topics; `start` and `stop` serve the transitions activate and deactivate.
 
     Args:
@@ -67,7 +67,7 @@ class Session:
     def __init__(
         self,
         node: ManagedNode,
-        parameters: Parameters,
+        parameters: NodeParameters,
         simulation: Simulation,
         refusals: RefusalLog,
         *,
@@ -78,12 +78,12 @@ class Session:
         told = {"now": lambda: self.run.now(), "limits": parameters, "refuse": refusals.refuse}
         self._transforms = Transforms(node, self._lead, **told) if listening else None
         self.run = run = Run(node, parameters, simulation, refusals, ending, self._transforms)
-        self.outputs = Outputs(run, matched=self._tell_again)
-        self.stepper = Stepper(run, self.outputs.demand, deliver=self._deliver)
+        self.outputs = TopicOutputs(run, matched=self._tell_again)
+        self.stepper = SteppingThread(run, self.outputs.demand, deliver=self._deliver)
         self.inputs = Inputs(run, leaders)
         self.bags = Bags(run, self.inputs, self.outputs)
         self._moduli = Moduli(node, self.scene, self.bags, changed=self._change_moduli)
-        self.strays = Strays(node, self.scene.handles, refusals)
+        self.strays = UnmatchedTopics(node, self.scene.handles, refusals)
         self.mode = ClockMode.WALL
         self.courier: Courier | None = None
         self.walk: Walk | None = None
@@ -165,7 +165,7 @@ class Session:
         result, solver, mesh = self.run.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
         off = (handle_error(each, targets[each.name], mesh.vertices, result.positions) for each in self.scene.handles)
-        return result.residual <= solver.tolerance and max(off, default=0.0) <= reach
+        return result.error_estimate <= solver.tolerance and max(off, default=0.0) <= reach
 
     def interrupt(self, why: str) -> None:
         """End the steps of a request of ~/step."""

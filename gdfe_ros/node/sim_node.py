@@ -18,11 +18,11 @@ from gdfe_ros.node.diagnostics import Diagnostics
 from gdfe_ros.node.interface import NODE_NAME, topics
 from gdfe_ros.node.interface.parameters import PARAMETERS
 from gdfe_ros.node.managed import ManagedNode
-from gdfe_ros.node.parameters import Parameters
+from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.preparation import prepare
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.services import Services
-from gdfe_ros.node.session import Session
+from gdfe_ros.node.session import NodeSession
 from gdfe_ros.node.standard import StandardServices
 from gdfe_ros.node.trajectory_action import TrajectoryAction
 from gdfe_ros.simulation import Simulation
@@ -46,10 +46,10 @@ class SimNode(ManagedNode):
 
     def __init__(self, interrupted: threading.Event | None = None, **options: Any) -> None:
         super().__init__(NODE_NAME, **options)
-        self._session: Session | None = None
+        self._session: NodeSession | None = None
         self._problem = ""
         self._prepared: Simulation | Exception | None = None
-        self._settings = Parameters(self)
+        self._settings = NodeParameters(self)
         logger = self.get_logger()
         self._refused = Channel(self, topics.REFUSED)
         self._refusals = RefusalLog(logger.warning, self._tell_refusal)
@@ -123,7 +123,7 @@ class SimNode(ManagedNode):
         prepared, self._prepared = self._prepared or self._try_to_prepare(), None
         if isinstance(prepared, Exception):
             raise prepared
-        self._session = Session(self, self._settings, prepared, self._refusals, ending=self._interrupted)
+        self._session = NodeSession(self, self._settings, prepared, self._refusals, ending=self._interrupted)
         scene = self._session.scene
         named: dict[str, list[str]] = {"handles": []}
         for handle in scene.handles:

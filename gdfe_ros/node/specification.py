@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 
-class Change(Enum):
+class Changeable(Enum):
     """When a parameter may be changed."""
 
     START = "only at start"
@@ -51,7 +51,7 @@ class ParameterSpec:
     least: float | None = None
     most: float | None = None
     choices: tuple[str, ...] = ()
-    change: Change = Change.ALWAYS
+    change: Changeable = Changeable.ALWAYS
 
     @property
     def kind(self) -> str:

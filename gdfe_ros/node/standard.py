@@ -16,7 +16,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.qos import installed, interface_class
-from gdfe_ros.node.session import Session
+from gdfe_ros.node.session import NodeSession
 
 
 class _Result(IntEnum):
@@ -44,8 +44,8 @@ class _State(IntEnum):
 
 _FEATURES = (20, 24, 25, 26, 31, 32, 33)
 """Codes of the supported features: reset; get state, set state, pause; one step, several steps, steps as an action."""
-_TIME, _STATE, _SPAWNED = 1, 2, 4
-"""Bits of a reset's scope: time, state, spawned entities; a scope of 0 means all."""
+_TIME, _STATE = 1, 2
+"""Bits of a reset's scope: time, state; a scope of 0 means all."""
 
 
 class StandardServices:
@@ -57,7 +57,9 @@ class StandardServices:
         quit: event that ends the process; None: this node cannot end it.
     """
 
-    def __init__(self, node: ManagedNode, session: Callable[[], Session | None], quit: threading.Event | None) -> None:
+    def __init__(
+        self, node: ManagedNode, session: Callable[[], NodeSession | None], quit: threading.Event | None
+    ) -> None:
         self._node, self._session, self._quit = node, session, quit
         self._at_start = False
         if not installed(services.STEP_SIMULATION.type):
@@ -121,7 +123,7 @@ class StandardServices:
             else _done(response)
         )
 
-    def _play(self, session: Session, response: Any) -> Any:
+    def _play(self, session: NodeSession, response: Any) -> Any:
         try:
             session.play()
         except GdfeError as error:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.actuators import ActuatorState
 from gdfe_ros.arms.carriers import JointReading
-from gdfe_ros.arms.dynamics import Frame
+from gdfe_ros.arms.dynamics import LinkFrame
 from gdfe_ros.constraints import Axis, Handle, Pose
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.recording.step_record import Begin, StepRecord
@@ -22,7 +22,7 @@ from gdfe_ros.solver.motion.imu import ImuReading
 from gdfe_ros.solver.result import StepResult
 
 _OUTCOME = (
-    "converged", "iterations", "substeps", "residual", "energy", "min_det", "wall_time", "skipped", "message",
+    "converged", "iterations", "substeps", "error_estimate", "energy", "min_det", "wall_time", "skipped", "message",
     "cut_after", "energies",
 )  # fmt: skip
 
@@ -79,7 +79,7 @@ class Step:
     poses: Mapping[str, Pose] = field(default_factory=dict)
     actuators: Mapping[str, ActuatorState] = field(default_factory=dict)
     joints: Mapping[str, JointReading] = field(default_factory=dict)
-    links: Mapping[str, Frame] = field(default_factory=dict)
+    links: Mapping[str, LinkFrame] = field(default_factory=dict)
     imus: Callable[[], Mapping[str, ImuReading]] | None = None
 
 

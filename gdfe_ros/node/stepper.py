@@ -18,7 +18,7 @@ import numpy as np
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
-from gdfe_ros.node.drive import Drive
+from gdfe_ros.node.drive import CommandAssembler
 from gdfe_ros.node.host import Host
 from gdfe_ros.node.inbox import Inbox
 from gdfe_ros.node.interface.topics import BODY_SET
@@ -44,7 +44,7 @@ _MOST_RETRIES = 20
 """Steps without a new command that continue from a state that did not converge, deadlines excepted."""
 
 
-class Stepper:
+class SteppingThread:
     """Steps a simulation in a separate thread; only this thread uses the simulation while it runs.
 
     Args:
@@ -73,7 +73,7 @@ class Stepper:
         deliver: Callable[[Step], None],
     ) -> None:
         self._run, self._demand, self._deliver = run, demand, deliver
-        self._drive, self.slew = Drive(run), Slew(run.scene.actuators)
+        self._drive, self.slew = CommandAssembler(run), Slew(run.scene.actuators)
         self.changed = threading.Condition()
         self.count = 0
         self.begin = Begin.REST

@@ -15,7 +15,7 @@ from gdfe_ros.node.refusals import Reason, Refusal, RefusalLog
 from gdfe_ros.spelling import did_you_mean
 
 
-class Strays:
+class UnmatchedTopics:
     """Searches for publishers on command topics of unknown handles, obstacles and bodies; each is reported once.
 
     Args:

@@ -17,7 +17,7 @@ from gdfe_ros.node.messages import header
 from gdfe_ros.node.pursuit import Code, Pursuit, Tolerances
 from gdfe_ros.node.qos import installed, interface_class
 from gdfe_ros.node.refusals import Reason, Refusal
-from gdfe_ros.node.session import Session
+from gdfe_ros.node.session import NodeSession
 
 _CODES = {Reason.UNKNOWN: Code.INVALID_JOINTS, Reason.STALE: Code.OLD_HEADER_TIMESTAMP}
 
@@ -30,7 +30,7 @@ class TrajectoryAction:
         session: returns the running session, or None.
     """
 
-    def __init__(self, node: ManagedNode, session: Callable[[], Session | None]) -> None:
+    def __init__(self, node: ManagedNode, session: Callable[[], NodeSession | None]) -> None:
         self._node, self._session = node, session
         if not installed(FOLLOW_TRAJECTORY.type):
             return
@@ -113,7 +113,7 @@ def _tolerances(request: Any) -> Tolerances:
 
 
 def _feedback(
-    goal: Any, kind: Any, names: tuple[str, ...], session: Session
+    goal: Any, kind: Any, names: tuple[str, ...], session: NodeSession
 ) -> Callable[[float, NDArray[np.float64], NDArray[np.float64]], None]:
     """Return a function that sends feedback about each step to a goal's client."""
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.run import Run
-from gdfe_ros.node.stepper import Stepper
+from gdfe_ros.node.stepper import SteppingThread
 
 
 class Walk:
@@ -29,7 +29,7 @@ class Walk:
     def __init__(
         self,
         run: Run,
-        stepper: Stepper,
+        stepper: SteppingThread,
         flush: Callable[[], None],
         count: int,
         told: Callable[[int], None] | None = None,

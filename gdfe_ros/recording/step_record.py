@@ -14,7 +14,6 @@ from enum import Enum
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import RecordingError
-from gdfe_ros.solver.settings import FORMER_NAMES
 
 FORMAT = 1
 
@@ -52,7 +51,7 @@ class StepRecord:
         converged: as in ``StepResult``, like all following attributes.
         iterations: linear solves.
         substeps: increments.
-        residual: estimated distance to the equilibrium over the body's size; infinite for a solve that was cut.
+        error_estimate: estimated distance to the equilibrium over the body's size; infinite for a solve that was cut.
         energy: strain energy [J].
         min_det: least det F.
         wall_time: time spent solving [s]; the only entry that differs between two equal runs.
@@ -76,7 +75,7 @@ class StepRecord:
     converged: bool = True
     iterations: int = 0
     substeps: int = 0
-    residual: float = 0.0
+    error_estimate: float = 0.0
     energy: float = 0.0
     min_det: float = 1.0
     wall_time: float = 0.0
@@ -93,7 +92,7 @@ class StepRecord:
             if not entries[seldom]:
                 del entries[seldom]
         # JSON has no infinity: an unknown distance is null.
-        entries["residual"] = self.residual if math.isfinite(self.residual) else None
+        entries["error_estimate"] = self.error_estimate if math.isfinite(self.error_estimate) else None
         return json.dumps({"format": FORMAT, **entries, "begin": self.begin.value})
 
     @classmethod
@@ -108,11 +107,13 @@ class StepRecord:
             if entries.pop("format") != FORMAT:
                 raise ValueError(f"its format is not {FORMAT}")
             entries["begin"] = Begin(entries["begin"])
-            entries["residual"] = math.inf if entries["residual"] is None else entries["residual"]
+            if "residual" in entries:  # its name in older bags
+                entries["error_estimate"] = entries.pop("residual")
+            if entries["error_estimate"] is None:
+                entries["error_estimate"] = math.inf
             for poses in entries.keys() & {"handles", "bodies"}:
                 found = entries[poses].items()
                 entries[poses] = {name: Pose(tuple(six[:3]), tuple(six[3:])) for name, six in found}
-            entries["skipped"] = {FORMER_NAMES.get(name, name): count for name, count in entries["skipped"].items()}
             return cls(**entries)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordingError(

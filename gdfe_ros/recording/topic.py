@@ -34,7 +34,7 @@ class Durability(Enum):
     UNKNOWN = "unknown"
 
 
-class History(Enum):
+class QueueExtent(Enum):
     """Extent of a publisher's queue."""
 
     KEEP_LAST = "keep_last"
@@ -59,7 +59,7 @@ class Qos:
 
     reliability: Reliability = Reliability.RELIABLE
     durability: Durability = Durability.VOLATILE
-    history: History = History.KEEP_LAST
+    history: QueueExtent = QueueExtent.KEEP_LAST
     depth: int = 10
 
     def __post_init__(self) -> None:
@@ -72,7 +72,7 @@ class Qos:
         return cls(
             reliability=Reliability[profile.reliability.name],
             durability=Durability[profile.durability.name],
-            history=History[profile.history.name],
+            history=QueueExtent[profile.history.name],
             depth=profile.depth,
         )
 
@@ -87,7 +87,7 @@ class Qos:
             return cls(
                 reliability=Reliability(entry["reliability"]),
                 durability=Durability(entry["durability"]),
-                history=History(entry["history"]),
+                history=QueueExtent(entry["history"]),
                 depth=entry["depth"],
             )
         except (KeyError, ValueError) as error:

@@ -34,7 +34,7 @@ from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.chambers import chamber, on_skin
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.meshes import known_part
-from gdfe_ros.scene.report import NO_VALUE, Report, suggest
+from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.schema import Draft
 
 #: Widest allowed range of a command, by its mode.
@@ -48,7 +48,7 @@ LIMITS: Mapping[Mode, tuple[float, float]] = {
 }
 
 
-def build_actuators(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Actuator, ...]:
+def build_actuators(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Actuator, ...]:
     """Return the actuators whose places in the body are valid."""
     built = []
     for name, model in draft.actuators.items() if mesh is not None else ():
@@ -62,7 +62,7 @@ def build_actuators(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple
 
 
 def build_masses(
-    draft: Draft, mesh: HexMesh | None, probes: Mapping[str, Embedding], names: Sequence[str], report: Report
+    draft: Draft, mesh: HexMesh | None, probes: Mapping[str, Embedding], names: Sequence[str], report: Defects
 ) -> tuple[AttachedMass, ...]:
     """Return the attached masses whose places in the body are valid.
 
@@ -92,7 +92,7 @@ def build_loads(
     materials: Mapping[str, Material],
     cell_material: NDArray[np.int32],
     masses: tuple[AttachedMass, ...],
-    report: Report,
+    report: Defects,
 ) -> tuple[Load, ...]:
     """Return the loads whose places in the body are valid; gravity needs the density of every material."""
     built = []
@@ -105,7 +105,7 @@ def build_loads(
     return tuple(load for load in built if load is not None)
 
 
-def build_probes(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str, Embedding]:
+def build_probes(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, Embedding]:
     """Return the probes that lie in the body."""
     if mesh is None:
         return {}
@@ -129,7 +129,7 @@ def neutral_commands(mesh: HexMesh, actuators: tuple[Actuator, ...], loads: tupl
     return commands
 
 
-def _limits(value: DriveModel, mode: Mode, path: KeyPath, report: Report) -> tuple[float, float]:
+def _limits(value: DriveModel, mode: Mode, path: KeyPath, report: Defects) -> tuple[float, float]:
     least, most = LIMITS[mode]
     low, high = value.range or (least, most)
     if low < least or high > most:
@@ -138,12 +138,12 @@ def _limits(value: DriveModel, mode: Mode, path: KeyPath, report: Report) -> tup
     return low, high
 
 
-def _cable(value: CableModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Cable | None:
+def _cable(value: CableModel, mesh: HexMesh, common: dict, path: KeyPath, report: Defects) -> Cable | None:
     points = _embedded(mesh, value.mesh, value.points, path, report, key="points")
     return None if points is None else Cable(points=points, stiffness=value.stiffness or math.inf, **common)
 
 
-def _growth(value: GrowthModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Growth | None:
+def _growth(value: GrowthModel, mesh: HexMesh, common: dict, path: KeyPath, report: Defects) -> Growth | None:
     cells = select(select_cells, mesh, value.where, (*path, "where"), "cell", report)
     if cells is None:
         return None
@@ -161,7 +161,7 @@ def _load(
     materials: Mapping[str, Material],
     cell_material: NDArray[np.int32],
     path: KeyPath,
-    report: Report,
+    report: Defects,
 ) -> Load | None:
     if model.gravity is not None:
         gravity = _gravity(name, model.gravity, materials, cell_material, path, report)
@@ -193,7 +193,7 @@ def _gravity(
     materials: Mapping[str, Material],
     cell_material: NDArray[np.int32],
     path: KeyPath,
-    report: Report,
+    report: Defects,
 ) -> Gravity | None:
     if text := lacks_density(materials, "gravity needs"):
         report.add(path, text)
@@ -204,7 +204,7 @@ def _gravity(
 
 
 def _embedded(
-    mesh: HexMesh, part: str | None, points: object, path: KeyPath, report: Report, *, key: str | None = None
+    mesh: HexMesh, part: str | None, points: object, path: KeyPath, report: Defects, *, key: str | None = None
 ) -> Embedding | None:
     """Return the points embedded in the body, or in the frame of one of its meshes.
 

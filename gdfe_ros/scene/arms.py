@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.arms.arm import Arm
 from gdfe_ros.arms.beginning import begins_inside
 from gdfe_ros.arms.description import Description, Joint
-from gdfe_ros.arms.dynamics import Frame, LinkDynamics
+from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame
 from gdfe_ros.arms.meshes import Surface, find_mesh, read_surface
 from gdfe_ros.arms.shapes import touching_links, visuals
 from gdfe_ros.arms.urdf import parse_urdf
@@ -24,7 +24,7 @@ from gdfe_ros.mesh import HexMesh
 from gdfe_ros.mesh.packing import pack_robot, unpack_robot
 from gdfe_ros.scene.arm_schema import ArmModel
 from gdfe_ros.scene.document import KeyPath
-from gdfe_ros.scene.report import NO_VALUE, Report, suggest
+from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.schema import Draft
 
 SPIN_UP = 0.1
@@ -33,7 +33,7 @@ ONE = "arm"
 """Name of the arm of the key `arm`."""
 
 
-def require_arms(data: Mapping[str, Any], report: Report) -> None:
+def require_arms(data: Mapping[str, Any], report: Defects) -> None:
     """Report a scene with both `arm` and `arms`."""
     if "arm" in data and "arms" in data:
         text = "`arm` is there, too; remedy: keep one of the two; a single arm can stand in `arms`, too"
@@ -47,7 +47,7 @@ def arm_models(draft: Draft) -> dict[str, tuple[KeyPath, ArmModel]]:
 
 
 def build_arms(
-    draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Report
+    draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Defects
 ) -> tuple[tuple[Arm, ...], dict[KeyPath, dict[str, Any]]]:
     """Return the valid arms, and the entries that contain them without files, by key path."""
     arms: list[Arm] = []
@@ -70,7 +70,7 @@ def joint_starts(arms: Sequence[Arm]) -> dict[str, float]:
 class _Builder:
     """Builds one arm."""
 
-    def __init__(self, name: str, path: KeyPath, model: ArmModel, report: Report) -> None:
+    def __init__(self, name: str, path: KeyPath, model: ArmModel, report: Defects) -> None:
         self._name, self._path, self._model, self._report = name, path, model, report
         self._text, self._surfaces = "", {}
 
@@ -85,7 +85,7 @@ class _Builder:
             start = self._start(robot)
             self._surfaces = self._surfaces if model.urdf is None else self._meshes(robot)
             turn = Rotation.from_rotvec(np.radians(model.rotation_deg)).as_matrix()
-            dynamics = LinkDynamics(robot, Frame(np.array(model.at), turn))
+            dynamics = LinkDynamics(robot, LinkFrame(np.array(model.at), turn))
             if handle is None or start is None or model.flange not in robot.links:
                 return None
             rest = dynamics.frames(start)
@@ -211,7 +211,7 @@ class _Builder:
         return [name for name in given if name in robot.links]
 
 
-def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Report) -> None:
+def _require_distinct(arms: Sequence[Arm], draft: Draft, report: Defects) -> None:
     """Report arms that carry the same handle, or that share names of joints or links with each other or the scene."""
     sections = ("handles", "obstacles", "bodies", "actuators", "loads")
     taken = {name: section[:-1].replace("bodie", "body") for section in sections for name in getattr(draft, section)}

@@ -22,7 +22,7 @@ from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.meshes import known_part
 from gdfe_ros.scene.obstacle_schema import ObstacleModel
 from gdfe_ros.scene.program import JointPoint, Point, Program
-from gdfe_ros.scene.report import NO_VALUE, Report, suggest
+from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.schema import Draft, HandleModel, JointPointModel, KeyframeModel, PointModel, ProgramModel
 from gdfe_ros.scene.where_schema import WhereModel
 
@@ -33,7 +33,7 @@ _TESTED = {
 """Quantity that a selection is compared with, if it is not the vertices."""
 
 
-def build_materials(draft: Draft, report: Report) -> dict[str, Material]:
+def build_materials(draft: Draft, report: Defects) -> dict[str, Material]:
     """Return the valid materials, by name."""
     materials = {}
     for name, model in draft.materials.items():
@@ -44,7 +44,7 @@ def build_materials(draft: Draft, report: Report) -> dict[str, Material]:
     return materials
 
 
-def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], report: Report) -> NDArray[np.int32]:
+def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], report: Defects) -> NDArray[np.int32]:
     """Return the index into `names` of each cell's material; -1 if a defect leaves it undefined."""
     assigned = np.full(mesh.n_cells if mesh else 0, -1, dtype=np.int32)
     complete = mesh is not None and len(draft.regions) > 0 and None not in draft.regions
@@ -70,7 +70,7 @@ def assign_materials(draft: Draft, mesh: HexMesh | None, names: list[str], repor
     return assigned
 
 
-def build_handles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Handle, ...]:
+def build_handles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Handle, ...]:
     """Return the handles with valid vertices; no vertex may belong to two of them."""
     handles = []
     for name, model in draft.handles.items() if mesh is not None else ():
@@ -88,7 +88,7 @@ def build_handles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[H
     return tuple(handles)
 
 
-def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Report) -> None:
+def require_held(mesh: HexMesh, handles: tuple[Handle, ...], report: Defects) -> None:
     """Report each piece of the body that nothing holds along an axis, because its position would be undetermined."""
     part = vertex_pieces(mesh.cells, mesh.n_vertices)
     for axis, letter in enumerate("xyz"):
@@ -120,7 +120,7 @@ def build_program(
     model: ProgramModel,
     draft: Draft,
     movers: Mapping[str, list[str]],
-    report: Report,
+    report: Defects,
     *,
     actuators: Sequence[Actuator] = (),
     loads: Sequence[Load] = (),
@@ -164,7 +164,9 @@ def build_program(
     return Program(model.duration, keyframes, driven, factors, own, joints)
 
 
-def _joint_tracks(model: ProgramModel, arms: Sequence[Arm] | None, report: Report) -> dict[str, tuple[JointPoint, ...]]:
+def _joint_tracks(
+    model: ProgramModel, arms: Sequence[Arm] | None, report: Defects
+) -> dict[str, tuple[JointPoint, ...]]:
     """Return the positions of joints over time; they must exist and stay within their limits."""
     limits = {joint.name: joint.limits for arm in arms or () for joint in arm.joints}
     for name, points in model.joints.items():
@@ -185,7 +187,7 @@ def _joint_tracks(model: ProgramModel, arms: Sequence[Arm] | None, report: Repor
 
 
 def _check_times(
-    frames: Sequence[KeyframeModel | PointModel | JointPointModel], duration: float, path: KeyPath, report: Report
+    frames: Sequence[KeyframeModel | PointModel | JointPointModel], duration: float, path: KeyPath, report: Defects
 ) -> None:
     for i, frame in enumerate(frames):
         if frame.time > duration:
@@ -200,7 +202,7 @@ def _tracks(
     names: list[str],
     ranges: Mapping[str, tuple[float, float]],
     duration: float,
-    report: Report,
+    report: Defects,
 ) -> dict[str, tuple[Point, ...]]:
     """Return the commands of actuators or loads over time; they must exist and stay in their range."""
     for name, points in tracks.items():
@@ -222,7 +224,7 @@ def _check_movable(
     noun: str,
     frames: tuple[KeyframeModel, ...],
     path: KeyPath,
-    report: Report,
+    report: Defects,
 ) -> None:
     if handle.fixed:
         report.add(path, f"this {noun} is fixed; remedy: remove `fixed: true` or this entry", value=NO_VALUE)
@@ -247,7 +249,7 @@ def select(
     where: WhereModel | None,
     path: KeyPath,
     noun: str,
-    report: Report,
+    report: Defects,
 ) -> NDArray[np.int32] | None:
     """Return the result of a `where` by one of the functions of `mesh.selection`; all cells without one.
 

@@ -19,10 +19,10 @@ from gdfe_ros.scene.actuator_schema import ChamberModel
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.meshes import known_part
-from gdfe_ros.scene.report import NO_VALUE, Report
+from gdfe_ros.scene.report import NO_VALUE, Defects
 
 
-def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, report: Report) -> Chamber | None:
+def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, report: Defects) -> Chamber | None:
     """Return the chamber of an entry; None if it has a defect, which is reported.
 
     Args:
@@ -51,7 +51,7 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, rep
 
 
 def _lined_chamber(
-    value: ChamberModel, mesh: HexMesh, first: int, common: dict, path: KeyPath, report: Report
+    value: ChamberModel, mesh: HexMesh, first: int, common: dict, path: KeyPath, report: Defects
 ) -> Chamber | None:
     """Return a chamber whose pressure acts on the skin, because the faces of cut cells are not on the surface."""
     if value.where is not None:
@@ -79,7 +79,7 @@ def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray
 
 
 def _chosen(
-    value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str, path: KeyPath, report: Report
+    value: ChamberModel, cavities: Sequence[Cavity], body: str, lack: str, path: KeyPath, report: Defects
 ) -> Cavity | None:
     """Return the cavity of a body that an entry refers to; ``lack`` is the message if there is none."""
     known = ", ".join(f"{i}: {c.volume:.3g} m^3 near {np.round(c.center, 6).tolist()}" for i, c in enumerate(cavities))
@@ -98,7 +98,7 @@ def _chosen(
     return None
 
 
-def _tight(mesh: HexMesh, quads: NDArray[np.int32], path: KeyPath, report: Report) -> bool:
+def _tight(mesh: HexMesh, quads: NDArray[np.int32], path: KeyPath, report: Defects) -> bool:
     leaks = open_edges(corners_of(quads))
     if len(leaks):
         x, y, z = mesh.vertices[leaks[0]].mean(axis=0)

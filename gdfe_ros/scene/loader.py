@@ -20,7 +20,7 @@ from gdfe_ros.scene.arms import build_arms, joint_starts, require_arms
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
 from gdfe_ros.scene.meshes import Carried, build_mesh, require_body
 from gdfe_ros.scene.override import apply_override
-from gdfe_ros.scene.report import NO_VALUE, Report
+from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft, SceneModel
 from gdfe_ros.scene.solvable import cut_key, unsolvable
@@ -84,7 +84,7 @@ _SECTIONS = (
 
 def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
     document = parse_document(text, heading=heading)
-    report = Report(heading, document)
+    report = Defects(heading, document)
     for key, without in (("dynamics", "equilibria"), ("self_contact", "surfaces that pass through each other")):
         if document.data.get(key, {}) is None:
             report.add((key,), f"it is empty; write {{}} for the defaults, or leave it out for {without}")
@@ -151,7 +151,7 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
     )
 
 
-def _validate(document: Document, report: Report, folder: Path | None) -> Draft:
+def _validate(document: Document, report: Defects, folder: Path | None) -> Draft:
     context = {"folder": folder}
     try:
         model = SceneModel.model_validate(document.data, context=context)

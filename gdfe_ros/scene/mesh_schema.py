@@ -10,12 +10,12 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
-from gdfe_ros.mesh.assembly import Part
+from gdfe_ros.mesh.assembly import MeshPart
 from gdfe_ros.mesh.importer import read_mesh
 from gdfe_ros.mesh.mirror import mirrored
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
-from gdfe_ros.mesh.voxels import Cells, read_voxels
+from gdfe_ros.mesh.voxels import CutCubes, read_voxels
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.generator_schema import BarModel, FingerModel, GridModel, RingModel, SphereShellModel, TubeModel
 from gdfe_ros.scene.paths import FilePath
@@ -36,8 +36,8 @@ class VoxelsModel(Entry):
     surface: FilePath = Field(description="path of an STL, OBJ, PLY or OFF file with a closed surface")
     cell: Annotated[float, _CELL]
     scale: Annotated[float, SCALE] | None = None
-    cells: Cells = Field(
-        Cells.WHOLE,
+    cells: CutCubes = Field(
+        CutCubes.WHOLE,
         description="whole: only cubes whose centres lie inside the surface; cut: every cube that is partly inside, "
         "with the stiffness and mass of the part that is inside",
     )
@@ -143,10 +143,10 @@ class PlacedMeshModel(MeshModel):
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     skin: SkinModel | None = None
 
-    def place_part(self, mesh: Mesh) -> Part:
+    def place_part(self, mesh: Mesh) -> MeshPart:
         """Return the mesh made by `build` at its place."""
         turn = Rotation.from_rotvec(np.radians(self.rotation_deg)).as_matrix()
-        return Part(mesh, at=np.array(self.at), rotation=turn)
+        return MeshPart(mesh, at=np.array(self.at), rotation=turn)
 
     def embed(self, mesh: Mesh) -> dict[str, Any] | None:
         """Return the entry that contains the mesh itself at its place, without its skin; None as for one mesh."""

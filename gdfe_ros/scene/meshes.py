@@ -9,12 +9,12 @@ from typing import Any
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import Mesh, TetMesh, check_mesh
-from gdfe_ros.mesh.assembly import Part, assemble
+from gdfe_ros.mesh.assembly import MeshPart, assemble
 from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.lined_mesh import BodyStore
 from gdfe_ros.scene.mesh_schema import MeshModel
-from gdfe_ros.scene.report import NO_VALUE, Report, suggest
+from gdfe_ros.scene.report import NO_VALUE, Defects, suggest
 from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.skin_schema import SkinModel
 
@@ -22,7 +22,7 @@ Carried = dict[KeyPath, dict[str, Any]]
 """Entries that need no file, by their key paths; those of skins after those of their meshes."""
 
 
-def require_body(data: Mapping[str, Any], report: Report) -> None:
+def require_body(data: Mapping[str, Any], report: Defects) -> None:
     """Report a scene without a body, or with both `mesh` and `meshes`."""
     if "meshes" in data and "mesh" in data:
         text = "`mesh` is there, too; remedy: keep one of the two; a single body can stand in `meshes`, too"
@@ -38,7 +38,7 @@ def require_body(data: Mapping[str, Any], report: Report) -> None:
         )
 
 
-def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[Mesh | None, Carried]:
+def build_mesh(draft: Draft, names: Sequence[str], report: Defects) -> tuple[Mesh | None, Carried]:
     """Return the mesh with its skin, None if it has defects, and the entries that contain it without files.
 
     Args:
@@ -65,7 +65,7 @@ def build_mesh(draft: Draft, names: Sequence[str], report: Report) -> tuple[Mesh
 
 
 def _body(
-    model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
+    model: MeshModel | None, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
 ) -> Mesh | None:
     """Return a mesh in its own frame; ``paths`` are the key paths of it and of its skin."""
     mesh = None if model is None else _made(model, skin, paths, carried, report)
@@ -73,7 +73,7 @@ def _body(
 
 
 def _made(
-    model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Report
+    model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
 ) -> Mesh | None:
     """Return a mesh with its skin as their files have them."""
     store = BodyStore(model, skin)
@@ -106,7 +106,7 @@ def _made(
     return mesh
 
 
-def _require_apart(parts: Mapping[str, Part], report: Report) -> None:
+def _require_apart(parts: Mapping[str, MeshPart], report: Defects) -> None:
     """Report meshes that overlap at rest."""
     placed = {name: part.placed() for name, part in parts.items()}
     for first, second in combinations(placed, 2):
@@ -120,7 +120,7 @@ def _require_apart(parts: Mapping[str, Part], report: Report) -> None:
             report.add(("meshes", second, "at"), text)
 
 
-def known_part(mesh: Mesh, name: str | None, path: KeyPath, report: Report) -> bool:
+def known_part(mesh: Mesh, name: str | None, path: KeyPath, report: Defects) -> bool:
     """Return whether the mesh that a place refers to exists, if it refers to one; report it otherwise.
 
     Args:

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from gdfe_ros.scene.document import Document, parse_value
-from gdfe_ros.scene.report import Report
+from gdfe_ros.scene.report import Defects
 
 
-def apply_override(document: Document, key: str, value: Any, report: Report) -> None:
+def apply_override(document: Document, key: str, value: Any, report: Defects) -> None:
     """Replace a value in the data; missing mappings on its path are created.
 
     Args:

@@ -20,7 +20,7 @@ NO_VALUE = object()
 _LONGEST_VALUE = 60
 
 
-class Report:
+class Defects:
     """Collects defects and raises them together.
 
     Args:

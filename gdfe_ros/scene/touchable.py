@@ -17,7 +17,7 @@ from gdfe_ros.mesh.selection import select_touching
 from gdfe_ros.mesh.solid import Solid
 from gdfe_ros.scene.builder import select
 from gdfe_ros.scene.document import KeyPath
-from gdfe_ros.scene.report import NO_VALUE, Report
+from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.where_schema import WhereModel
 
@@ -27,7 +27,7 @@ COARSEST = 0.25
 """Grid cell of a surface over the body's size above which the body would not feel its shape."""
 
 
-def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Obstacle, ...]:
+def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Obstacle, ...]:
     """Return the valid obstacles; none may have the name of a handle."""
     obstacles = []
     for name, model in draft.obstacles.items():
@@ -46,7 +46,7 @@ def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple
     return tuple(obstacles)
 
 
-def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Report) -> None:
+def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) -> None:
     """Report a solid whose size, or whose grid, is out of all proportion to the body."""
     ratio = solid.size / mesh.size
     if not SMALLEST <= ratio <= LARGEST:
@@ -60,7 +60,7 @@ def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Report) -
         report.add(path, f"{text}; remedy: cell: {0.2 * COARSEST * mesh.size:.2g}, or check `scale`", value=NO_VALUE)
 
 
-def build_bodies(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[RigidBody, ...]:
+def build_bodies(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[RigidBody, ...]:
     """Return the valid rigid bodies; no handle or obstacle may have the name of one."""
     for name in draft.bodies:
         if name in draft.handles or name in draft.obstacles:
@@ -79,7 +79,7 @@ def build_bodies(draft: Draft, mesh: HexMesh | None, report: Report) -> tuple[Ri
     return tuple(bodies)
 
 
-def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Report) -> SelfContact | None:
+def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Defects) -> SelfContact | None:
     """Return the self-contact definition with the faces that may touch; None without self-contact."""
     model = draft.self_contact
     if model is None or mesh is None:
@@ -91,7 +91,7 @@ def build_self_contact(draft: Draft, mesh: HexMesh | None, report: Report) -> Se
     return None if quads is None else SelfContact(quads=quads, friction=model.friction, parts=parts)
 
 
-def build_sensors(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[str, ContactSensor]:
+def build_sensors(draft: Draft, mesh: HexMesh | None, report: Defects) -> dict[str, ContactSensor]:
     """Return the contact sensors with valid faces, or skin points."""
     found = {}
     for name, model in draft.sensors.items() if mesh is not None else ():
@@ -101,7 +101,7 @@ def build_sensors(draft: Draft, mesh: HexMesh | None, report: Report) -> dict[st
     return found
 
 
-def _sensor(name: str, mesh: HexMesh, where: WhereModel, report: Report) -> ContactSensor | None:
+def _sensor(name: str, mesh: HexMesh, where: WhereModel, report: Defects) -> ContactSensor | None:
     path, touching = ("sensors", name, "where"), mesh.touching
     part = mesh.parts.get(where.mesh)
     if touching is None or (where.mesh is not None and (part is None or part.mesh.touching is None)):

@@ -7,7 +7,18 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from gdfe_ros.mesh.selection import AnyOf, Box, Cells, Face, NamedSet, Side, Sphere, Vertices, Where, Within
+from gdfe_ros.mesh.selection import (
+    AnyOf,
+    BoxSelection,
+    CellSelection,
+    Face,
+    NamedSet,
+    Side,
+    SphereSelection,
+    Vertices,
+    Where,
+    Within,
+)
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.quantity import ANY, Quantity
 
@@ -84,11 +95,11 @@ class WhereModel(Choice):
         if self.face is not None:
             return Face(Side(self.face))
         if self.box is not None:
-            return Box(self.box.x, self.box.y, self.box.z)
+            return BoxSelection(self.box.x, self.box.y, self.box.z)
         if self.sphere is not None:
-            return Sphere(self.sphere.center, self.sphere.radius)
+            return SphereSelection(self.sphere.center, self.sphere.radius)
         if self.vertices is not None:
             return Vertices(self.vertices)
         if self.set is not None:
             return NamedSet(self.set)
-        return Cells(self.cells) if self.cells is not None else None
+        return CellSelection(self.cells) if self.cells is not None else None

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.errors import CommandError
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.matrix.unknowns import Frame, handle_centres
+from gdfe_ros.solver.matrix.unknowns import HandlePositions, handle_centres
 
 Vectors = NDArray[np.float64]
 
@@ -55,9 +55,9 @@ class HandleMotions:
             placed[handle.vertices] = pose.apply(self._body.rest[handle.vertices], self._centres[handle.name])
         return placed
 
-    def frame(self, base: Vectors) -> Frame:
+    def frame(self, base: Vectors) -> HandlePositions:
         """Return the kernels' frame for handles at ``base`` (n, 3) [m]."""
-        return Frame(base, handle_centres(base, self._body.unknowns))
+        return HandlePositions(base, handle_centres(base, self._body.unknowns))
 
     def placed(self, base: Vectors, slides: Vectors, turns: Vectors) -> Vectors:
         """Return ``base`` (n, 3) [m] with the free motions (p, 3) applied to the handles that rotate freely."""

@@ -20,11 +20,11 @@ class StepResult:
     Attributes:
         time: simulation time [s].
         positions: (n, 3) float64 [m], a copy.
-        converged: the residual is at most the tolerance, every handle is where it was commanded, and no element is
-            folded or inverted.
+        converged: the error estimate is at most the tolerance, every handle is where it was commanded, and no element
+            is folded or inverted.
         iterations: linear solves with the constant matrix.
-        residual: estimated largest distance to the equilibrium over the body's size: the preconditioned step, divided
-            by the factor by which it may fall short. Infinite for a solve that was cut: the distance is unknown then.
+        error_estimate: estimated largest distance to the equilibrium over the body's size: the preconditioned step,
+            divided by the factor by which it may fall short. Infinite if it is unknown, e.g. for a solve that was cut.
         energy: strain energy [J].
         min_det: least volume ratio det F at a corner of an element; for a cut cell, of the whole box. Not positive if
             an element is folded or inverted.
@@ -54,7 +54,7 @@ class StepResult:
     positions: NDArray[np.float64]
     converged: bool
     iterations: int
-    residual: float
+    error_estimate: float
     energy: float
     min_det: float
     reactions: dict[str, NDArray[np.float64]]

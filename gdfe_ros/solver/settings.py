@@ -24,10 +24,6 @@ class Torsion(str, Enum):
     cells across."""
 
 
-FORMER_NAMES = {"elements inside plates": "elements inside handles"}
-"""Names of skipped work in older scenes and bags, with the present names."""
-
-
 class Skip(str, Enum):
     """Kinds of work that are left out if a scene does not need them; the value is the name in results.
 
@@ -41,10 +37,6 @@ class Skip(str, Enum):
     PRESSURES = "pressure updates"
     EIGENVALUES = "eigenvalues"
     ACTUATORS = "actuators"
-
-    @classmethod
-    def _missing_(cls, value: object) -> Skip | None:
-        return cls(FORMER_NAMES[value]) if value in FORMER_NAMES else None
 
 
 @dataclass(frozen=True)

@@ -87,9 +87,9 @@ class Solution:
         return self.state.positions
 
     @property
-    def residual(self) -> float:
+    def error_estimate(self) -> float:
         """Estimated largest distance to the equilibrium over the body's size; infinite if it is unknown."""
-        return self.state.summary.residual
+        return self.state.summary.error_estimate
 
     @property
     def message(self) -> str:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.actuator import ActuatorState
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.account import Ledger
-from gdfe_ros.solver.descent.history import History
+from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.tangent.level import Tangent
 from gdfe_ros.solver.terms.term import Saved
@@ -76,7 +76,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sleep:
+class DormancyState:
     """Dormancy state: the part of the body that is frozen because it is at rest; see `Dormancy`.
 
     Attributes:
@@ -176,7 +176,7 @@ class Summary:
 
     Attributes:
         converged: whether it is an equilibrium to the tolerance.
-        residual: estimated largest distance to the equilibrium over the body's size; infinite if it is unknown.
+        error_estimate: estimated largest distance to the equilibrium over the body's size; infinite if it is unknown.
         energy: strain energy [J].
         min_det: least volume ratio at a corner of an element.
         reactions: by handle (6,), as in `StepResult`.
@@ -187,7 +187,7 @@ class Summary:
     """
 
     converged: bool
-    residual: float
+    error_estimate: float
     energy: float
     min_det: float
     reactions: Mapping[str, Array]
@@ -238,10 +238,10 @@ class State:
     elements: ElementState | None = None
     shapes: ShapeState | None = None
     operators: Operators
-    history: History = field(default_factory=History.empty)
-    part_history: History = field(default_factory=History.empty)
+    history: UpdateHistory = field(default_factory=UpdateHistory.empty)
+    part_history: UpdateHistory = field(default_factory=UpdateHistory.empty)
     tangent: Tangent | None = None
-    sleep: Sleep | None = None
+    sleep: DormancyState | None = None
     unfinished: Unfinished | None = None
     soft: SoftDirection | None = None
     balance: Balance | None

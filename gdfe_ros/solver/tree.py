@@ -15,7 +15,7 @@ from gdfe_ros.actuators.actuator import ActuatorState, Mode
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver import state as states
 from gdfe_ros.solver.account import Bound, Failure, Ledger
-from gdfe_ros.solver.descent.history import History
+from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.tangent.level import Tangent
 
@@ -28,19 +28,25 @@ _VALUES = (
     states.Known,
     states.Motion,
     states.ShapeState,
-    states.Sleep,
+    states.DormancyState,
     states.Snapshot,
     states.State,
     states.Summary,
     states.Unfinished,
     states.SoftDirection,
     ActuatorState,
-    History,
+    UpdateHistory,
     Pose,
     Tangent,
 )
 _CLASSES = {kind.__name__: kind for kind in _VALUES}
 """Dataclasses that a tree may contain besides plain values."""
+
+_FORMER = {"History": UpdateHistory, "Sleep": states.DormancyState}
+"""Names of classes in older archives."""
+
+_RENAMED = {states.Summary: {"residual": "error_estimate"}}
+"""Names of fields in older archives, by class, with the present names."""
 
 _ADDED = {
     Tangent: {"ends", "ways", "softest", "positions"},
@@ -97,10 +103,11 @@ def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
         return {key: from_tree(item, arrays) for key, item in tree["mapping"].items()}
     if "tuple" in tree:
         return tuple(from_tree(item, arrays) for item in tree["tuple"])
-    if tree.get("class") not in _CLASSES:
+    kind = _CLASSES.get(tree.get("class")) or _FORMER.get(tree.get("class"))
+    if kind is None:
         raise TreeError(f"{str(tree)[:60]!r} is not part of a state")
-    kind = _CLASSES[tree["class"]]
-    given = {name: from_tree(item, arrays) for name, item in tree["fields"].items()}
+    present = _RENAMED.get(kind, {})
+    given = {present.get(name, name): from_tree(item, arrays) for name, item in tree["fields"].items()}
     names = {item.name for item in fields(kind)} - ({"operators"} if kind is states.State else set())
     if (set(given) ^ names) - _ADDED.get(kind, set()):
         raise TreeError(f"{kind.__name__} has other parts: {sorted(set(given) ^ names)}")

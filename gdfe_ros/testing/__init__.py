@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     from gdfe_ros.testing.environment import make_env
     from gdfe_ros.testing.process import NodeProcess
     from gdfe_ros.testing.simulator import Simulator
-    from gdfe_ros.testing.state import State
+    from gdfe_ros.testing.state import PublishedState
     from gdfe_ros.testing.tracking import TrackingError, tracking_error
     from gdfe_ros.testing.vector_environment import make_vector_env
 
 __all__ = [
     "NodeProcess",
+    "PublishedState",
     "Simulator",
-    "State",
     "TrackingError",
     "make_env",
     "make_vector_env",
@@ -52,7 +52,7 @@ __all__ = [
 _HOMES = {
     "NodeProcess": "process",
     "Simulator": "simulator",
-    "State": "state",
+    "PublishedState": "state",
     "TrackingError": "tracking",
     "make_env": "environment",
     "make_vector_env": "vector_environment",

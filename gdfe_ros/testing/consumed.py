@@ -18,7 +18,7 @@ from gdfe_ros.constraints import Handle, Pose
 from gdfe_ros.node.interface.scene_topics import put_key, target_key
 from gdfe_ros.node.interface.topics import MOVED
 from gdfe_ros.node.messages import actuation, pose_stamped
-from gdfe_ros.node.orders import PoseOrder, PutOrder, TwistOrder
+from gdfe_ros.node.orders import PoseOrder, TeleportOrder, TwistOrder
 from gdfe_ros.recording.step_record import StepRecord
 
 ACTUATION = "actuation"
@@ -70,7 +70,7 @@ class Consumed:
         for name, pose in record.bodies.items():
             key, sent = self._bodies[name]
             turns = _quaternion(pose), *sent.get(pose.translation, ())
-            turn = next((each for each in turns if PutOrder(name, pose.translation, each).pose == pose), None)
+            turn = next((each for each in turns if TeleportOrder(name, pose.translation, each).pose == pose), None)
             messages[key] = _target(pose, turn)
             self.inexact += turn is None
         if not (record.handles or values or (messages and self.inputs)):

@@ -21,7 +21,7 @@ from gdfe_ros.testing.process import NodeProcess
 _TRIGGERS = ("step", "reset", "load_state")
 
 
-class Link:
+class NodeConnection:
     """Connection to a node; a context manager.
 
     Args:
@@ -79,7 +79,7 @@ class Link:
     def _see(self, message: String) -> None:
         self.step = StepRecord.from_json(message.data).step
 
-    def __enter__(self) -> Link:
+    def __enter__(self) -> NodeConnection:
         return self
 
     def __exit__(

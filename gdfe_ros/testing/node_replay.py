@@ -24,7 +24,7 @@ from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.override import override_words
 from gdfe_ros.testing.client import PATIENCE
 from gdfe_ros.testing.consumed import ACTUATION, Consumed
-from gdfe_ros.testing.link import Link
+from gdfe_ros.testing.link import NodeConnection
 from gdfe_ros.testing.process import NodeProcess
 
 _SLOWER = 20.0
@@ -84,7 +84,7 @@ class NodeReplay:
         topics = {key: JointState if key == ACTUATION else PoseStamped for key in keys}
         with (
             NodeProcess(self._parameters(folder), namespace=self._name.rpartition("/")[0]) as process,
-            Link(process, self._name, topics, patience=self._patience) as link,
+            NodeConnection(process, self._name, topics, patience=self._patience) as link,
         ):
             link.wait_for_services()
             link.transition("configure")
@@ -105,7 +105,7 @@ class NodeReplay:
             "state_path": str(folder / STATE_FILE),
         }
 
-    def _play(self, link: Link) -> None:
+    def _play(self, link: NodeConnection) -> None:
         dt, cut = None, _NO_CUT
         for count, record in enumerate(self._run.records):
             place = _NO_CUT if record.cut_after is None or self._overrides else record.cut_after
@@ -118,7 +118,7 @@ class NodeReplay:
             self._step(link, count, record)
             link.wait_for_step(count)
 
-    def _step(self, link: Link, count: int, record: StepRecord) -> None:
+    def _step(self, link: NodeConnection, count: int, record: StepRecord) -> None:
         """Make the node repeat the step of a record."""
         if count == 0 or record.begin is Begin.REST:
             if count > 0:

@@ -21,7 +21,7 @@ from gdfe_ros.node.messages import actuation, pose_stamped
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.testing.client import PATIENCE
 from gdfe_ros.testing.consumed import ACTUATION
-from gdfe_ros.testing.link import Link
+from gdfe_ros.testing.link import NodeConnection
 from gdfe_ros.testing.process import NodeProcess
 
 
@@ -61,7 +61,7 @@ def play_program(
         **(parameters or {}),
     }
     started = time.perf_counter()
-    with NodeProcess(settings) as node, Link(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
+    with NodeProcess(settings) as node, NodeConnection(node, f"/{NODE_NAME}", topics, patience=PATIENCE) as link:
         # Step 0 is the body at rest; received later, it would be mistaken for the step of the first command.
         link.wait_for_step(0)
         link.wait_for_listener()

@@ -43,7 +43,7 @@ from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
 from gdfe_ros.testing.client import PATIENCE, STATE_QOS, Client
 from gdfe_ros.testing.consumed import ACTUATION
 from gdfe_ros.testing.process import NodeProcess
-from gdfe_ros.testing.state import Moment, State, moment_of, unpack
+from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
 
 _PRESENT = (Mode.LENGTH, Mode.VOLUME)
 """Modes whose neutral command is the present value; the neutral command of the others is zero."""
@@ -106,7 +106,7 @@ class Simulator:
             remaps={"/clock": f"{namespace}/clock"},
         )
 
-    def step(self, command: Command | None = None) -> State:
+    def step(self, command: Command | None = None) -> PublishedState:
         """Make one step and return its state; inputs without a command keep their last one.
 
         A refused command has no effect on later steps.
@@ -141,7 +141,7 @@ class Simulator:
             raise OverlapError(self._overlaps[-1])
         return state
 
-    def _order(self, command: Command, poses: Mapping[str, Pose], values: Mapping[str, float]) -> State:
+    def _order(self, command: Command, poses: Mapping[str, Pose], values: Mapping[str, float]) -> PublishedState:
         """Send the commands of one step and wait for the step or a refusal."""
         count = self.state.record.step + 1
         self._refusals.clear()
@@ -160,7 +160,7 @@ class Simulator:
             raise CommandError(self._refusals[-1])
         return self._made
 
-    def run(self, controller: Callable[[State], Command], *, steps: int) -> list[State]:
+    def run(self, controller: Callable[[PublishedState], Command], *, steps: int) -> list[PublishedState]:
         """Run steps with the commands that ``controller`` computes from the last state; return their states."""
         return [self.step(controller(self.state)) for _ in range(steps)]
 
@@ -178,9 +178,9 @@ class Simulator:
         message = self._jacobians[-1]
         return np.array(message.data).reshape([dimension.size for dimension in message.layout.dim])
 
-    def spin(self, node: Node, *, steps: int) -> list[State]:
+    def spin(self, node: Node, *, steps: int) -> list[PublishedState]:
         """Spin a controller node of the same ``context`` until it has commanded ``steps`` steps; return the states."""
-        states: list[State] = []
+        states: list[PublishedState] = []
         self._listeners.append(states.append)
         self._client.executor.add_node(node)
         try:
@@ -208,9 +208,9 @@ class Simulator:
     def _connect(self) -> None:
         self._client = Client(self._process, self.name, "simulator", patience=self._patience, context=self.context)
         self._node, self._wait = self._client.node, self._client.wait
-        self.state: State | None = None
-        self._made: State | None = None
-        self._listeners: list[Callable[[State], Any]] = []
+        self.state: PublishedState | None = None
+        self._made: PublishedState | None = None
+        self._listeners: list[Callable[[PublishedState], Any]] = []
         topics = state_topics(self.scene)
         self._arrived: dict[str, deque[tuple[Moment, Any]]] = {topic: deque() for topic in topics}
         for topic, spec in topics.items():

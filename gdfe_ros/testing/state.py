@@ -26,7 +26,7 @@ Moment = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class PublishedState:
     """State of the simulation after one step, as published.
 
     Attributes:
@@ -69,7 +69,7 @@ def moment_of(message: Any) -> Moment:
     return given.sec, given.nanosec
 
 
-def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
+def unpack(scene: Scene, messages: Mapping[str, Any]) -> PublishedState:
     """Return the state from one message of each topic of ``state_topics``."""
     mesh, moving = _vertices(messages[topics.MESH.key()]), scene.dynamics is not None
     joints = messages.get(topics.JOINT_STATES.key())
@@ -78,7 +78,7 @@ def unpack(scene: Scene, messages: Mapping[str, Any]) -> State:
         pose, wrench = (messages[key] for key in pose_and_wrench(handle))
         poses[handle.name], wrenches[handle.name] = _pose(pose), _wrench(wrench)
     points, felt = messages.get(topics.CONTACTS.key()), topics.SENSOR_WRENCH
-    return State(
+    return PublishedState(
         record=StepRecord.from_json(messages[topics.STEP_RECORD.key()].data),
         positions=mesh[:, :3],
         displacements=mesh[:, 3:],

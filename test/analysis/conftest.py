@@ -24,7 +24,17 @@ from gdfe_ros.scene import Scene, load_scene
 from gdfe_ros.simulation import Command, Simulation
 
 COARSE = {"mesh.bar.cells": [10, 1, 1], "solver.tolerance": 1e-8}
-_OUTCOMES = ["converged", "iterations", "substeps", "residual", "energy", "min_det", "wall_time", "skipped", "message"]
+_OUTCOMES = [
+    "converged",
+    "iterations",
+    "substeps",
+    "error_estimate",
+    "energy",
+    "min_det",
+    "wall_time",
+    "skipped",
+    "message",
+]
 _OUTCOMES += ["energies"]
 
 

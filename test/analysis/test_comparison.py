@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.analysis.comparison import compare_bags
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.cli import main
 from gdfe_ros.scene import load_scene
 
@@ -19,7 +19,7 @@ from gdfe_ros.scene import load_scene
 def test_equal_runs_are_equal(make_bag: Callable[..., Path]) -> None:
     """Record the same run twice: bit-identical, exit status 0."""
     first, second = make_bag("a"), make_bag("b")
-    assert compare_bags(first, second).differences.verdict() is Verdict.IDENTICAL
+    assert compare_bags(first, second).differences.verdict() is Difference.IDENTICAL
     assert main(["compare", str(first), str(second)]) == 0
 
 
@@ -38,7 +38,7 @@ def test_a_shorter_run_is_different(make_bag: Callable[..., Path]) -> None:
     first, second = make_bag("a"), make_bag("b", heights=np.linspace(0.0, 0.1, 6)[:5])
     comparison = compare_bags(first, second)
     assert comparison.only == (1, 0)
-    assert comparison.differences.verdict() is Verdict.IDENTICAL
+    assert comparison.differences.verdict() is Difference.IDENTICAL
     assert main(["compare", str(first), str(second)]) == 1
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros.analysis.difference import Differences, Verdict
+from gdfe_ros.analysis.difference import Difference, Differences
 from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.analysis.message_values import Values
 from gdfe_ros.scene import load_scene
@@ -18,54 +18,54 @@ def _differences() -> Differences:
     return Differences(load_scene("bend5", overrides={"solver.tolerance": TOLERANCE, "mesh.bar.cells": [10, 1, 1]}))
 
 
-def _record(*, converged: bool, residual: float) -> Values:
-    return {"converged": np.array([float(converged)]), "residual": np.array([residual])}
+def _record(*, converged: bool, error_estimate: float) -> Values:
+    return {"converged": np.array([float(converged)]), "error_estimate": np.array([error_estimate])}
 
 
-def _step(gap: float, *, converged: bool, residual: float) -> tuple[dict[str, Values], dict[str, Values]]:
+def _step(gap: float, *, converged: bool, error_estimate: float) -> tuple[dict[str, Values], dict[str, Values]]:
     """Give one step of two runs whose positions differ by ``gap`` times the body's size of 0.5 m."""
-    record = _record(converged=converged, residual=residual)
+    record = _record(converged=converged, error_estimate=error_estimate)
     first, second = np.array([0.1, 0.2]), np.array([0.1, 0.2 + 0.5 * gap])
     return {"step_record": record, "mesh": {"x": first}}, {"step_record": dict(record), "mesh": {"x": second}}
 
 
 @pytest.mark.parametrize(
-    ("gap", "converged", "residual", "verdict"),
+    ("gap", "converged", "error_estimate", "verdict"),
     [
-        (5e-8, True, 9e-9, Verdict.WITHIN),
-        (5e-7, True, 9e-9, Verdict.DIFFERENT),
-        (5e-7, False, 9e-8, Verdict.WITHIN),
-        (5e-6, False, 9e-8, Verdict.DIFFERENT),
+        (5e-8, True, 9e-9, Difference.WITHIN),
+        (5e-7, True, 9e-9, Difference.DIFFERENT),
+        (5e-7, False, 9e-8, Difference.WITHIN),
+        (5e-6, False, 9e-8, Difference.DIFFERENT),
     ],
 )
 def test_a_step_is_judged_by_what_it_was_solved_to(
-    gap: float, converged: bool, residual: float, verdict: Verdict
+    gap: float, converged: bool, error_estimate: float, verdict: Difference
 ) -> None:
-    """Allow ten times the tolerance where a step converged, ten times its residual where it was cut."""
+    """Allow ten times the tolerance where a step converged, ten times its error_estimate where it was cut."""
     differences = _differences()
-    differences.add((0, 0), *_step(gap, converged=converged, residual=residual))
+    differences.add((0, 0), *_step(gap, converged=converged, error_estimate=error_estimate))
     assert differences.verdict(10.0) is verdict
     needed = differences.factor_needed()
-    assert 0.0 < needed < gap / (TOLERANCE if converged else residual)
-    assert differences.verdict(needed * (1.0 + 1e-9)) is Verdict.WITHIN
+    assert 0.0 < needed < gap / (TOLERANCE if converged else error_estimate)
+    assert differences.verdict(needed * (1.0 + 1e-9)) is Difference.WITHIN
 
 
 def test_a_cut_step_excuses_no_other() -> None:
     """Differ by as much in a step that was cut and in one that converged: the second is too much."""
     differences = _differences()
-    differences.add((0, 0), *_step(5e-5, converged=False, residual=1e-5))
-    assert differences.verdict(10.0) is Verdict.WITHIN
-    differences.add((1, 0), *_step(5e-5, converged=False, residual=1e-7))
-    assert differences.verdict(10.0) is Verdict.WITHIN  # it went on from the first
-    differences.add((2, 0), *_step(4e-5, converged=True, residual=1e-9))
-    assert differences.verdict(10.0) is Verdict.DIFFERENT
+    differences.add((0, 0), *_step(5e-5, converged=False, error_estimate=1e-5))
+    assert differences.verdict(10.0) is Difference.WITHIN
+    differences.add((1, 0), *_step(5e-5, converged=False, error_estimate=1e-7))
+    assert differences.verdict(10.0) is Difference.WITHIN  # it went on from the first
+    differences.add((2, 0), *_step(4e-5, converged=True, error_estimate=1e-9))
+    assert differences.verdict(10.0) is Difference.DIFFERENT
 
 
 def test_whether_a_step_converges_is_judged_only_where_it_did() -> None:
     """Lose convergence in the second run: different where the first had converged, open where it had not."""
-    for converged, verdict in ((True, Verdict.DIFFERENT), (False, Verdict.WITHIN)):
+    for converged, verdict in ((True, Difference.DIFFERENT), (False, Difference.WITHIN)):
         differences = _differences()
-        first, second = ({"step_record": _record(converged=c, residual=5e-8)} for c in (converged, not converged))
+        first, second = ({"step_record": _record(converged=c, error_estimate=5e-8)} for c in (converged, not converged))
         differences.add((0, 0), first, second)
         assert differences.verdict(10.0) is verdict
 

@@ -13,7 +13,7 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagSteps
 from gdfe_ros.analysis.report.charts import all_charts
 from gdfe_ros.analysis.report.energies import DIFFERENCE, EXPECTED, HAS, energy_balance
-from gdfe_ros.analysis.report.history import History
+from gdfe_ros.analysis.report.history import RunHistory
 from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.analysis.report.writer import write_report
 from gdfe_ros.constraints import Pose
@@ -39,10 +39,10 @@ def shaken(maker: Any, tmp_path: Path) -> Path:
     return bag.close()
 
 
-def history_of(path: Path) -> tuple[BagRun, History]:
+def history_of(path: Path) -> tuple[BagRun, RunHistory]:
     """Return a run and its history."""
     run = BagRun(path)
-    history = History(StrainHistogram(len(run.records), columns=10))
+    history = RunHistory(StrainHistogram(len(run.records), columns=10))
     for step in BagSteps(run):
         history.add(step)
     return run, history
@@ -64,7 +64,9 @@ def test_the_balance_closes_and_begins_anew_after_a_reset(shaken: Path) -> None:
 def test_a_run_from_a_state_in_motion_counts_from_there(shaken: Path) -> None:
     """Drop the first steps of a run: the rest of it still closes, from the first step that is there."""
     _, history = history_of(shaken)
-    cut = History(history.strain, starts=[0], energies={name: each[4:RESET] for name, each in history.energies.items()})
+    cut = RunHistory(
+        history.strain, starts=[0], energies={name: each[4:RESET] for name, each in history.energies.items()}
+    )
     assert energy_balance(cut)[DIFFERENCE][0] == 0.0
     whole = energy_balance(history)[DIFFERENCE][4:RESET]
     assert energy_balance(cut)[DIFFERENCE] == pytest.approx(whole - whole[0], abs=1e-15)

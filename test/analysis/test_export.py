@@ -72,7 +72,7 @@ def test_columns_have_names_and_units(kept_bags: dict[Path, float], tmp_path: Pa
     for name in names:
         assert {f"joint_states.{name}.position [m^3]", f"joint_states.{name}.velocity [m^3/s]"} <= set(head)
         assert {f"joint_states.{name}.effort [Pa]", f"command.{name} [Pa]"} <= set(head)
-    assert {"time [s]", "dt [s]", "wall_time [s]", "energy [J]", "iterations", "residual"} <= set(head)
+    assert {"time [s]", "dt [s]", "wall_time [s]", "energy [J]", "iterations", "error_estimate"} <= set(head)
     assert "handles/base/wrench.wrench.torque.z [N m]" in head
     assert any(column.startswith("probe/") and column.endswith("pose.position.x [m]") for column in head)
     assert not any(column.endswith(".orientation.x [m]") for column in head)

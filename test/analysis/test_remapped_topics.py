@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.recording.recovery import recover
@@ -83,7 +83,7 @@ def test_a_remapped_run_is_replayed_and_reported(bag: Path, tmp_path: Path) -> N
     run = BagRun(bag)
     assert {role: run.roles[role] for role in REMAPS} == REMAPS
     report = Replay(run).run()
-    assert report.verdict() is Verdict.IDENTICAL
+    assert report.verdict() is Difference.IDENTICAL
     topics = {topic for topic, _ in report.differences.fields}
     assert {"mesh", "step_record", "handles/tip/pose", "handles/tip/wrench", "strain", "handles/base/pose"} <= topics
     assert report.differences.steps == len(run.records) == 4

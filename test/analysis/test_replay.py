@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
@@ -28,7 +28,7 @@ def _pose(z: float) -> dict[str, Pose]:
 def test_a_replay_is_bit_identical(make_bag: Callable[..., Path]) -> None:
     """Replay what the node's packers wrote: every array of every topic has the same bits."""
     report = Replay(BagRun(make_bag())).run()
-    assert report.differences.verdict() is Verdict.IDENTICAL
+    assert report.differences.verdict() is Difference.IDENTICAL
     assert report.differences.steps == 6
     topics = {topic for topic, _ in report.differences.fields}
     assert topics == {
@@ -49,7 +49,7 @@ def test_a_reset_is_replayed(maker: Any, tmp_path: Path) -> None:
     bag.reset()
     bag.step(_pose(0.03))
     differences = Replay(BagRun(bag.close())).run().differences
-    assert differences.verdict() is Verdict.IDENTICAL
+    assert differences.verdict() is Difference.IDENTICAL
     assert differences.steps == 3
 
 
@@ -82,7 +82,7 @@ def test_another_mesh_is_compared_where_it_can_be(make_bag: Callable[..., Path])
     """Replay on a finer mesh: arrays over the mesh have another length, wrenches are compared."""
     differences = Replay(BagRun(make_bag()), overrides={"mesh.bar.cells": [20, 2, 2]}).run().differences
     assert differences.fields["mesh", "x"].resized == 6
-    assert differences.verdict(factor=1e9) is Verdict.DIFFERENT
+    assert differences.verdict(factor=1e9) is Difference.DIFFERENT
     force = differences.fields["handles/tip/wrench", "wrench.force.z"]
     assert 0.0 < force.largest < 0.1 * force.scale
 
@@ -101,8 +101,8 @@ def test_the_beginning_before_a_hole_is_replayed(maker: Any, tmp_path: Path, cap
     bag.skip()
     bag.step(_pose(0.04))
     report = Replay(BagRun(bag.close())).run()
-    assert report.differences.verdict() is Verdict.IDENTICAL
-    assert report.verdict() is Verdict.INCOMPLETE
+    assert report.differences.verdict() is Difference.IDENTICAL
+    assert report.verdict() is Difference.INCOMPLETE
     assert report.differences.steps == 2
     assert "ends with step 1, t = 0.02 s, 2 of 3 steps" in report.end
     assert "steps 2 to 2 were dropped or lost" in report.end
@@ -140,7 +140,7 @@ def test_every_bag_of_the_repository_replays(kept_bags: dict[Path, float]) -> No
         assert run.scene.solver.tolerance == 1e-8
         report = Replay(run).run()
         verdict = report.differences.verdict(kept_bags[bag])
-        assert verdict is not Verdict.DIFFERENT, (bag.name, report.differences.factor_needed())
+        assert verdict is not Difference.DIFFERENT, (bag.name, report.differences.factor_needed())
         assert not report.unknown
 
 
@@ -149,5 +149,5 @@ def test_a_bag_replays_with_another_factorisation(kept_bags: dict[Path, float], 
     monkeypatch.setattr(constant_matrix, "usual_kind", lambda count: Factorisation.SCIPY)
     bag, factor = next((bag, factor) for bag, factor in kept_bags.items() if bag.name == "twist90")
     differences = Replay(BagRun(bag)).run().differences
-    assert differences.verdict() is Verdict.DIFFERENT
-    assert differences.verdict(factor) is Verdict.WITHIN, differences.factor_needed()
+    assert differences.verdict() is Difference.DIFFERENT
+    assert differences.verdict(factor) is Difference.WITHIN, differences.factor_needed()

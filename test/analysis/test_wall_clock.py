@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.constraints import Pose
 from gdfe_ros.simulation import Command
@@ -29,5 +29,5 @@ def test_a_run_under_the_wall_clock_replays(tmp_path: Path, deadline: float) -> 
     cut = sum(record.cut for record in run.records[:-1])  # the end of the run may cut the last one
     assert cut > 5 if deadline else cut == 0
     report = Replay(run).run()
-    assert report.differences.verdict() is Verdict.IDENTICAL
+    assert report.differences.verdict() is Difference.IDENTICAL
     assert report.differences.steps == len(run.records) >= 20

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gdfe_ros.arms.dynamics import Frame, LinkDynamics, Push
+from gdfe_ros.arms.dynamics import LinkDynamics, LinkFrame, Push
 from gdfe_ros.arms.urdf import parse_urdf
 from test.arms.conftest import ARM, TWO_LINKS
 
@@ -17,7 +17,7 @@ MIMIC = TWO_LINKS.replace('effort="20"/>', 'effort="20"/><mimic joint="lift" mul
 def arm(text: str) -> LinkDynamics:
     """Return an arm whose base is turned and shifted."""
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    return LinkDynamics(parse_urdf(text), Frame(np.array([0.3, -0.2, 0.1]), turn))
+    return LinkDynamics(parse_urdf(text), LinkFrame(np.array([0.3, -0.2, 0.1]), turn))
 
 
 def test_frames_of_two_links_are_those_of_the_closed_form() -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gdfe_ros.arms.description import Limits
+from gdfe_ros.arms.description import UrdfLimits
 from gdfe_ros.arms.limits import JointLimits, JointMotion
 
 STEP = 0.005
@@ -16,7 +16,7 @@ STEP = 0.005
 
 def limits(velocity: float = 2.0, acceleration: float = 10.0) -> JointLimits:
     """Return the limits of one joint."""
-    return JointLimits([Limits(lower=-3.0, upper=3.0, velocity=velocity, acceleration=acceleration)])
+    return JointLimits([UrdfLimits(lower=-3.0, upper=3.0, velocity=velocity, acceleration=acceleration)])
 
 
 def test_a_jump_is_a_trapezoid_of_velocity() -> None:

@@ -9,7 +9,7 @@ import pytest
 from gdfe_ros.constraints import Pose
 from gdfe_ros.examples.force_closer import ForceCloser
 from gdfe_ros.simulation import Command
-from gdfe_ros.testing import Simulator, State
+from gdfe_ros.testing import PublishedState, Simulator
 
 GOAL = 0.3
 PRESS = {
@@ -19,7 +19,7 @@ PRESS = {
 AWAY = Pose((0.0, 0.0, -0.005))
 
 
-def _force(state: State) -> float:
+def _force(state: PublishedState) -> float:
     return float(np.linalg.norm(state.sensors["tip"][:3]))
 
 
@@ -28,7 +28,7 @@ def test_the_finger_presses_with_the_force_it_is_told() -> None:
     closer = ForceCloser(GOAL, 0.5, low=0.0, high=20.0)
     with Simulator("tendon_finger", overrides=PRESS) as simulator:
 
-        def controller(state: State) -> Command:
+        def controller(state: PublishedState) -> Command:
             return Command(actuators={"flexor": closer.command(_force(state), state.joints["flexor"][2])})
 
         before = simulator.run(controller, steps=10)

@@ -7,7 +7,7 @@ import pytest
 
 from gdfe_ros.examples.tip_height import Gains, TipHeight
 from gdfe_ros.simulation import Command
-from gdfe_ros.testing import Simulator, State, tracking_error
+from gdfe_ros.testing import PublishedState, Simulator, tracking_error
 
 GOAL, SETTLED = -0.015, 0.8
 """Height [m], and from when on the arm is there [s]."""
@@ -15,11 +15,11 @@ STEPS = 100
 """Of 10 ms."""
 
 
-def swing(gains: Gains) -> list[State]:
+def swing(gains: Gains) -> list[PublishedState]:
     """Release the arm under its weight with a controller in the loop."""
     controller = TipHeight(GOAL, gains=gains)
 
-    def control(state: State) -> Command:
+    def control(state: PublishedState) -> Command:
         return Command(actuators=controller.command(state.time, state.probes["tip"].translation[2]))
 
     with Simulator("swinging_arm", overrides={"dynamics.step": 0.01}, parameters={"dt": 0.01}) as simulator:

@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 
 from benchmarks.live.browser import Browser
-from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.surface import DrawnSurface
 
 
 def test_a_user_moves_a_slider_and_resets(live: Callable[..., Any]) -> None:
     """Nudge a slider, reset: the simulation follows, and the console is silent."""
     page = live()
     session = page.session
-    with Browser(Surface(session.scene.mesh), size=(900, 650)) as browser:
+    with Browser(DrawnSurface(session.scene.mesh), size=(900, 650)) as browser:
         browser.open(page.page.port)
         browser.wait(lambda: "converged" in browser.text() and "lower, tension [N]" in browser.text(), "the page")
         browser.nudge(0)
@@ -31,7 +31,7 @@ def test_a_user_drags_a_handle(live: Callable[..., Any]) -> None:
     """Drag the tip's upward arrow with the mouse: the body's surface in the browser goes up with it."""
     page = live()
     session, mesh = page.session, page.session.scene.mesh
-    with Browser(Surface(mesh), size=(900, 650)) as browser:
+    with Browser(DrawnSurface(mesh), size=(900, 650)) as browser:
         browser.open(page.page.port)
         browser.wait(lambda: "converged" in browser.text(), "the page")
         browser.dismiss()

@@ -21,12 +21,12 @@ from websockets.exceptions import ConnectionClosed
 
 from benchmarks.live.viewer import Viewer
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.live.page import Page
 from gdfe_ros.live.session import LiveSession
-from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.node.interface.scene_topics import state_topics
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.recording.reader import BagReader
@@ -140,7 +140,7 @@ def test_a_bag_begun_in_the_middle_replays(live: Callable[..., Any], tmp_path: P
     viewer.press("finish the bag")
     viewer.wait(lambda: any("messages" in note for note in viewer.notes), "the bag's end")
     report = Replay(BagRun(next((tmp_path / "runs").iterdir()))).run()
-    assert report.verdict() is Verdict.IDENTICAL
+    assert report.verdict() is Difference.IDENTICAL
     assert report.differences.steps > 5
 
 
@@ -168,7 +168,7 @@ def test_a_bag_holds_what_the_node_would_record(live: Callable[..., Any], tmp_pa
         names.add(message.topic)
     assert names == set(reader.topics)
     assert {name.removeprefix("/gdfe_sim/") for name in names} >= set(state_topics(session.scene))
-    assert Replay(BagRun(tmp_path / "bag")).run().verdict() is Verdict.IDENTICAL
+    assert Replay(BagRun(tmp_path / "bag")).run().verdict() is Difference.IDENTICAL
 
 
 def test_a_dragged_rigid_body_is_put_and_falls_on(live: Callable[..., Any], tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def test_a_dragged_rigid_body_is_put_and_falls_on(live: Callable[..., Any], tmp_
     assert session.last.poses["cube"].translation[1] == pytest.approx(0.1, abs=1e-6)
     viewer.wait(lambda: viewer.place("cube")[2] < 2.0, "the control's way with it")
     session.record(None).result()
-    assert Replay(BagRun(tmp_path / "bag")).run().verdict() is Verdict.IDENTICAL
+    assert Replay(BagRun(tmp_path / "bag")).run().verdict() is Difference.IDENTICAL
 
 
 @pytest.mark.parametrize("place", [[np.nan, 0.0, 0.0], [np.inf, 0.0, 0.0]])
@@ -364,7 +364,7 @@ def test_the_body_is_seen_before_it_can_move(bar: str) -> None:
         page.lay_out(scene, scene.name)
         with Viewer(page.port) as viewer:
             viewer.wait(lambda: "is being built" in viewer.text() and "/handles/tip" in viewer.nodes, "the page")
-            surface = Surface(scene.mesh, scale=10.0)
+            surface = DrawnSurface(scene.mesh, scale=10.0)
             np.testing.assert_allclose(viewer.surface(), 10.0 * surface.outside.at(scene.mesh.vertices), atol=1e-6)
             for height in (0.2, 0.3):
                 viewer.drag("tip", np.add(viewer.place("tip"), [0.0, 0.0, height]))

@@ -28,7 +28,7 @@ from gdfe_ros.recording.reader import BagReader
 from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.testing import NodeProcess
-from gdfe_ros.testing.link import Link
+from gdfe_ros.testing.link import NodeConnection
 
 FLOOR = "obstacles: {floor: {plane: [0, 0, 1], at: [0, 0, -0.02]}}\n"
 OTHER = {"scene": "bend5", "scene_overrides": ["mesh.bar.cells=[20, 2, 2]"]}
@@ -312,7 +312,10 @@ def test_a_node_that_is_not_configured_is_told() -> None:
     """Start a node that stays unconfigured: it is said while it is waited for, and at the end, and what to do."""
     there = "is not configured; remedy: ros2 lifecycle set /gdfe_sim configure"
     said: list[str] = []
-    with NodeProcess({**OTHER, "autostart": False}) as process, Link(process, "/gdfe_sim", {}, patience=120.0) as link:
+    with (
+        NodeProcess({**OTHER, "autostart": False}) as process,
+        NodeConnection(process, "/gdfe_sim", {}, patience=120.0) as link,
+    ):
         link.wait_for_services()
         with pytest.raises(GdfeError, match=there):
             NodeSession("gdfe_sim", patience=5.0, say=said.append)
@@ -321,7 +324,10 @@ def test_a_node_that_is_not_configured_is_told() -> None:
 
 def test_a_node_that_is_not_active_is_shown_at_rest() -> None:
     """Configure a node only: the page has its body at rest, and the state says that it is inactive."""
-    with NodeProcess({**OTHER, "autostart": False}) as process, Link(process, "/gdfe_sim", {}, patience=120.0) as link:
+    with (
+        NodeProcess({**OTHER, "autostart": False}) as process,
+        NodeConnection(process, "/gdfe_sim", {}, patience=120.0) as link,
+    ):
         link.wait_for_services()
         link.transition("configure")
         with NodeSession("gdfe_sim", patience=60.0) as session:

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from gdfe_ros.live.session import LiveSession, RestingPace
-from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.node.orders import ActuatorOrder
 from gdfe_ros.node.pace import Timing
 from gdfe_ros.scene import load_scene, scene_from_text
@@ -49,7 +49,7 @@ def test_a_rate_limit_holds_after_a_rest(bar: str) -> None:
 def test_the_surface_is_a_sound_gltf() -> None:
     """Pack a bent body: trimesh reads vertices in the picture's units, colours from violet to yellow, and triangles."""
     mesh = load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}).mesh
-    surface = Surface(mesh, scale=10.0)
+    surface = DrawnSurface(mesh, scale=10.0)
     positions = np.add(mesh.vertices, [0.0, 0.0, 0.01])
     shares = np.linspace(0.0, 1.0, surface.count)
     (read,) = trimesh.load(
@@ -64,7 +64,7 @@ def test_the_surface_is_a_sound_gltf() -> None:
 def test_fields_of_cells_are_averaged_at_the_vertices() -> None:
     """Give every cell one value: so has every vertex; and the mean over faces is that of the cells beside a vertex."""
     mesh = load_scene("bend5", overrides={"mesh.bar.cells": [10, 2, 2]}).mesh
-    surface = Surface(mesh)
+    surface = DrawnSurface(mesh)
     np.testing.assert_allclose(surface.at_vertices(np.full(mesh.n_cells, 3.0)), 3.0)
     along = surface.at_vertices(mesh.centroids[:, 0])
     inner = np.isclose(surface.outside.at(mesh.vertices)[:, 0], np.median(np.unique(mesh.vertices[:, 0])))

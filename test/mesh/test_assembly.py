@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, bar, check_mesh, select_cells, select_faces, select_vertices
-from gdfe_ros.mesh.assembly import Part, assemble
+from gdfe_ros.mesh.assembly import MeshPart, assemble
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.outside import carry_skin
-from gdfe_ros.mesh.selection import Box, Cells, Face, NamedSet, Side, Vertices, Within
+from gdfe_ros.mesh.selection import BoxSelection, CellSelection, Face, NamedSet, Side, Vertices, Within
 
 BAR = replace(bar([4, 1, 1], [4, 1, 1]), cell_sets={"ends": np.array([0, 3])}, vertex_sets={"left": np.array([0, 5])})
 BLOCK, RIGHT = bar([2, 2, 2], [2, 2, 2]), np.array([1.0, 0.0, 0.0])
@@ -26,8 +26,8 @@ def pair(**changes: HexMesh) -> HexMesh:
     meshes = {"bar": BAR, "block": BLOCK} | changes
     return assemble(
         {
-            "bar": Part(meshes["bar"], np.array([0.0, 5.0, 0.0]), TURN),
-            "block": Part(meshes["block"], RIGHT, np.eye(3)),
+            "bar": MeshPart(meshes["bar"], np.array([0.0, 5.0, 0.0]), TURN),
+            "block": MeshPart(meshes["block"], RIGHT, np.eye(3)),
         }
     )
 
@@ -45,14 +45,20 @@ def test_each_is_where_it_was_put() -> None:
 
 def test_vertices_at_one_place_stay_apart() -> None:
     """Put two blocks face to face: no vertex is shared, and each keeps its own surface."""
-    mesh = assemble({name: Part(BLOCK, np.array([x, 0.0, 0.0]), np.eye(3)) for name, x in (("a", 0.0), ("b", 2.0))})
+    mesh = assemble({name: MeshPart(BLOCK, np.array([x, 0.0, 0.0]), np.eye(3)) for name, x in (("a", 0.0), ("b", 2.0))})
     assert (mesh.n_vertices, len(mesh.surface())) == (2 * BLOCK.n_vertices, 2 * len(BLOCK.surface()))
 
 
 def test_places_are_those_of_the_mesh_that_is_named() -> None:
     """Select in the frame, by the ids and the sets of one mesh; by the world's without one."""
     mesh, first = pair(), BAR.n_vertices
-    for where in (Face(Side.X_LOW), Box(x=(0.0, 1.0)), Vertices((3, 1)), Cells((2,)), NamedSet("left")):
+    for where in (
+        Face(Side.X_LOW),
+        BoxSelection(x=(0.0, 1.0)),
+        Vertices((3, 1)),
+        CellSelection((2,)),
+        NamedSet("left"),
+    ):
         np.testing.assert_array_equal(select_vertices(mesh, Within("bar", where)), select_vertices(BAR, where))
         np.testing.assert_array_equal(select_cells(mesh, Within("bar", where)), select_cells(BAR, where))
     inner = Face(Side.Z_HIGH)
@@ -68,7 +74,7 @@ def test_an_unknown_mesh_or_set_is_named() -> None:
     with pytest.raises(MeshError, match="mesh 'bra' does not exist; there are: bar, block"):
         select_vertices(pair(), Within("bra"))
     with pytest.raises(MeshError, match="mesh 'bar' does not exist; there is one mesh, which has no name"):
-        select_cells(BAR, Within("bar", Cells((0,))))
+        select_cells(BAR, Within("bar", CellSelection((0,))))
     with pytest.raises(MeshError, match="set 'left' does not exist"):
         select_vertices(pair(), Within("block", NamedSet("left")))
 

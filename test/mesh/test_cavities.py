@@ -11,16 +11,16 @@ from gdfe_ros.mesh.cavities import find_cavities, open_edges
 from gdfe_ros.mesh.faces import enclosed_volume
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.round_bodies import sphere
-from gdfe_ros.mesh.selection import Box, Face, Side
+from gdfe_ros.mesh.selection import BoxSelection, Face, Side
 
 CUBE = bar([1, 1, 1], [5, 5, 5])
-MIDDLE = Box((0.2, 0.8), (-0.3, 0.3), (-0.3, 0.3))
+MIDDLE = BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, 0.3))
 
 
 def test_a_solid_body_has_no_cavity() -> None:
     """Find nothing in a bar, nor in a bar with a channel through it."""
     assert find_cavities(CUBE) == []
-    assert find_cavities(cut(CUBE, [Box(y=(-0.1, 0.1), z=(-0.1, 0.1))])) == []
+    assert find_cavities(cut(CUBE, [BoxSelection(y=(-0.1, 0.1), z=(-0.1, 0.1))])) == []
 
 
 def test_a_cavity_has_its_volume_center_and_outward_quads() -> None:
@@ -39,16 +39,18 @@ def test_a_cavity_has_its_volume_center_and_outward_quads() -> None:
 
 def test_several_cavities_come_largest_first() -> None:
     """Sort a large and a small one by volume."""
-    body = cut(CUBE, [Box((0.2, 0.4), (-0.1, 0.1), (-0.1, 0.1)), Box((0.6, 0.8), (-0.3, 0.3), (-0.1, 0.1))])
+    body = cut(
+        CUBE, [BoxSelection((0.2, 0.4), (-0.1, 0.1), (-0.1, 0.1)), BoxSelection((0.6, 0.8), (-0.3, 0.3), (-0.1, 0.1))]
+    )
     assert [cavity.volume for cavity in find_cavities(body)] == pytest.approx([0.024, 0.008])
 
 
 @pytest.mark.parametrize(
-    "second", [Box((0.4, 0.6), (-0.1, 0.1), (-0.3, 0.3)), Box((0.4, 0.6), (-0.1, 0.1), (-0.3, -0.1))]
+    "second", [BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, 0.3)), BoxSelection((0.4, 0.6), (-0.1, 0.1), (-0.3, -0.1))]
 )
-def test_cavities_that_touch_at_an_edge_stay_apart(second: Box) -> None:
+def test_cavities_that_touch_at_an_edge_stay_apart(second: BoxSelection) -> None:
     """Tell two cavities apart whose walls share vertices along an edge."""
-    body = cut(CUBE, [Box((0.2, 0.4), (-0.3, -0.1), (-0.3, 0.3)), second])
+    body = cut(CUBE, [BoxSelection((0.2, 0.4), (-0.3, -0.1), (-0.3, 0.3)), second])
     cavities = find_cavities(body)
     assert len(cavities) == 2
     assert sum(cavity.volume for cavity in cavities) == pytest.approx((125 - body.n_cells) * 0.008)
@@ -57,14 +59,16 @@ def test_cavities_that_touch_at_an_edge_stay_apart(second: Box) -> None:
 
 def test_a_cavity_that_touches_the_outside_at_an_edge_is_closed() -> None:
     """Keep the cavity apart from a notch that meets it along an edge only."""
-    body = cut(CUBE, [MIDDLE, Box((0.8, 1.0), (0.3, 0.5), (-0.3, 0.3))])
+    body = cut(CUBE, [MIDDLE, BoxSelection((0.8, 1.0), (0.3, 0.5), (-0.3, 0.3))])
     (cavity,) = find_cavities(body)
     assert cavity.volume == pytest.approx(0.6**3)
 
 
 def test_material_inside_a_cavity_is_not_a_cavity() -> None:
     """Count a loose block in a cavity as a body: one cavity, less its volume of surface only."""
-    body = cut(CUBE, [Box((0.2, 0.8), (-0.3, 0.3), (-0.3, -0.1)), Box((0.2, 0.8), (-0.3, 0.3), (0.1, 0.3))])
+    body = cut(
+        CUBE, [BoxSelection((0.2, 0.8), (-0.3, 0.3), (-0.3, -0.1)), BoxSelection((0.2, 0.8), (-0.3, 0.3), (0.1, 0.3))]
+    )
     assert len(find_cavities(body)) == 2
     volume = enclosed_volume(body.vertices, body.surface())
     assert volume == pytest.approx(body.n_cells * 0.008)

@@ -14,7 +14,7 @@ from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.operators import CORNERS, MODES, shape_operators
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
-from gdfe_ros.mesh.voxels import Cells, fill_surface
+from gdfe_ros.mesh.voxels import CutCubes, fill_surface
 from gdfe_ros.solver.motion.mass import mass_matrix
 
 RANDOM = np.random.default_rng(5)
@@ -36,7 +36,7 @@ def test_a_box_between_grid_lines_keeps_its_moments(flip: bool) -> None:
     box = trimesh.creation.box(size)
     if flip:
         box.invert()
-    mesh = fill_surface(box.vertices, box.faces, cell=1.0, cells=Cells.CUT)
+    mesh = fill_surface(box.vertices, box.faces, cell=1.0, cells=CutCubes.CUT)
     volume, centre, second = inertia(mesh, 1.0)
     assert volume == pytest.approx(size.prod(), rel=0.005)
     np.testing.assert_allclose(centre, 0.0, atol=2e-3)
@@ -46,7 +46,7 @@ def test_a_box_between_grid_lines_keeps_its_moments(flip: bool) -> None:
 def test_whole_cubes_within_a_cut_mesh_are_exactly_whole() -> None:
     """Fill a box on the grid's own lines: no cell is cut, and the operators are those of whole cells to the bit."""
     box = trimesh.creation.box((0.03, 0.02, 0.02))
-    cut = fill_surface(box.vertices, box.faces, cell=0.01, cells=Cells.CUT)
+    cut = fill_surface(box.vertices, box.faces, cell=0.01, cells=CutCubes.CUT)
     whole = fill_surface(box.vertices, box.faces, cell=0.01)
     np.testing.assert_array_equal(cut.vertices, whole.vertices)
     np.testing.assert_array_equal(cut.cells, whole.cells)
@@ -93,7 +93,7 @@ def test_the_second_moment_of_a_circle_is_kept(axis: int) -> None:
     body = trimesh.creation.cylinder(0.5, 2.0, sections=360)
     if axis == 0:
         body.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
-    mesh = fill_surface(body.vertices, body.faces, cell=1.0 / 6.0, cells=Cells.CUT)
+    mesh = fill_surface(body.vertices, body.faces, cell=1.0 / 6.0, cells=CutCubes.CUT)
     second = inertia(mesh, 1.0 / 6.0)[2]
     assert second[1] == pytest.approx(2.0 * np.pi / 4.0 * 0.5**4, rel=0.005)
     assert mesh.filling.share.min() >= LEAST_SHARE
@@ -103,7 +103,7 @@ def test_the_second_moment_of_a_circle_is_kept(axis: int) -> None:
 def test_shares_alone_are_too_stiff_by_what_the_theory_says(fineness: int) -> None:
     """Weight whole cells by their share: the second moment of a circle is too large by 2/3 (h / R)^2."""
     body, edge = trimesh.creation.cylinder(0.5, 1.0, sections=360), 1.0 / fineness
-    mesh = fill_surface(body.vertices, body.faces, cell=edge, cells=Cells.CUT)
+    mesh = fill_surface(body.vertices, body.faces, cell=edge, cells=CutCubes.CUT)
     second = mesh.filling.share @ (mesh.centroids[:, 0] ** 2 + edge**2 / 12.0) * edge**3
     excess = second / (np.pi / 4.0 * 0.5**4) - 1.0
     assert excess == pytest.approx(2.0 / 3.0 * (edge / 0.5) ** 2, rel=0.35)
@@ -131,7 +131,7 @@ def test_operators_of_a_cut_cell_are_those_of_its_box() -> None:
 def test_weight_and_mass_are_those_of_what_is_filled() -> None:
     """Weigh a cut ball: total, centre of mass and moments of inertia follow from corners' shares and mass matrix."""
     ball = trimesh.creation.icosphere(subdivisions=4, radius=1.0)
-    mesh = fill_surface(ball.vertices, ball.faces, cell=0.4, cells=Cells.CUT)
+    mesh = fill_surface(ball.vertices, ball.faces, cell=0.4, cells=CutCubes.CUT)
     share = corner_volumes(mesh.vertices, mesh.cells, mesh.filling)
     assert share.sum() == pytest.approx(ball.volume, rel=0.01)
     np.testing.assert_allclose(np.einsum("ea,eai->i", share, mesh.vertices[mesh.cells]), 0.0, atol=0.01)
@@ -143,7 +143,7 @@ def test_weight_and_mass_are_those_of_what_is_filled() -> None:
 def test_a_packed_mesh_keeps_its_filling() -> None:
     """Pack and unpack a cut cylinder to the bit; a mesh without a filling still has none."""
     body = trimesh.creation.cylinder(0.5, 1.0)
-    mesh = fill_surface(body.vertices, body.faces, cell=0.25, cells=Cells.CUT)
+    mesh = fill_surface(body.vertices, body.faces, cell=0.25, cells=CutCubes.CUT)
     again = unpack_mesh(pack_mesh(mesh))
     for name in ("share", "centre", "spread"):
         np.testing.assert_array_equal(getattr(again.filling, name), getattr(mesh.filling, name))
@@ -154,4 +154,4 @@ def test_a_cavity_that_cut_cells_close_is_named() -> None:
     """Refuse cut cells that are too large for a cavity which has no empty cube."""
     hollow = trimesh.util.concatenate([trimesh.creation.box((1, 1, 1)), trimesh.creation.box((0.15, 0.15, 0.15))])
     with pytest.raises(MeshError, match="of 1 cavities 0 are left; remedy: a smaller cell"):
-        fill_surface(hollow.vertices, hollow.faces, cell=0.1, cells=Cells.CUT)
+        fill_surface(hollow.vertices, hollow.faces, cell=0.1, cells=CutCubes.CUT)

@@ -12,13 +12,13 @@ import trimesh
 from gdfe_ros.mesh import bar
 from gdfe_ros.mesh.generators import cut
 from gdfe_ros.mesh.inspection import inspect_file
-from gdfe_ros.mesh.selection import Box
+from gdfe_ros.mesh.selection import BoxSelection
 from gdfe_ros.mesh.units import guess_unit, unit_defects
 
 
 def test_a_hollow_block_is_described(tmp_path: Path) -> None:
     """Report counts, bounds, quality and the cavity."""
-    body = cut(bar([0.05, 0.05, 0.05], [5, 5, 5]), [Box((0.01, 0.04), (-0.015, 0.015), (-0.015, 0.015))])
+    body = cut(bar([0.05, 0.05, 0.05], [5, 5, 5]), [BoxSelection((0.01, 0.04), (-0.015, 0.015), (-0.015, 0.015))])
     meshio.Mesh(body.vertices, [("hexahedron", body.cells)]).write(tmp_path / "block.vtu")
     found = inspect_file(tmp_path / "block.vtu")
     facts = dict(found.facts)

@@ -8,7 +8,7 @@ import pytest
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh, bar, select_cells, select_vertices
-from gdfe_ros.mesh.selection import Box, Cells, Face, NamedSet, Side, Sphere, Vertices
+from gdfe_ros.mesh.selection import BoxSelection, CellSelection, Face, NamedSet, Side, SphereSelection, Vertices
 
 MESH = bar([0.3, 0.1, 0.1], [3, 2, 1])
 
@@ -31,31 +31,31 @@ def test_face_selects_the_cells_that_touch_it() -> None:
 def test_box_is_closed_in_spite_of_rounding() -> None:
     """Include x = 3 * 0.1 in a box that ends at 0.3 and begins there."""
     mesh = bar([0.9, 0.1, 0.1], [9, 1, 1])
-    assert len(select_vertices(mesh, Box(x=(0.3, 0.3)))) == 4
-    assert len(select_vertices(mesh, Box(x=(0.1 + 0.2, 0.9)))) == 7 * 4
+    assert len(select_vertices(mesh, BoxSelection(x=(0.3, 0.3)))) == 4
+    assert len(select_vertices(mesh, BoxSelection(x=(0.1 + 0.2, 0.9)))) == 7 * 4
 
 
 def test_box_tests_cell_centroids() -> None:
     """Take the cells whose centre lies inside, whatever their corners do."""
-    assert select_cells(MESH, Box(x=(0.0, 0.16))).tolist() == [0, 1, 3, 4]
-    assert select_cells(MESH, Box(x=(0.0, 0.16), y=(0.0, 1.0))).tolist() == [3, 4]
+    assert select_cells(MESH, BoxSelection(x=(0.0, 0.16))).tolist() == [0, 1, 3, 4]
+    assert select_cells(MESH, BoxSelection(x=(0.0, 0.16), y=(0.0, 1.0))).tolist() == [3, 4]
 
 
 def test_sphere_selects_by_distance() -> None:
     """Take the vertex at the centre, and its neighbours at exactly the radius."""
-    assert select_vertices(MESH, Sphere((0.1, 0.0, 0.05), 0.01)).tolist() == [17]
-    assert select_vertices(MESH, Sphere((0.1, 0.0, 0.05), 0.1)).tolist() == [5, 13, 16, 17, 18, 21]
+    assert select_vertices(MESH, SphereSelection((0.1, 0.0, 0.05), 0.01)).tolist() == [17]
+    assert select_vertices(MESH, SphereSelection((0.1, 0.0, 0.05), 0.1)).tolist() == [5, 13, 16, 17, 18, 21]
 
 
 def test_ids_are_sorted_and_unique() -> None:
     """Clean up ids given in any order."""
     assert select_vertices(MESH, Vertices((5, 1, 5))).tolist() == [1, 5]
-    assert select_cells(MESH, Cells((4, 0))).tolist() == [0, 4]
+    assert select_cells(MESH, CellSelection((4, 0))).tolist() == [0, 4]
 
 
 def test_cells_and_vertices_turn_into_each_other() -> None:
     """Give the corners of a cell, and the cells enclosed by vertices."""
-    corners = select_vertices(MESH, Cells((1,)))
+    corners = select_vertices(MESH, CellSelection((1,)))
     assert corners.tolist() == sorted(MESH.cells[1].tolist())
     assert select_cells(MESH, Vertices(tuple(corners))).tolist() == [1]
 
@@ -74,11 +74,11 @@ def test_unknown_sets_and_ids_are_named() -> None:
     with pytest.raises(MeshError, match=r"vertex ids \[24, 99\] do not exist; allowed: 0 to 23"):
         select_vertices(MESH, Vertices((1, 24, 99)))
     with pytest.raises(MeshError, match=r"cell ids \[6\]"):
-        select_cells(MESH, Cells((6,)))
+        select_cells(MESH, CellSelection((6,)))
     with pytest.raises(MeshError, match=r"set 'x' does not exist"):
         select_cells(MESH, NamedSet("x"))
 
 
 def test_nothing_there_is_an_empty_selection() -> None:
     """Return no ids and leave the judgement to the caller."""
-    assert select_vertices(MESH, Box(x=(1.0, 2.0))).size == 0
+    assert select_vertices(MESH, BoxSelection(x=(1.0, 2.0))).size == 0

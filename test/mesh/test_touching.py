@@ -9,17 +9,19 @@ import trimesh
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh
-from gdfe_ros.mesh.assembly import Part, assemble
+from gdfe_ros.mesh.assembly import MeshPart, assemble
 from gdfe_ros.mesh.generators import bar
 from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.touching import outline, touch_by_skin
-from gdfe_ros.mesh.voxels import Cells, fill_surface
+from gdfe_ros.mesh.voxels import CutCubes, fill_surface
 
 RNG = np.random.default_rng(5)
 RADIUS = 0.05
 
 
-def lined(surface: trimesh.Trimesh, cell: float, cells: Cells = Cells.CUT, mesh: HexMesh | None = None) -> HexMesh:
+def lined(
+    surface: trimesh.Trimesh, cell: float, cells: CutCubes = CutCubes.CUT, mesh: HexMesh | None = None
+) -> HexMesh:
     """Return a mesh that touches by a surface, the cells filled by it if no mesh is given."""
     points, triangles = np.asarray(surface.vertices), np.asarray(surface.faces)
     mesh = mesh or fill_surface(points, triangles, cell=cell, cells=cells)
@@ -27,8 +29,8 @@ def lined(surface: trimesh.Trimesh, cell: float, cells: Cells = Cells.CUT, mesh:
     return touch_by_skin(HexMesh(mesh.vertices, mesh.cells, filling=mesh.filling, skin=skin), points, triangles)
 
 
-@pytest.mark.parametrize("cells", list(Cells))
-def test_points_are_on_the_skin_and_no_more_than_vertices(cells: Cells) -> None:
+@pytest.mark.parametrize("cells", list(CutCubes))
+def test_points_are_on_the_skin_and_no_more_than_vertices(cells: CutCubes) -> None:
     """Take balls of 1280 and of 5120 triangles: points on them, no more than vertices of faces, where they were."""
     counts = []
     for detail in (3, 4):
@@ -107,7 +109,7 @@ def test_several_meshes_keep_their_points() -> None:
     ball = lined(trimesh.creation.icosphere(4, RADIUS), RADIUS / 4.0)
     block, turn = bar([0.05, 0.05, 0.05], [3, 3, 3]), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     at = np.array([0.3, 0.0, 0.0])
-    both = assemble({"bar": Part(block, np.zeros(3), np.eye(3)), "ball": Part(ball, at, turn)})
+    both = assemble({"bar": MeshPart(block, np.zeros(3), np.eye(3)), "ball": MeshPart(ball, at, turn)})
     wanted = ball.touching.at(ball.vertices) @ turn.T + at
     np.testing.assert_allclose(both.touching.at(both.vertices), wanted, atol=1e-12)
     points, quads = outline(both.surface(), both.touching, both.vertices)

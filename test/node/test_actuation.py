@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.node.messages import to_time
 from gdfe_ros.simulation import Command
@@ -171,5 +171,5 @@ def test_a_bag_begun_under_load_replays(client: Any, start: Callable, tmp_path: 
     client.wait(lambda: any(record.actuators.get("flexor") == 1.5 for record in client.records()))
     assert client.call(SetBool, "record", SetBool.Request(data=False)).success
     report = Replay(BagRun(tmp_path / "bag")).run()
-    assert report.verdict() is Verdict.IDENTICAL
+    assert report.verdict() is Difference.IDENTICAL
     assert ("joint_states", "velocity") in report.differences.fields

@@ -20,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from gdfe_ros import Command, Simulation, load_scene
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.errors import CommandError
 from gdfe_ros.testing import Simulator
@@ -58,7 +58,7 @@ def test_joints_are_commanded_and_reported(held_block: Path, tmp_path: Path) -> 
     run = BagRun(tmp_path / "bag")
     for replay in (Replay(run), NodeReplay(run)):
         report = replay.run()
-        assert report.differences.verdict() is Verdict.IDENTICAL, report.differences.differing
+        assert report.differences.verdict() is Difference.IDENTICAL, report.differences.differing
         assert report.unknown == ()
 
 

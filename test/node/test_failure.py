@@ -19,7 +19,7 @@ from gdfe_ros.errors import CommandError, GdfeError, RecordingError
 from gdfe_ros.node.orders import PoseOrder
 from gdfe_ros.node.process import make_executor
 from gdfe_ros.node.sim_node import SimNode
-from gdfe_ros.node.stepper import Stepper
+from gdfe_ros.node.stepper import SteppingThread
 from gdfe_ros.recording.reader import BagReader
 
 PARAMETERS = {"scene_overrides": ["mesh.bar.cells=[8, 2, 2]"], "clock": "lockstep", "record": True}
@@ -66,16 +66,16 @@ def test_a_failure_while_the_node_becomes_active_is_not_forgotten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, make: Callable[..., Any]
 ) -> None:
     """Let the very first step raise before the transition is over: the node is active, paused, and says why."""
-    start = Stepper.start
+    start = SteppingThread.start
 
-    def start_and_wait(stepper: Stepper, *given: Any) -> None:
+    def start_and_wait(stepper: SteppingThread, *given: Any) -> None:
         monkeypatch.setattr(stepper._simulation, "step", _broken)
         start(stepper, *given)
         while not stepper.failure:
             time.sleep(0.01)
         monkeypatch.undo()
 
-    monkeypatch.setattr(Stepper, "start", start_and_wait)
+    monkeypatch.setattr(SteppingThread, "start", start_and_wait)
     robot = _Robot(make, bag_path=str(tmp_path / "bag"))
     robot.wait(lambda: robot.node.lifecycle_state == "active")
     stepper = robot.node._session.stepper

@@ -15,7 +15,7 @@ from sensor_msgs.msg import Imu, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
@@ -245,7 +245,7 @@ def _shake(client: Any, speed: float, *, steps: int) -> None:
 def _replays(bag: Path, topics: set[str]) -> None:
     """Replay a bag: every bit of these topics is made again, and nothing is left over."""
     report = Replay(BagRun(bag)).run()
-    assert report.verdict() is Verdict.IDENTICAL, (report.differences.differing, report.unknown, report.strays)
+    assert report.verdict() is Difference.IDENTICAL, (report.differences.differing, report.unknown, report.strays)
     assert topics <= {topic for topic, _ in report.differences.fields}
     assert main(["replay", str(bag)]) == 0
 

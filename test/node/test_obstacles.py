@@ -18,7 +18,7 @@ from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
@@ -230,7 +230,7 @@ def test_runs_with_obstacles_are_replayed_to_the_bit(tmp_path: Path, cube: str, 
     run = BagRun(bag)
     for replay in (Replay(run), NodeReplay(run)):
         report = replay.run()
-        assert report.verdict() is Verdict.IDENTICAL, (report.unknown, report.differences.differing)
+        assert report.verdict() is Difference.IDENTICAL, (report.unknown, report.differences.differing)
         compared = {("obstacles/ball/wrench", "wrench.force.z"), ("sensors/pad/wrench", "wrench.torque.y")}
         assert compared | {("contacts", "fz"), ("contacts", "vertex")} <= set(report.differences.fields)
     assert main(["replay", str(bag)]) == 0
@@ -263,7 +263,7 @@ def test_a_bag_replays_without_the_file_of_an_obstacle(tmp_path: Path, cube: str
     assert state.wrenches["ball"][2] > 1.0
     scene.unlink()
     (tmp_path / "ball.stl").unlink()
-    assert Replay(BagRun(bag)).run().verdict() is Verdict.IDENTICAL
+    assert Replay(BagRun(bag)).run().verdict() is Difference.IDENTICAL
 
 
 def test_states_with_obstacles_are_saved_and_loaded(client: Any, start: Callable, cube: str, tmp_path: Path) -> None:
@@ -301,7 +301,7 @@ def test_a_scene_has_obstacles_and_bodies_but_no_handles(tmp_path: Path, slab: P
     assert -0.002 < states[-1].poses["part"].translation[2] < 0.0
     run = BagRun(bag)
     for replay in (Replay(run), NodeReplay(run)):
-        assert replay.run().verdict() is Verdict.IDENTICAL
+        assert replay.run().verdict() is Difference.IDENTICAL
     with pytest.raises(GdfeError, match="body 'part' moves freely and follows nothing: make it an obstacle"):
         leaders_of(["part=topic:/x"], load_scene(slab), listening=False)
 
@@ -349,7 +349,7 @@ def test_bodies_that_were_put_are_replayed_to_the_bit(tmp_path: Path, slab: Path
     assert [list(record.bodies) for record in run.records if record.bodies] == [["part"], ["part"]]
     for replay in (Replay(run), NodeReplay(run)):
         report = replay.run()
-        assert report.verdict() is Verdict.IDENTICAL, report.differences.differing
+        assert report.verdict() is Difference.IDENTICAL, report.differences.differing
         assert report.inexact == 0
     assert main(["export", str(bag), "--to", "csv", "--out", str(tmp_path / "run.csv")]) == 0
     first, *rows = (tmp_path / "run.csv").read_text().splitlines()

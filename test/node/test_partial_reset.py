@@ -13,7 +13,7 @@ from geometry_msgs.msg import TwistStamped
 from std_srvs.srv import SetBool, Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.constraints import Pose
 from gdfe_ros.scene import load_scene
@@ -40,7 +40,7 @@ def test_commands_go_back_to_rest_with_the_next_step(
     client.wait(lambda: abs(client.mesh()[:, 5]).max() < 1e-4)
     assert client.record().time > before
     assert client.call(SetBool, "record", SetBool.Request(data=False)).success
-    assert Replay(BagRun(tmp_path / "bag")).run().differences.verdict() is Verdict.IDENTICAL
+    assert Replay(BagRun(tmp_path / "bag")).run().differences.verdict() is Difference.IDENTICAL
 
 
 def test_the_shape_goes_back_and_time_goes_on(client: Any, start: Callable, coarse: dict) -> None:

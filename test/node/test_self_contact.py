@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.constraints import Pose
 from gdfe_ros.simulation import Command
@@ -44,5 +44,5 @@ def test_who_touches_whom_is_told_and_replayed(tmp_path: Path) -> None:
     assert felt[0] < -1.0
     assert state.sensors["pad"][:3] == pytest.approx(felt, rel=1e-4, abs=1e-4)
     report = Replay(BagRun(bag)).run()
-    assert report.verdict() is Verdict.IDENTICAL
+    assert report.verdict() is Difference.IDENTICAL
     assert {("contacts", "other"), ("sensors/pad/wrench", "wrench.force.x")} <= set(report.differences.fields)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
@@ -60,7 +60,7 @@ def test_a_part_is_held_told_and_replayed(tmp_path: Path) -> None:
         assert state.probes["middle"].translation[2] == pytest.approx(0.0, abs=3e-4)
     (tmp_path / "pad.vtk").unlink()
     report = Replay(BagRun(bag)).run()
-    assert report.verdict() is Verdict.IDENTICAL
+    assert report.verdict() is Difference.IDENTICAL
     assert {("mesh", "x"), ("contacts", "other"), ("sensors/part/wrench", "wrench.force.z")} <= set(
         report.differences.fields
     )

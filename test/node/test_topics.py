@@ -99,6 +99,6 @@ def test_a_bag_of_the_wall_clock_replays_to_the_bit(client: Any, start: Callable
     assert len(records) == len(meshes) > 3
     for record, mesh in zip(records, meshes, strict=True):
         result = simulation.step(Command(handles=record.handles), dt=record.dt)
-        assert (result.time, result.residual) == (record.time, record.residual)
+        assert (result.time, result.error_estimate) == (record.time, record.error_estimate)
         assert np.array_equal(result.positions.astype(np.float32), mesh[:, :3])
     assert simulation.targets["tip"].translation == Pose((0, 0, 0.1)).translation

@@ -21,7 +21,7 @@ from gdfe_ros.recording.bag_file import Compression
 from gdfe_ros.recording.decoding import array_decoder, rclpy_decoder
 from gdfe_ros.recording.provenance import RunInfo
 from gdfe_ros.recording.reader import BagReader
-from gdfe_ros.recording.topic import Durability, History, Qos, Reliability, TopicInfo
+from gdfe_ros.recording.topic import Durability, Qos, QueueExtent, Reliability, TopicInfo
 from gdfe_ros.recording.writer import BagOptions, BagWriter, FsyncPolicy
 
 STEP = 10_000_000
@@ -126,7 +126,7 @@ def test_quality_of_service_survives(tmp_path: Path, mesh_topic: TopicInfo) -> N
     qos = Qos(
         reliability=Reliability.BEST_EFFORT,
         durability=Durability.TRANSIENT_LOCAL,
-        history=History.KEEP_ALL,
+        history=QueueExtent.KEEP_ALL,
         depth=0,
     )
     BagWriter(tmp_path / "bag", [replace(mesh_topic, qos=qos)]).close()

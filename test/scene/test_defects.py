@@ -16,7 +16,7 @@ from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.scene.builder import require_held
 from gdfe_ros.scene.document import Document, parse_document, write_document
-from gdfe_ros.scene.report import Report
+from gdfe_ros.scene.report import Defects
 
 from .conftest import SOUND
 
@@ -183,7 +183,7 @@ def test_a_piece_that_nothing_holds_is_named() -> None:
     mesh = HexMesh(np.vstack([one.vertices, one.vertices + 5]), np.vstack([one.cells, one.cells + 8]))
     base = Handle("base", np.array([0, 2], dtype=np.int32), fixed=True)
     joint = Handle("joint", np.array([1, 9], dtype=np.int32), free=(Axis.Y,))
-    report = Report("scene", Document({}))
+    report = Defects("scene", Document({}))
     require_held(mesh, (base, joint), report)
     assert not report
     require_held(mesh, (base,), report)

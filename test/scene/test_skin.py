@@ -12,7 +12,7 @@ import trimesh
 
 from gdfe_ros.analysis.picture import draw_body
 from gdfe_ros.errors import SceneError
-from gdfe_ros.live.surface import Surface
+from gdfe_ros.live.surface import DrawnSurface
 from gdfe_ros.mesh.outside import REACH
 from gdfe_ros.scene import load_scene, scene_from_text
 from gdfe_ros.scene.scene import Scene
@@ -106,7 +106,7 @@ def test_pictures_and_the_page_show_the_skin(folder: Path) -> None:
     """Find the skin's own points in the page's glTF, and a picture that differs from the cells'."""
     scene = load(folder)
     mesh, bare = scene.mesh, load(folder, "null").mesh
-    surface = Surface(mesh)
+    surface = DrawnSurface(mesh)
     data = surface.pack(mesh.vertices, np.linspace(0.0, 1.0, surface.count))
     read = trimesh.load(io.BytesIO(data), file_type="glb", process=False).geometry.popitem()[1]
     np.testing.assert_allclose(read.vertices, mesh.outside.at(mesh.vertices), atol=1e-6)

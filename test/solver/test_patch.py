@@ -14,12 +14,12 @@ from gdfe_ros.materials import Linear, Material
 from gdfe_ros.mesh import HexMesh
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import element_fields
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
 from gdfe_ros.solver.solution import Increment, Solution
 
 MakeBody = Callable[..., Body]
-Equilibrium = EnergyEquilibrium | RelativeEquilibrium
+Equilibrium = EquilibriumSolver | RelativeEquilibrium
 Boundary = Callable[[HexMesh], Handle]
 FIELDS = {
     "tension": np.diag([1.4, 0.9, 0.85]),
@@ -50,7 +50,7 @@ def test_linear_field_is_exact(
     body = make_body(distorted, law, [boundary(distorted)])
     exact = distorted.vertices @ gradient.T + np.array([0.5, -0.2, 0.1])
     start = distorted.vertices.copy()
-    outcome = solve(EnergyEquilibrium(body), start, exact, tolerance=1e-9)
+    outcome = solve(EquilibriumSolver(body), start, exact, tolerance=1e-9)
     assert outcome.converged
     np.testing.assert_allclose(outcome.positions, exact, atol=1e-8 * distorted.size)
     fields = element_fields(body, outcome.positions)
@@ -67,7 +67,7 @@ def test_linear_field_is_exact_in_two_materials_of_equal_stiffness(
     which = (np.arange(distorted.n_cells) % 2).astype(np.int32)
     body = make_body(distorted, two, [boundary(distorted)], which)
     exact = distorted.vertices @ FIELDS["all"].T
-    outcome = solve(EnergyEquilibrium(body), distorted.vertices.copy(), exact, tolerance=1e-9)
+    outcome = solve(EquilibriumSolver(body), distorted.vertices.copy(), exact, tolerance=1e-9)
     np.testing.assert_allclose(outcome.positions, exact, atol=1e-8 * distorted.size)
 
 

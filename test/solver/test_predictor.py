@@ -14,7 +14,7 @@ from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import Movable
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.equilibrium.predictor import Predictor
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix, assemble_centring
@@ -48,7 +48,7 @@ def predictor(body: Body) -> Predictor:
 @pytest.fixture
 def rest(body: Body) -> State:
     """Give the state at rest."""
-    return EnergyEquilibrium(body).at_rest()
+    return EquilibriumSolver(body).at_rest()
 
 
 @pytest.fixture

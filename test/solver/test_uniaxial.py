@@ -14,7 +14,7 @@ from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHooke
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import element_fields, strain_energies
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.solution import Increment
 
 MakeBody = Callable[..., Body]
@@ -93,7 +93,7 @@ def test_a_uniform_state_that_is_a_saddle_is_left(make_body: MakeBody, poisson: 
     body = make_body(mesh, material, held_by_its_ends(mesh))
     lateral, density = closed_form(material, stretch)
     uniform, base = mesh.vertices * (stretch, lateral, lateral), mesh.vertices * (stretch, 1.0, 1.0)
-    equilibrium = EnergyEquilibrium(body)
+    equilibrium = EquilibriumSolver(body)
     state = equilibrium.at_rest().with_(positions=uniform, base=base)
     outcome = equilibrium.solve(Increment.at(state, tolerance=1e-8, limit=2000), state)
     assert outcome.converged, outcome.message
@@ -110,7 +110,7 @@ def test_block_follows_the_closed_form(make_body: MakeBody, kind: str, poisson: 
     mesh = bar([SIDE, SIDE, SIDE], [2, 2, 2])
     body = make_body(mesh, material, held_by_its_ends(mesh))
     base = mesh.vertices * (stretch, 1.0, 1.0)
-    equilibrium = EnergyEquilibrium(body)
+    equilibrium = EquilibriumSolver(body)
     state = equilibrium.at_rest().with_(positions=base, base=base)
     outcome = equilibrium.solve(Increment.at(state, tolerance=1e-8, limit=2000), state)
     assert outcome.converged, outcome.message

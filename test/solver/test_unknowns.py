@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from gdfe_ros.constraints import Axis, Handle
 from gdfe_ros.mesh import bar
-from gdfe_ros.solver.matrix.unknowns import Frame, Unknowns, gather_rigid_rows, gather_rows, number_unknowns, place
+from gdfe_ros.solver.matrix.unknowns import (
+    HandlePositions,
+    Unknowns,
+    gather_rigid_rows,
+    gather_rows,
+    number_unknowns,
+    place,
+)
 
 MESH = bar([0.2, 0.1, 0.1], [2, 1, 1])  # vertices 0, 3, 6, 9 at x-, 2, 5, 8, 11 at x+
 LEFT, RIGHT = np.array([0, 3, 6, 9], np.int32), np.array([2, 5, 8, 11], np.int32)
@@ -54,7 +61,7 @@ def test_placing_moves_a_sliding_handle_as_one() -> None:
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     u = np.arange(15.0).reshape(5, 3)
     x = MESH.vertices.copy()
-    place(u.ravel(), Frame(MESH.vertices, MESH.vertices[RIGHT].mean(axis=0)[None]), unknowns, x)
+    place(u.ravel(), HandlePositions(MESH.vertices, MESH.vertices[RIGHT].mean(axis=0)[None]), unknowns, x)
     np.testing.assert_array_equal(x[unknowns.free], u[:4])
     np.testing.assert_array_equal(x[RIGHT], MESH.vertices[RIGHT] + np.array([12.0, 0.0, 14.0]))
     np.testing.assert_array_equal(x[LEFT], MESH.vertices[LEFT])
@@ -65,7 +72,7 @@ def test_gathering_is_the_transpose_of_placing() -> None:
     unknowns = number_unknowns(MESH.vertices, MESH.cells, HANDLES)
     random = np.random.default_rng(0)
     u, force = random.normal(size=(5, 3)), random.normal(size=(2, 8, 3))
-    x, frame = np.zeros_like(MESH.vertices), Frame(np.zeros_like(MESH.vertices), np.zeros((1, 3)))
+    x, frame = np.zeros_like(MESH.vertices), HandlePositions(np.zeros_like(MESH.vertices), np.zeros((1, 3)))
     place(u.ravel(), frame, unknowns, x)
     gradient = _gathered(u, x, force, frame, unknowns)
     assert abs(np.vdot(gradient, u) - np.vdot(force, x[MESH.cells])) < 1e-12
@@ -77,7 +84,7 @@ def test_rows_of_rotations_are_slopes_along_the_rotation_vector(axes: tuple[Axis
     """Turn a handle far and a little further: the power of dead forces is the gradient times the change."""
     tip = Handle("tip", RIGHT, free=(Axis.Z,), turning=axes)
     unknowns = number_unknowns(MESH.vertices, MESH.cells, [HANDLES[0], tip])
-    frame = Frame(MESH.vertices, MESH.vertices[RIGHT].mean(axis=0)[None])
+    frame = HandlePositions(MESH.vertices, MESH.vertices[RIGHT].mean(axis=0)[None])
     random = np.random.default_rng(1)
     u, way, force = random.normal(size=(6, 3)), random.normal(size=(6, 3)), random.normal(size=(2, 8, 3))
     assert unknowns.turn_row.tolist() == [5]
@@ -93,7 +100,11 @@ def test_rows_of_rotations_are_slopes_along_the_rotation_vector(axes: tuple[Axis
 
 
 def _gathered(
-    u: NDArray[np.float64], x: NDArray[np.float64], force: NDArray[np.float64], frame: Frame, unknowns: Unknowns
+    u: NDArray[np.float64],
+    x: NDArray[np.float64],
+    force: NDArray[np.float64],
+    frame: HandlePositions,
+    unknowns: Unknowns,
 ) -> NDArray[np.float64]:
     gradient = np.zeros_like(u)
     gather_rows(force, unknowns, gradient.ravel())

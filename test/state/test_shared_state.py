@@ -16,7 +16,7 @@ from gdfe_ros.errors import CommandError
 
 def equal(one: Any, other: Any) -> bool:
     """Tell whether two results have the same positions and numbers to the last bit."""
-    numbers = ("converged", "iterations", "residual", "energy", "min_det", "message")
+    numbers = ("converged", "iterations", "error_estimate", "energy", "min_det", "message")
     return np.array_equal(one.positions, other.positions) and all(
         getattr(one, name) == getattr(other, name) for name in numbers
     )

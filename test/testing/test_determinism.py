@@ -12,12 +12,12 @@ from rosbags.highlevel import AnyReader
 
 from gdfe_ros.constraints import Pose
 from gdfe_ros.simulation import Command
-from gdfe_ros.testing import Simulator, State
+from gdfe_ros.testing import PublishedState, Simulator
 
 COARSE = {"mesh.bar.cells": [10, 2, 2]}
 
 
-def _controller(state: State) -> Command:
+def _controller(state: PublishedState) -> Command:
     """Chase a moving height with what the strain says, so that every published array feeds back."""
     goal = 0.1 * np.sin(2.0 * state.time)
     height = state.poses["tip"].translation[2] + 0.3 * (goal - float(state.displacements[-1, 2]))

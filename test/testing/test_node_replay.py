@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.cli import main
 from gdfe_ros.constraints import Pose
@@ -23,7 +23,7 @@ from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.simulation import Command
 from gdfe_ros.testing import NodeProcess, Simulator
 from gdfe_ros.testing.client import PATIENCE
-from gdfe_ros.testing.link import Link
+from gdfe_ros.testing.link import NodeConnection
 from gdfe_ros.testing.node_replay import NodeReplay
 
 COARSE = {"mesh.bar.cells": "[20, 2, 2]", "solver.tolerance": "1e-8"}
@@ -38,7 +38,7 @@ def _assert_identical(bag: Path) -> BagRun:
     run = BagRun(bag)
     for replay in (Replay(run), NodeReplay(run)):
         report = replay.run()
-        assert report.differences.verdict() is Verdict.IDENTICAL, report.differences.differing
+        assert report.differences.verdict() is Difference.IDENTICAL, report.differences.differing
         assert report.differences.steps == len(run.records)
         assert (report.unknown, report.inexact) == ((), 0)
     return run
@@ -64,7 +64,7 @@ def test_a_bag_begun_in_the_middle_replays(tmp_path: Path) -> None:
     parameters = {"scene": "bend5", "scene_overrides": overrides, "clock": "lockstep", "autostart": False}
     with (
         NodeProcess({**parameters, "velocity_timeout": 0.02}, namespace="/begun") as process,
-        Link(process, name, topics, patience=PATIENCE) as link,
+        NodeConnection(process, name, topics, patience=PATIENCE) as link,
     ):
         link.wait_for_services()
         link.transition("configure")
@@ -100,7 +100,7 @@ def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path) -> None:
     parameters = {"scene": "tendon_finger", "clock": "lockstep", "autostart": False, "record": True}
     with (
         NodeProcess({**parameters, "bag_path": str(bag)}, namespace="/pulled") as process,
-        Link(process, name, {"actuation": JointState}, patience=PATIENCE) as link,
+        NodeConnection(process, name, {"actuation": JointState}, patience=PATIENCE) as link,
     ):
         link.wait_for_services()
         link.transition("configure")
@@ -113,14 +113,14 @@ def test_actuators_commanded_one_at_a_time_replay(tmp_path: Path) -> None:
     assert [len(record.actuators) for record in records] == [0, 1, 1, 1]
 
 
-def _activate(link: Link) -> None:
+def _activate(link: NodeConnection) -> None:
     """Activate, and wait for the state that is published then: later, it would pass for a commanded step."""
     count = link.step + 1
     link.transition("activate")
     link.wait_for_step(count)
 
 
-def _command(link: Link, topic: str, message: Any) -> None:
+def _command(link: NodeConnection, topic: str, message: Any) -> None:
     """Publish and wait for the step that consumes it."""
     count = link.step + 1
     link.publish({topic: message})

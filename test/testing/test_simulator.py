@@ -18,13 +18,13 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from gdfe_ros.analysis.bag_run import BagRun
-from gdfe_ros.analysis.difference import Verdict
+from gdfe_ros.analysis.difference import Difference
 from gdfe_ros.analysis.replay import Replay
 from gdfe_ros.constraints import Pose
 from gdfe_ros.errors import CommandError, GdfeError, OverlapError
 from gdfe_ros.scene import load_scene
 from gdfe_ros.simulation import Command, Simulation
-from gdfe_ros.testing import Simulator, State, tracking_error
+from gdfe_ros.testing import PublishedState, Simulator, tracking_error
 from gdfe_ros.testing.node_replay import NodeReplay
 
 COARSE = {"mesh.bar.cells": [20, 2, 2]}
@@ -32,7 +32,7 @@ GOAL = 0.1
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def _controller(state: State) -> Command:
+def _controller(state: PublishedState) -> Command:
     """Push the tip half of the way to the goal."""
     height = state.poses["tip"].translation[2]
     return Command(handles={"tip": Pose((0.0, 0.0, height + 0.5 * (GOAL - height)))})
@@ -84,7 +84,7 @@ def test_loads_are_commanded_and_replayed(tmp_path: Path) -> None:
             expected = same.step(Command(loads={load.name: factor}), dt=state.record.dt)
             np.testing.assert_allclose(state.positions, expected.positions, atol=1e-7 * same.mesh.size)
     for replay in (Replay(BagRun(tmp_path / "bag")), NodeReplay(BagRun(tmp_path / "bag"))):
-        assert replay.run().differences.verdict() is Verdict.IDENTICAL
+        assert replay.run().differences.verdict() is Difference.IDENTICAL
 
 
 def test_a_scene_without_inputs_is_stepped() -> None:

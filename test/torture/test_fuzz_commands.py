@@ -71,7 +71,7 @@ def test_any_command(
         assert _snapshot(simulation) == before
         return
     assert np.isfinite(result.positions).all()
-    assert np.isfinite([result.energy, result.residual, result.min_det]).all()
+    assert np.isfinite([result.energy, result.error_estimate, result.min_det]).all()
     assert result.converged or result.message
 
 

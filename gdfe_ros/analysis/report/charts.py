@@ -13,7 +13,7 @@ from gdfe_ros.actuators import Mode
 from gdfe_ros.analysis.bag_steps import RECORD
 from gdfe_ros.analysis.difference_table import unit_of
 from gdfe_ros.analysis.report.energies import energy_balance
-from gdfe_ros.analysis.report.history import JOINTS, History
+from gdfe_ros.analysis.report.history import JOINTS, RunHistory
 from gdfe_ros.scene import Scene
 
 MOST_POINTS = 3000
@@ -34,7 +34,7 @@ _ACTUATION = (
 Chart = dict[str, Any]
 
 
-def all_charts(history: History, scene: Scene, *, dt: float) -> list[Chart]:
+def all_charts(history: RunHistory, scene: Scene, *, dt: float) -> list[Chart]:
     """Return all charts of a run; charts without a series are left out.
 
     Args:
@@ -63,7 +63,7 @@ def all_charts(history: History, scene: Scene, *, dt: float) -> list[Chart]:
     return [chart for chart in charts if chart["data"]]
 
 
-def thinning(history: History) -> str:
+def thinning(history: RunHistory) -> str:
     """Return a text about the thinning of the charts; empty if they are not thinned."""
     stride = _stride(len(history.time))
     if stride == 1:
@@ -74,7 +74,7 @@ def thinning(history: History) -> str:
     )
 
 
-def _motion(history: History, scene: Scene) -> list[Chart]:
+def _motion(history: RunHistory, scene: Scene) -> list[Chart]:
     """Return charts of commanded and computed position, and of rotation, of commanded handles and obstacles."""
     charts, sections = [], {handle.name: handle.section for handle in scene.handles}
     for name, targets in history.targets.items():
@@ -92,7 +92,7 @@ def _motion(history: History, scene: Scene) -> list[Chart]:
     return charts
 
 
-def _vector_chart(history: History, title: str, stem: str, *, sensors: bool = False) -> Chart:
+def _vector_chart(history: RunHistory, title: str, stem: str, *, sensors: bool = False) -> Chart:
     series = {
         f"{topic.split('/')[1]} {field[-1]}": values
         for (topic, field), values in history.responses.items()
@@ -101,7 +101,7 @@ def _vector_chart(history: History, title: str, stem: str, *, sensors: bool = Fa
     return _lines(history, title, unit_of(f"{stem}.x"), series)
 
 
-def _actuators(history: History, scene: Scene) -> list[Chart]:
+def _actuators(history: RunHistory, scene: Scene) -> list[Chart]:
     """Return charts of cables and of chambers, separately because newtons and pascals share no axis."""
     charts = []
     for title, unit, field, modes in _ACTUATION:
@@ -114,7 +114,7 @@ def _actuators(history: History, scene: Scene) -> list[Chart]:
     return charts
 
 
-def _others(history: History) -> list[Chart]:
+def _others(history: RunHistory) -> list[Chart]:
     """Return one chart for the numbers of every further topic; components of a vector share one."""
     charts: dict[tuple[str, str], dict[str, list[float]]] = {}
     for (topic, field), values in history.responses.items():
@@ -127,7 +127,7 @@ def _others(history: History) -> list[Chart]:
     ]
 
 
-def _strain(history: History) -> Chart:
+def _strain(history: RunHistory) -> Chart:
     times, edges, shares = history.strain.shares(BINS)
     if not times.size:
         return {"title": "", "data": [], "layout": {}}
@@ -153,16 +153,16 @@ def _strain(history: History) -> Chart:
     return _chart("Equivalent strain over time", "equivalent strain", [heat])
 
 
-def _residuals(history: History, tolerance: float) -> Chart:
+def _residuals(history: RunHistory, tolerance: float) -> Chart:
     solved = np.array(history.costs["iterations"]) > 0.0
-    values = np.where(solved, history.costs["residual"], np.nan)
-    chart = _cost(history, "Residual over the body's size", "", {"residual": values})
+    values = np.where(solved, history.costs["error_estimate"], np.nan)
+    chart = _cost(history, "Error estimate over the body's size", "", {"error_estimate": values})
     chart["data"] += _level(history, tolerance, "tolerance")
     chart["layout"]["yaxis"]["type"] = "log"
     return chart
 
 
-def _times(history: History, dt: float) -> Chart:
+def _times(history: RunHistory, dt: float) -> Chart:
     chart = _cost(history, "Solve time", "[ms]", {"solve time": 1e3 * np.array(history.costs["wall_time"])})
     if dt > 0.0:
         chart["data"] += _level(history, 1e3 * dt, "dt: slower than real time above")
@@ -170,13 +170,13 @@ def _times(history: History, dt: float) -> Chart:
     return chart
 
 
-def _level(history: History, value: float, name: str) -> list[dict[str, Any]]:
+def _level(history: RunHistory, value: float, name: str) -> list[dict[str, Any]]:
     ends = [min(history.time), max(history.time)]
     line = {"color": "#6b6f76", "width": 1, "dash": "dash"}
     return [{"type": "scatter", "mode": "lines", "name": name, "x": ends, "y": [value, value], "line": line}]
 
 
-def _lines(history: History, title: str, unit: str, series: dict[str, Sequence[float]]) -> Chart:
+def _lines(history: RunHistory, title: str, unit: str, series: dict[str, Sequence[float]]) -> Chart:
     """Return a chart of series over time, thinned to every n-th step; series that stay zero are left out."""
     stride = _stride(len(history.time))
     kept = slice(stride - 1, None, stride) if stride > 1 else slice(None)
@@ -188,7 +188,7 @@ def _lines(history: History, title: str, unit: str, series: dict[str, Sequence[f
     return _chart(title, f"[{unit}]" if unit else "", _traces(np.array(history.time)[kept], moving))
 
 
-def _cost(history: History, title: str, label: str, series: dict[str, Sequence[float]]) -> Chart:
+def _cost(history: RunHistory, title: str, label: str, series: dict[str, Sequence[float]]) -> Chart:
     """Return a chart of costs over time, thinned to the largest of each group of steps."""
     stride = _stride(len(history.time))
     starts = np.arange(0, len(history.time), stride)

@@ -6,14 +6,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.analysis.report.history import History
+from gdfe_ros.analysis.report.history import RunHistory
 
 HAS = "kinetic + elastic + potential"
 EXPECTED = "start + work - dissipated"
 DIFFERENCE = "difference"
 
 
-def energy_balance(history: History) -> dict[str, NDArray[np.float64]]:
+def energy_balance(history: RunHistory) -> dict[str, NDArray[np.float64]]:
     """Return both sides of the balance and their difference at each step [J]; empty without dynamics.
 
     Their difference is the energy created or lost by the time integration. It begins at zero with the recording, and
@@ -31,7 +31,7 @@ def energy_balance(history: History) -> dict[str, NDArray[np.float64]]:
     return {HAS: has, EXPECTED: expected, DIFFERENCE: has - expected}
 
 
-def balance_text(history: History) -> str:
+def balance_text(history: RunHistory) -> str:
     """Return a text about the error of the balance; empty without dynamics."""
     balance = energy_balance(history)
     if not balance:

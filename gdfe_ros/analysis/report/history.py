@@ -14,12 +14,12 @@ from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.recording.step_record import Begin
 
 JOINTS = "joint_states"
-COSTS = ("iterations", "substeps", "residual", "wall_time")
+COSTS = ("iterations", "substeps", "error_estimate", "wall_time")
 REST = (0.0,) * 6
 
 
 @dataclass(eq=False)
-class History:
+class RunHistory:
     """Series over the steps of a run, collected by ``add``.
 
     Args:

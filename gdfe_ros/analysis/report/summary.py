@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.report.energies import balance_text
-from gdfe_ros.analysis.report.history import History
+from gdfe_ros.analysis.report.history import RunHistory
 from gdfe_ros.scene import Scene
 
 Rows = list[tuple[str, str]]
 
 
-def run_rows(run: BagRun, history: History) -> Rows:
+def run_rows(run: BagRun, history: RunHistory) -> Rows:
     """Return rows about the outcome of the run."""
     costs = {name: np.array(values) for name, values in history.costs.items()}
     span = max(history.time) - min(history.time)
@@ -27,7 +27,7 @@ def run_rows(run: BagRun, history: History) -> Rows:
         ("solve time", f"{solving:.4g} s, {_ratio(span, solving)}"),
         ("solve time a step", _times(times)),
         ("iterations a step", f"mean {costs['iterations'].mean():.3g}, most {costs['iterations'].max():.0f}"),
-        ("largest residual", f"{costs['residual'].max():.3g} of the body's size"),
+        ("largest error estimate", f"{costs['error_estimate'].max():.3g} of the body's size"),
         ("converged", _convergence(history)),
         ("least det F", f"{np.nanmin(history.responses['step_record', 'min_det']):.4g}"),
         ("balance of energy", balance_text(history)),
@@ -83,7 +83,7 @@ def _ratio(span: float, solving: float) -> str:
     return f"{span / solving:.3g} times faster than real time"
 
 
-def _convergence(history: History) -> str:
+def _convergence(history: RunHistory) -> str:
     failed = len(history.not_converged)
     if not failed:
         return "every step"

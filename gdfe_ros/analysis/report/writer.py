@@ -13,7 +13,7 @@ from gdfe_ros.analysis.bag_run import BagRun
 from gdfe_ros.analysis.bag_steps import BagSteps
 from gdfe_ros.analysis.report import charts
 from gdfe_ros.analysis.report.animation import Animation, colour_fields
-from gdfe_ros.analysis.report.history import History
+from gdfe_ros.analysis.report.history import RunHistory
 from gdfe_ros.analysis.report.page import build_page
 from gdfe_ros.analysis.report.strain_histogram import StrainHistogram
 from gdfe_ros.analysis.report.summary import run_rows, scene_rows
@@ -60,14 +60,14 @@ def write_report(bag: str | Path, path: Path) -> ReportFacts:
     return ReportFacts(steps, frames, path.stat().st_size)
 
 
-def _gather(run: BagRun) -> tuple[History, Animation, int]:
+def _gather(run: BagRun) -> tuple[RunHistory, Animation, int]:
     """Read the bag once."""
     count, source = len(run.records), BagSteps(run)
     stream = iter(source)
     first = next(stream, None)
     if first is None:
         raise RecordingError(f"bag {run.reader.path} holds no step: there is nothing to report")
-    history = History(StrainHistogram(count, columns=charts.COLUMNS))
+    history = RunHistory(StrainHistogram(count, columns=charts.COLUMNS))
     animation = Animation(run.mesh, count, colour_fields(first))
     for number, step in enumerate(chain([first], stream)):
         history.add(step)
@@ -75,7 +75,7 @@ def _gather(run: BagRun) -> tuple[History, Animation, int]:
     return history, animation, (source.strays + source.tail).total()
 
 
-def _remarks(history: History, animation: Animation, frames: int, strays: int) -> list[str]:
+def _remarks(history: RunHistory, animation: Animation, frames: int, strays: int) -> list[str]:
     steps, span = len(history.time), animation.mesh.size
     columns = min(charts.COLUMNS, steps)
     remarks = [
@@ -93,7 +93,7 @@ def _remarks(history: History, animation: Animation, frames: int, strays: int) -
     return [text for text in remarks if text]
 
 
-def _accounting(history: History) -> str:
+def _accounting(history: RunHistory) -> str:
     if not history.energies:
         return ""
     return (

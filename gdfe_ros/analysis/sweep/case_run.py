@@ -61,7 +61,7 @@ def _numbers(simulation: Simulation, results: list[StepResult]) -> Result:
         "steps": len(results),
         "iterations": sum(result.iterations for result in results),
         "solve_time": sum(result.wall_time for result in results),
-        "residual": last.residual,
+        "error_estimate": last.error_estimate,
         "energy": last.energy,
         "min_det": min(result.min_det for result in results),
         "eps_eq_max": float(fields.eps_eq.max()),

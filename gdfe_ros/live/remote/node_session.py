@@ -23,7 +23,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.live.interface import Ability
 from gdfe_ros.live.remote.commander import Commander
 from gdfe_ros.live.remote.player import Player
-from gdfe_ros.live.remote.report import Report
+from gdfe_ros.live.remote.report import NodeReport
 from gdfe_ros.live.remote.search import Waiting, absence, full_name
 from gdfe_ros.live.remote.steps import Steps, view_of
 from gdfe_ros.live.view import View
@@ -38,7 +38,7 @@ from gdfe_ros.scene.arms import joint_starts
 from gdfe_ros.scene.loader import scene_from_text
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.solver.terms.actuation import LOAD_FACTOR
-from gdfe_ros.testing.state import State
+from gdfe_ros.testing.state import PublishedState
 
 PATIENCE = 5.0
 """Longest wait for a node's scene [s]."""
@@ -70,8 +70,8 @@ class NodeSession:
         self.failure: Exception | None = None
         self.outdated = False
         self._text: str | None = None
-        self._report, self._heard = Report(), time.monotonic()
-        self._state: State | None = None
+        self._report, self._heard = NodeReport(), time.monotonic()
+        self._state: PublishedState | None = None
         self._commanded: dict[str, float] = {}
         self._led: dict[str, Pose] = {}
         self._steps: Steps | None = None
@@ -249,7 +249,7 @@ class NodeSession:
             self.outdated = True
 
     def _hear_report(self, message: DiagnosticArray) -> None:
-        report = Report.of(message, self.name)
+        report = NodeReport.of(message, self.name)
         if report is not None:
             self._report, self._heard = report, time.monotonic()
 
@@ -266,7 +266,7 @@ class NodeSession:
         self._commanded = {**self._commanded, **record.actuators, **record.loads, **record.joints}
         self._led = {**self._led, **record.handles}
 
-    def _take(self, state: State) -> None:
+    def _take(self, state: PublishedState) -> None:
         """Pass on the view of a step."""
         self._state = state
         self._told(view_of(state, self._scene))

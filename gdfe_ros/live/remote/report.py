@@ -12,7 +12,7 @@ _ACTIVE, _RECORDING, _PAUSED = "active", "recording", "paused"
 
 
 @dataclass(frozen=True)
-class Report:
+class NodeReport:
     """Report of a node, once a second.
 
     Attributes:
@@ -28,7 +28,7 @@ class Report:
     bag: str | None = None
 
     @classmethod
-    def of(cls, message: DiagnosticArray, name: str) -> Report | None:
+    def of(cls, message: DiagnosticArray, name: str) -> NodeReport | None:
         """Return the report of a node by its full name; None if the message has none."""
         parts = {status.name: status for status in message.status}
         whole, recording, clock = (

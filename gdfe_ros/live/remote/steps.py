@@ -20,7 +20,7 @@ from gdfe_ros.node.messages import STRAIN_FIELDS
 from gdfe_ros.node.qos import interface_class
 from gdfe_ros.recording.step_record import StepRecord
 from gdfe_ros.scene.scene import Scene
-from gdfe_ros.testing.state import Moment, State, moment_of, unpack
+from gdfe_ros.testing.state import Moment, PublishedState, moment_of, unpack
 
 _QOS = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _MOST = 16
@@ -51,7 +51,7 @@ class Steps:
         scene: Scene,
         *,
         consumed: Callable[[StepRecord], None],
-        told: Callable[[State], None],
+        told: Callable[[PublishedState], None],
         failed: Callable[[Exception], None],
     ) -> None:
         self._scene, self._consumed, self._told, self._failed = scene, consumed, told, failed
@@ -113,7 +113,7 @@ class Steps:
             self._failed(error)
 
 
-def view_of(state: State, scene: Scene) -> View:
+def view_of(state: PublishedState, scene: Scene) -> View:
     """Return the view of a received step."""
     joints = [joint.name for arm in scene.arms for joint in arm.joints]
     columns = dict(zip(STRAIN_FIELDS, state.strain.T, strict=True))

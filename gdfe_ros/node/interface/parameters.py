@@ -3,27 +3,27 @@
 
 from __future__ import annotations
 
-from gdfe_ros.node.specification import Change, ParameterSpec
+from gdfe_ros.node.specification import Changeable, ParameterSpec
 
 PARAMETERS = (
     ParameterSpec(
         name="scene",
         default="bend5",
         meaning="name of a scene in config/scenes, or the path of a scene file",
-        change=Change.UNCONFIGURED,
+        change=Changeable.UNCONFIGURED,
     ),
     ParameterSpec(
         name="scene_overrides",
         default=[""],
         meaning="entries key=value that replace values of the scene, e.g. mesh.bar.cells=[25, 2, 2]; empty entries "
         "have no effect",
-        change=Change.UNCONFIGURED,
+        change=Changeable.UNCONFIGURED,
     ),
     ParameterSpec(
         name="autostart",
         default=True,
         meaning="configure and activate at start; if that fails, the node keeps running, unconfigured",
-        change=Change.START,
+        change=Changeable.START,
     ),
     ParameterSpec(
         name="clock",
@@ -31,7 +31,7 @@ PARAMETERS = (
         choices=("wall", "fast", "lockstep", "external"),
         meaning="trigger of a step. wall: the wall clock, at `rate`; fast: the end of the step before; lockstep: a "
         "command set, or the service ~/step; external: each `dt` of another node's /clock (needs `use_sim_time`)",
-        change=Change.INACTIVE,
+        change=Changeable.INACTIVE,
     ),
     ParameterSpec(
         name="rate",
@@ -71,29 +71,29 @@ PARAMETERS = (
         default=False,
         meaning="publish /clock, stamp with simulation time, and with clocks wall and fast keep stepping while "
         "nothing is commanded; only one node of a system may do this",
-        change=Change.INACTIVE,
+        change=Changeable.INACTIVE,
     ),
     ParameterSpec(
         name="frame_id",
         default="base_link",
         meaning="frame of the rest shape (REP-105); the header of every output has it, except poses and wrenches of "
         "handles and obstacles",
-        change=Change.UNCONFIGURED,
+        change=Changeable.UNCONFIGURED,
     ),
     ParameterSpec(
         name="publish_tf",
         default=True,
         meaning="publish frames of handles, obstacles and probes on /tf and /tf_static, if tf2_msgs is installed",
-        change=Change.UNCONFIGURED,
+        change=Changeable.UNCONFIGURED,
     ),
     ParameterSpec(
         name="follow",
         default=[""],
         meaning="handles and obstacles that follow a topic or a frame: handle=topic:/arm/tool_pose (PoseStamped) or "
         "handle=frame:tool0 (TF, needs tf2_msgs); such a handle takes no other commands",
-        change=Change.UNCONFIGURED,
+        change=Changeable.UNCONFIGURED,
     ),
-    ParameterSpec(name="record", default=False, meaning="write a bag while active", change=Change.INACTIVE),
+    ParameterSpec(name="record", default=False, meaning="write a bag while active", change=Changeable.INACTIVE),
     ParameterSpec(
         name="bag_path",
         default="",
@@ -104,7 +104,7 @@ PARAMETERS = (
         default=[""],
         meaning="with clock lockstep, a step begins when each of these inputs has a command, e.g. handles/tip/target, "
         "commands; empty: when any input has one",
-        change=Change.INACTIVE,
+        change=Changeable.INACTIVE,
     ),
     ParameterSpec(
         name="command_max_age",

@@ -315,7 +315,7 @@ OUTPUTS = (
 
 
 @dataclass(frozen=True)
-class Moved:
+class MovableTopics:
     """The topics of a handle, obstacle or rigid body; those with commands have ``target`` and ``velocity``.
 
     Freely moving bodies have ``put`` instead, which teleports them.
@@ -334,9 +334,9 @@ class Moved:
 
 
 MOVED = {
-    "handles": Moved(HANDLE_POSE, HANDLE_WRENCH, TARGET, VELOCITY),
-    "obstacles": Moved(OBSTACLE_POSE, OBSTACLE_WRENCH, OBSTACLE_TARGET, OBSTACLE_VELOCITY),
-    "bodies": Moved(BODY_POSE, BODY_WRENCH, put=BODY_SET),
-    "links": Moved(LINK_POSE, LINK_WRENCH),
+    "handles": MovableTopics(HANDLE_POSE, HANDLE_WRENCH, TARGET, VELOCITY),
+    "obstacles": MovableTopics(OBSTACLE_POSE, OBSTACLE_WRENCH, OBSTACLE_TARGET, OBSTACLE_VELOCITY),
+    "bodies": MovableTopics(BODY_POSE, BODY_WRENCH, put=BODY_SET),
+    "links": MovableTopics(LINK_POSE, LINK_WRENCH),
 }
 """Topics by the section of the scene."""

@@ -19,7 +19,7 @@ from gdfe_ros.solver.contact.contact_term import FAINT, PENALTY, ContactTerm
 from gdfe_ros.solver.contact.gap import ANCHOR, HEAD, NORMAL, OFFSET, PLANE, PRESS, SHEAR, STRIDE, VERTICES, WEIGHTS
 from gdfe_ros.solver.contact.settling import Damping, Settling
 from gdfe_ros.solver.contact.skin import Skin
-from gdfe_ros.solver.contact.surface import SHAPE, TURNED, Corners, Surface
+from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corners
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
@@ -56,7 +56,9 @@ class Contact(ContactTerm):
     kernel, potential = law.contact_entry, staticmethod(law.contact_energy)
     law = law
 
-    def __init__(self, name: str, touched: Obstacle, body: Body, points: Surface | Corners, friction: float) -> None:
+    def __init__(
+        self, name: str, touched: Obstacle, body: Body, points: ContactSurface | Corners, friction: float
+    ) -> None:
         self._touched, self._points, self._radius = touched, points, 0.0
         count, carriers = points.carriers.shape
         reals = np.concatenate([np.zeros(HEAD + STRIDE * count), touched.form.samples])
@@ -80,7 +82,7 @@ class Contact(ContactTerm):
     @property
     def on_body(self) -> bool:
         """Whether the points belong to the elastic body."""
-        return isinstance(self._points, Surface)
+        return isinstance(self._points, ContactSurface)
 
     @property
     def updates(self) -> bool:

@@ -12,13 +12,13 @@ from gdfe_ros.solver.contact.own_contact import OwnContact
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.contact.round_contact import RoundContact
 from gdfe_ros.solver.contact.skin import Skin
-from gdfe_ros.solver.contact.surface import Surface
+from gdfe_ros.solver.contact.surface import ContactSurface
 
 
 def contacts_of(body: Body) -> list[ContactTerm]:
     """Return the contact terms of a body: with obstacles and rigid bodies, among these, and with itself."""
     touched = [handle for handle in body.handles if isinstance(handle, Obstacle)]
-    surface, found = (Surface if body.skin is None else Skin).of(body) if touched else None, []
+    surface, found = (ContactSurface if body.skin is None else Skin).of(body) if touched else None, []
     for thing in touched:
         found.append(Contact(thing.name, thing, body, surface, thing.friction))
     for rigid, thing in rigid_pairs(touched):

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.contact.surface import Surface, driven_vertices
+from gdfe_ros.solver.contact.surface import ContactSurface, driven_vertices
 
 HELD = 0.5
 """Share of a point's weights on driven vertices from which on the point counts as driven and does not touch."""
 
 
 @dataclass(frozen=True, eq=False)
-class Skin(Surface):
+class Skin(ContactSurface):
     """Points of a skin carried by cells, and the vertices of those meshes that touch by their faces.
 
     Attributes:
@@ -34,7 +34,7 @@ class Skin(Surface):
     @classmethod
     def of(cls, body: Body) -> Skin:
         """Return the contact surface of a body with skin points, without the points that handles drive."""
-        skin, driven, bare = body.skin, driven_vertices(body), Surface.of(body)
+        skin, driven, bare = body.skin, driven_vertices(body), ContactSurface.of(body)
         held = (np.abs(skin.weights) * driven[skin.corners]).sum(axis=1) / np.abs(skin.weights).sum(axis=1)
         kept = np.flatnonzero(held < HELD)
         count = len(bare.carriers)

@@ -22,7 +22,7 @@ TURNED = 6.0
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class ContactSurface:
     """The boundary of a body without the faces that handles drive, and without those represented by a skin.
 
     Attributes:
@@ -42,7 +42,7 @@ class Surface:
     spread: NDArray[np.float64]
 
     @classmethod
-    def of(cls, body: Body) -> Surface:
+    def of(cls, body: Body) -> ContactSurface:
         """Return the contact surface of a body."""
         quads, driven = body.cell_type.boundary(body.cells).quads, driven_vertices(body)
         if quads.shape[1] == 6:
@@ -55,10 +55,10 @@ class Surface:
         vertices = np.flatnonzero((spread > 0.0) & ~driven).astype(np.int32)
         gauss = np.linalg.solve(SHAPE.T, shares.T).T
         weights = np.ones((len(vertices), 1))
-        return Surface(vertices[:, None], weights, spread[vertices], quads.astype(np.int32), gauss, spread)
+        return ContactSurface(vertices[:, None], weights, spread[vertices], quads.astype(np.int32), gauss, spread)
 
     @classmethod
-    def _of_nodes(cls, body: Body, faces: NDArray[np.int32], driven: NDArray[np.bool_]) -> Surface:
+    def _of_nodes(cls, body: Body, faces: NDArray[np.int32], driven: NDArray[np.bool_]) -> ContactSurface:
         """Return the surface of tetrahedra: all six nodes of each face touch.
 
         There is no correction for faces that are nearer than their nodes: the faces are quadratic, too. In a prototype
@@ -70,7 +70,7 @@ class Surface:
         vertices = np.flatnonzero((spread > 0.0) & ~driven).astype(np.int32)
         none = np.zeros((0, 4))
         ones = np.ones((len(vertices), 1))
-        return Surface(vertices[:, None], ones, spread[vertices], none.astype(np.int32), none, spread)
+        return ContactSurface(vertices[:, None], ones, spread[vertices], none.astype(np.int32), none, spread)
 
     @property
     def vertices(self) -> NDArray[np.int32]:

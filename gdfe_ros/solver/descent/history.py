@@ -12,7 +12,7 @@ from gdfe_ros.solver.descent.workspace import Workspace, numbers
 
 
 @dataclass(frozen=True, eq=False)
-class History:
+class UpdateHistory:
     """The pairs of an L-BFGS history, oldest first; an immutable value.
 
     Attributes:
@@ -27,7 +27,7 @@ class History:
     gram: NDArray[np.float64]
 
     @classmethod
-    def empty(cls) -> History:
+    def empty(cls) -> UpdateHistory:
         """Return a history without pairs."""
         return cls((), (), np.zeros((0, 0)), np.zeros((0, 0)))
 
@@ -41,10 +41,10 @@ class HistoryKeeper:
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace, self._status = workspace, numbers(workspace)
-        self._held: History | None = None
+        self._held: UpdateHistory | None = None
         self._pairs: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
-    def load(self, history: History) -> None:
+    def load(self, history: UpdateHistory) -> None:
         """Load ``history`` into the workspace for the next minimisation."""
         held, self._held = self._held, None
         if held is history:
@@ -60,7 +60,7 @@ class HistoryKeeper:
         work.triangle[:count, :count], work.gram[:count, :count] = history.triangle, history.gram
         status["count"], status["pending"] = count, 0
 
-    def export(self) -> History:
+    def export(self) -> UpdateHistory:
         """Return the history at the end of the last minimisation."""
         work, known = self._workspace, self._pairs
         count = int(self._status["count"])
@@ -71,5 +71,5 @@ class HistoryKeeper:
         }
         steps, images = zip(*self._pairs.values(), strict=True) if count else ((), ())
         triangle, gram = work.triangle[:count, :count].copy(), work.gram[:count, :count].copy()
-        self._held = History(steps, images, triangle, gram)
+        self._held = UpdateHistory(steps, images, triangle, gram)
         return self._held

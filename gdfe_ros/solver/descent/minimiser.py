@@ -159,7 +159,7 @@ class Minimiser:
             pairs.take_products(task.active.workspace, None)
         return Descended(used, ended.cut)
 
-    def residual(self, active: ActiveSet) -> float:
+    def error_estimate(self, active: ActiveSet) -> float:
         """Return the estimated largest distance to the equilibrium over the body's size."""
         work, status, size = active.workspace, active.status, self._body.size
         distance = float(status["distance"]) / (SAFETY * size)

@@ -135,7 +135,7 @@ class TangentMinimiser(Minimiser):
             return Descended(0, cut=False)
         return self._iterate_to(task, target, limit, last=last)
 
-    def residual(self, active: ActiveSet) -> float:
+    def error_estimate(self, active: ActiveSet) -> float:
         """Return the distance to the equilibrium over the body's size; infinite if it is unknown."""
         return float(self._course["distance"]) / self._body.size
 

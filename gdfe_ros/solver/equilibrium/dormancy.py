@@ -19,7 +19,7 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.active_set import ActiveSet
 from gdfe_ros.solver.matrix.unknowns import gather_rows
 from gdfe_ros.solver.settings import Skip
-from gdfe_ros.solver.state import Known, Sleep, State
+from gdfe_ros.solver.state import DormancyState, Known, State
 from gdfe_ros.solver.value import changed
 
 QUIET = 0.1
@@ -44,7 +44,7 @@ CERTAIN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class AwakePart:
     """An awake part of a body.
 
     Attributes:
@@ -77,17 +77,17 @@ class Dormancy:
         self._possible = Skip.DORMANT in skip and len(whole.unknowns.free) >= LEAST_VERTICES
         self._alive = np.zeros(len(body.rest), dtype=bool)
         self._alive[whole.unknowns.members] = True
-        self._part: Part | None = None
+        self._part: AwakePart | None = None
 
     def forbid(self) -> None:
         """Disable freezing for good; the constant matrix cannot estimate the displacement of frozen vertices."""
         self._possible = False
 
-    def at_rest(self) -> Sleep | None:
+    def at_rest(self) -> DormancyState | None:
         """Return the dormancy state with nothing frozen; None if freezing is disabled."""
         if not self._possible:
             return None
-        return Sleep(
+        return DormancyState(
             awake=None,
             known=None,
             border=None,
@@ -119,7 +119,7 @@ class Dormancy:
         """Return whether an active set leaves out frozen elements."""
         return active is not self._whole
 
-    def disturbance(self, sleep: Sleep, target: float) -> tuple[float, float]:
+    def disturbance(self, sleep: DormancyState, target: float) -> tuple[float, float]:
         """Return the displacement [m] that the frozen vertices would have if they were free, and that per 1 N.
 
         The first value is exact where it matters, around ``target`` [m].
@@ -139,8 +139,8 @@ class Dormancy:
         return reach, reach / size
 
     def accepted(
-        self, sleep: Sleep | None, active: ActiveSet, positions: NDArray[np.float64], tolerance: float
-    ) -> Sleep | None:
+        self, sleep: DormancyState | None, active: ActiveSet, positions: NDArray[np.float64], tolerance: float
+    ) -> DormancyState | None:
         """Return the dormancy state after a step of ``active`` to ``positions`` (n, 3) [m]; forces may be missing."""
         if sleep is None:
             return None
@@ -157,25 +157,25 @@ class Dormancy:
             return self._watched(sleep, moved <= QUIET * tolerance * self._body.size)
         return sleep
 
-    def learned(self, sleep: Sleep | None, evaluate: Callable[[], Known]) -> Sleep | None:
+    def learned(self, sleep: DormancyState | None, evaluate: Callable[[], Known]) -> DormancyState | None:
         """Return ``sleep`` with the forces of the frozen elements; ``evaluate`` computes those of the whole body."""
         if sleep is None or sleep.awake is None or sleep.known is not None:
             return sleep
         known = evaluate()
         return changed(sleep, known=known, border=self._forces(self._made(sleep.awake)))
 
-    def woken(self, sleep: Sleep | None) -> Sleep | None:
+    def woken(self, sleep: DormancyState | None) -> DormancyState | None:
         """Return ``sleep`` with nothing frozen, after handles moved beside frozen elements."""
         return None if sleep is None else self._dropped(sleep)
 
-    def _watched(self, sleep: Sleep, quiet: NDArray[np.bool_]) -> Sleep:
+    def _watched(self, sleep: DormancyState, quiet: NDArray[np.bool_]) -> DormancyState:
         """Count the steps in which vertices are at rest; freeze those that have been for long enough."""
         calm, count = sleep.calm & quiet, sleep.count + 1
         if count < sleep.patience:
             return changed(sleep, calm=calm, count=count)
         return changed(self._taken(sleep, ~calm), count=0, calm=np.ones_like(calm))
 
-    def _widened(self, sleep: Sleep, moved: NDArray[np.float64]) -> Sleep:
+    def _widened(self, sleep: DormancyState, moved: NDArray[np.float64]) -> DormancyState:
         """Continue with the part after it woke; enlarge it if it woke within `SHORT` steps."""
         if sleep.lasted < SHORT:
             held = self._made(sleep.awake).active.held
@@ -185,7 +185,7 @@ class Dormancy:
             sleep = self._taken(changed(sleep, patience=patience), stirred | sleep.awake)
         return changed(sleep, lasted=0, known=None, border=None)
 
-    def _taken(self, sleep: Sleep, awake: NDArray[np.bool_]) -> Sleep:
+    def _taken(self, sleep: DormancyState, awake: NDArray[np.bool_]) -> DormancyState:
         """Freeze all but the vertices ``awake`` (n,) and `LAYERS` layers around them, if that pays."""
         cells, free = self._body.cells, self._whole.unknowns.free
         awake = awake | self._alive
@@ -196,11 +196,11 @@ class Dormancy:
             return changed(self._dropped(sleep), rests=rest, longer_rest=rest)
         return changed(sleep, awake=awake, known=None, border=None, yielding=np.inf, lasted=0, longer_rest=1)
 
-    def _dropped(self, sleep: Sleep) -> Sleep:
+    def _dropped(self, sleep: DormancyState) -> DormancyState:
         calm = np.ones_like(sleep.calm)
         return changed(sleep, awake=None, known=None, border=None, lasted=0, count=0, calm=calm)
 
-    def _made(self, awake: NDArray[np.bool_]) -> Part:
+    def _made(self, awake: NDArray[np.bool_]) -> AwakePart:
         """Return the part with these vertices; the last part is cached because its factor is expensive."""
         if self._part is None or not (awake is self._part.awake or np.array_equal(awake, self._part.awake)):
             whole = self._whole
@@ -213,10 +213,10 @@ class Dormancy:
             prescribed = whole.unknowns.prescribed
             watched = active.held if self._pushed else active.held[beside[active.held]]
             rows = np.searchsorted(whole.unknowns.free, watched).astype(np.int64)
-            self._part = Part(awake, active, watched, rows, prescribed[asleep[prescribed]])
+            self._part = AwakePart(awake, active, watched, rows, prescribed[asleep[prescribed]])
         return self._part
 
-    def _forces(self, part: Part) -> NDArray[np.float64]:
+    def _forces(self, part: AwakePart) -> NDArray[np.float64]:
         """Return dE/dx [N] of the watched vertices."""
         work, total = self._whole.workspace, np.empty((len(part.watched), 3))
         gather_rows(work.force, self._whole.unknowns.vertices_only(part.watched), total.reshape(-1))

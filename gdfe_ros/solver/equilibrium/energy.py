@@ -15,7 +15,7 @@ from gdfe_ros.materials.table import LAME, LOCAL, PENALTY, SHEAR, YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.history import History
+from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.descent.minimiser import SAFETY, Minimiser, Observer, Task
 from gdfe_ros.solver.descent.workspace import LONG_MEMORY, MEMORY
 from gdfe_ros.solver.distance import largest_shift
@@ -45,7 +45,7 @@ REORIENT = 0.3
 RAN_AWAY = "the body runs away: its energy has no lower bound; a material or a load is unstable there"
 
 
-class EnergyEquilibrium:
+class EquilibriumSolver:
     """Equilibrium solver: finds positions at which the forces of all elements, derived from their energy, balance.
 
     Args:
@@ -122,7 +122,7 @@ class EnergyEquilibrium:
         summary = Summary(
             converged=not entered,
             message=f"not solved yet: at rest the body is inside of {', '.join(entered)}" if entered else "",
-            residual=0.0,
+            error_estimate=0.0,
             energy=0.0,
             min_det=1.0,
             reactions=still,
@@ -192,9 +192,9 @@ class EnergyEquilibrium:
         if found.converged and not solve.pressures.stiffened:
             moved, yielding = self._dormancy.disturbance(start.sleep, target)
             if moved <= target:
-                residual = max(found.state.summary.residual, moved / target * problem.tolerance)
+                estimate = max(found.state.summary.error_estimate, moved / target * problem.tolerance)
                 summary, sleep = (
-                    changed(found.state.summary, residual=residual),
+                    changed(found.state.summary, error_estimate=estimate),
                     changed(start.sleep, yielding=yielding),
                 )
                 found = changed(found, state=found.state.with_(summary=summary, sleep=sleep))
@@ -218,7 +218,7 @@ class EnergyEquilibrium:
         found, active = solution.state, solution.active
         change = previous.change_to(found.commands)
         part = self._dormancy.is_part(active)
-        exported = active.keeper.export() if self.minimiser.remembers else History.empty()
+        exported = active.keeper.export() if self.minimiser.remembers else UpdateHistory.empty()
         sleep = found.sleep
         if self._dormancy.touched(previous, found.base):
             sleep = self._dormancy.woken(sleep)
@@ -229,7 +229,7 @@ class EnergyEquilibrium:
             motion=self._predictor.motion(previous, found, change),
             turns=self.handles.within_a_turn(found.turns),
             history=previous.history if part else exported,
-            part_history=exported if part else previous.part_history if same else History.empty(),
+            part_history=exported if part else previous.part_history if same else UpdateHistory.empty(),
             sleep=sleep,
             balance=solution.balance,
         )
@@ -262,15 +262,15 @@ class EnergyEquilibrium:
         orientation = self._orientation(solve)
         return active.matrix.coupling if orientation is None else active.matrix.turned(orientation)
 
-    def descend(self, solve: Solve, active: ActiveSet, history: History, *, spent: int = 0) -> Solution:
+    def descend(self, solve: Solve, active: ActiveSet, history: UpdateHistory, *, spent: int = 0) -> Solution:
         """Minimise from the present positions of ``solve`` with a ``history``, after ``spent`` iterations."""
         orientation, coupling = self._orientation(solve), self._coupling(solve, active)
         if orientation is not None and orientation is not solve.start.orientation:
-            history = History.empty()
+            history = UpdateHistory.empty()
         active.keeper.load(history)
         solve.descend(active, coupling, threads=active.threads(self._threads), limit=solve.problem.limit - spent)
         if self.minimiser.ran_away(active):
-            summary = changed(solve.start.summary, converged=False, residual=np.inf, message=RAN_AWAY)
+            summary = changed(solve.start.summary, converged=False, error_estimate=np.inf, message=RAN_AWAY)
             return Solution(
                 state=solve.start.with_(summary=summary),
                 iterations=solve.iterations,

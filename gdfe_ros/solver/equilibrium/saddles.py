@@ -7,7 +7,7 @@ from typing import Protocol
 
 from gdfe_ros.solver.deadline import past
 from gdfe_ros.solver.descent.active_set import ActiveSet
-from gdfe_ros.solver.descent.history import History
+from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.descent.minimiser import Task
 from gdfe_ros.solver.equilibrium.model import Model
 from gdfe_ros.solver.equilibrium.solve import Solve
@@ -42,7 +42,7 @@ class Descents(Protocol):
     def task_at(self, solve: Solve, found: Solution) -> Task:
         """Return the minimisation's task at a solution, with unchanged multipliers."""
 
-    def descend(self, solve: Solve, active: ActiveSet, history: History, *, spent: int = 0) -> Solution:
+    def descend(self, solve: Solve, active: ActiveSet, history: UpdateHistory, *, spent: int = 0) -> Solution:
         """Minimise from the present positions of ``solve``."""
 
 
@@ -92,7 +92,7 @@ class Saddles:
             whole.workspace.u[...] = down.unknowns
             slides, turns = whole.rigid_motion()
             solve.leave_to(found.state.with_(positions=down.positions, slides=slides, turns=turns))
-            again = descents.descend(solve, whole, History.empty(), spent=found.iterations)
+            again = descents.descend(solve, whole, UpdateHistory.empty(), spent=found.iterations)
             spent = found.iterations + again.iterations
             if not (again.converged and again.min_det > 0.0):
                 whole.keeper.load(history)

@@ -212,7 +212,7 @@ class Solve:
         self.measure(active, stored, least)
         positions = work.x.copy()
         slides, turns = active.rigid_motion()
-        converged, residual, message = self._verdict(active)
+        converged, estimate, message = self._verdict(active)
         if flaw := self._actuation.flaw(positions):
             converged, message = False, f"{flaw}; {message}".rstrip("; ")
         if not (converged and least.min() > 0.0):
@@ -220,7 +220,7 @@ class Solve:
         outside = work.outside if self._actuation.terms else None
         summary = Summary(
             converged=converged,
-            residual=residual,
+            error_estimate=estimate,
             energy=float(stored.sum()),
             min_det=float(least.min()),
             reactions=handle_reactions(self._body, positions, work.force, outside, self._actuation.contacts),
@@ -299,24 +299,24 @@ class Solve:
         """Return whether it is an equilibrium, the estimated distance to it over the body's size, and a message."""
         if self._actuation.hopeless:
             return False, np.inf, TOO_DEEP
-        tolerance, residual = self.problem.tolerance, self._minimiser.residual(active) / self._aim
-        if residual <= tolerance and self._settled and (self.warm or not self._cut):
-            return True, residual, ""
+        tolerance, estimate = self.problem.tolerance, self._minimiser.error_estimate(active) / self._aim
+        if estimate <= tolerance and self._settled and (self.warm or not self._cut):
+            return True, estimate, ""
         if self._cut:
             late = past(self.problem.deadline)
             reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
             far = float(active.status["distance"]) / self._body.size
             text = f"{reason}: the distance to equilibrium is unknown yet; the last step was {far:.3g} of the size"
             return False, np.inf, f"{text}; the next step goes on from here"
-        if residual <= tolerance:
+        if estimate <= tolerance:
             text = "pressures, commanded lengths and volumes, or hourglass scales have not settled"
-            return False, residual, f"{text} in {MOST_UPDATES} updates, although the positions hardly move any more"
-        if not np.isfinite(residual):
+            return False, estimate, f"{text} in {MOST_UPDATES} updates, although the positions hardly move any more"
+        if not np.isfinite(estimate):
             text = "the distance to equilibrium is not known: the body is at the edge of its stability"
-            return False, residual, f"{text}; smaller steps, or other commands, lead past it"
+            return False, estimate, f"{text}; smaller steps, or other commands, lead past it"
         reason = "no further descent is possible at the precision of the energy"
-        message = f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
-        return False, residual, message
+        message = f"{reason}: about {estimate:.3g} of the body's size from equilibrium, tolerance {tolerance:.3g}"
+        return False, estimate, message
 
     def _unfinished(self, active: ActiveSet) -> Unfinished:
         done = self._resumed.iterations if self._resumed else 0

@@ -15,7 +15,7 @@ from gdfe_ros.solver.cell_type import cell_type_of
 from gdfe_ros.solver.matrix.coupling import Coupling, RigidFields, close_coupling
 from gdfe_ros.solver.matrix.factor import Factorisation, factor_of, usual_kind
 from gdfe_ros.solver.matrix.inverse import apply_free
-from gdfe_ros.solver.matrix.unknowns import Frame, Unknowns, gather_rigid_rows, handle_centres
+from gdfe_ros.solver.matrix.unknowns import HandlePositions, Unknowns, gather_rigid_rows, handle_centres
 
 
 def assemble(
@@ -111,7 +111,7 @@ class ConstantMatrix:
         unknowns, count = self._unknowns, len(self._unknowns.free)
         right = np.zeros((unknowns.rows, 3))
         right[:count] = force[unknowns.free]
-        frame = Frame(self._rest, handle_centres(self._rest, unknowns))
+        frame = HandlePositions(self._rest, handle_centres(self._rest, unknowns))
         none, rest = np.zeros((0, 8, 3)), np.zeros(right.size)
         no_corners = unknowns._replace(corner_start=np.zeros_like(unknowns.corner_start))
         gather_rigid_rows(rest, self._rest, none, force, True, frame, no_corners, right.reshape(-1))

@@ -67,7 +67,7 @@ class Unknowns(NamedTuple):
         return self._replace(free=free, slides=none, turns=none, turn_row=np.zeros(0, np.int32))
 
 
-class Frame(NamedTuple):
+class HandlePositions(NamedTuple):
     """Commanded positions of the handles.
 
     Attributes:

@@ -161,7 +161,7 @@ class Flight:
             failure = Failure(**asked, duration=self.duration, length=self.longest, reason=text)
         state = self.state.with_(
             ledger=changed(self.state.ledger, failure=failure),
-            summary=changed(self.state.summary, residual=math.inf),
+            summary=changed(self.state.summary, error_estimate=math.inf),
         )
         return changed(self, state=state, flaw=text).march(skipped)
 

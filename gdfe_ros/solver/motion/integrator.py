@@ -12,7 +12,7 @@ from scipy import sparse
 
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.flight import Flight
@@ -67,7 +67,7 @@ class Integrator:
         self._dynamics = dynamics
         # Pressures that lag behind a motion add energy to it; without damping they must not lag.
         self._fed = self._scheme is not Scheme.BDF2 and not (dynamics.damps or dynamics.mass_damping)
-        self._made: dict[float, EnergyEquilibrium] = {}
+        self._made: dict[float, EquilibriumSolver] = {}
         self._pushes, self._impacts = Pushes(free_mass, dynamics, self._scheme), Impacts(body, dynamics, self._scheme)
 
     def solve(self, flight: Flight, h: float, deadline: Deadline | None) -> Solution:
@@ -112,7 +112,7 @@ class Integrator:
         """Scheme and damping in use."""
         return self._dynamics
 
-    def equilibrium(self, h: float) -> EnergyEquilibrium:
+    def equilibrium(self, h: float) -> EquilibriumSolver:
         """Return the equilibrium solver of internal steps of length ``h`` [s]."""
         if h in self._made:
             return self._made[h]
@@ -122,7 +122,7 @@ class Integrator:
         masses = np.asarray(self._mass.sum(axis=1)).ravel()
         while len(self._made) >= KEPT:
             del self._made[next(iter(self._made))]
-        self._made[h] = EnergyEquilibrium(
+        self._made[h] = EquilibriumSolver(
             self._body,
             self._acting(own),
             skip=[item for item in self._settings.skip if item is not Skip.DORMANT],

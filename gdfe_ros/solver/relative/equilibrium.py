@@ -88,7 +88,7 @@ class RelativeEquilibrium:
             balance=None,
             summary=Summary(
                 converged=False,
-                residual=0.0,
+                error_estimate=0.0,
                 energy=0.0,
                 min_det=1.0,
                 reactions={handle.name: np.zeros(6) for handle in body.handles},
@@ -102,8 +102,8 @@ class RelativeEquilibrium:
         change = start.change_to(problem.commands)
         prediction = self._predictor.predict(start, base, change, self._movable)
         operators = self._actuation.growths.at(problem.commands, start.operators)
-        x, slides, omega, strain, iteration, residual, late = self._iterate(problem, start, base, prediction, operators)
-        converged, shapes = residual <= problem.tolerance, start.shapes
+        x, slides, omega, strain, iteration, estimate, late = self._iterate(problem, start, base, prediction, operators)
+        converged, shapes = estimate <= problem.tolerance, start.shapes
         shapes = ShapeState(captured=shapes.captured, strain=shapes.strain, omega=omega)
         message = ""
         if converged:
@@ -114,7 +114,7 @@ class RelativeEquilibrium:
         else:
             reason = problem.deadline.reason if late else f"stopped after {problem.limit} iterations"
             message = (
-                f"{reason}: about {residual:.3g} of the body's size from equilibrium, tolerance {problem.tolerance:.3g}"
+                f"{reason}: about {estimate:.3g} of the body's size from equilibrium, tolerance {problem.tolerance:.3g}"
             )
         found = start.with_(
             positions=x,
@@ -124,7 +124,7 @@ class RelativeEquilibrium:
             slides=slides,
             shapes=shapes,
             operators=operators,
-            summary=self._summary(x, operators, problem, converged=converged, residual=residual, message=message),
+            summary=self._summary(x, operators, problem, converged=converged, error_estimate=estimate, message=message),
         )
         return Solution(
             state=found,
@@ -155,7 +155,7 @@ class RelativeEquilibrium:
         """Iterate to a fixed point.
 
         Returns:
-            Positions, free translations, omega, strains, number of iterations, residual, and whether the deadline
+            Positions, free translations, omega, strains, number of iterations, error estimate, and whether the deadline
             passed.
         """
         body, unknowns, frame = self._body, self._body.unknowns, self.handles.frame(base)
@@ -164,7 +164,7 @@ class RelativeEquilibrium:
         u = np.vstack([prediction.positions[unknowns.free], prediction.slides * unknowns.slides])
         gradient, step, none = np.zeros_like(u), np.zeros_like(u), np.zeros((0, 3))
         rest, captured = self._stretched(self._rest, operators), self._stretched(start.shapes.captured, operators)
-        anderson, residual = Anderson(), np.inf
+        anderson, estimate = Anderson(), np.inf
         for iteration in range(problem.limit + 1):
             place(u.ravel(), frame, unknowns, x)
             omega, strain = self._factors(x, operators)
@@ -174,12 +174,12 @@ class RelativeEquilibrium:
             gather_rigid_rows(u.ravel(), x, self._difference, none, False, frame, unknowns, gradient.reshape(-1))
             self.matrix.solve(gradient[:count], step[:count])
             close_coupling(gradient.reshape(-1), self.matrix.coupling, step.reshape(-1))
-            residual = float(largest(step.reshape(-1))) / (SAFETY * body.size)
+            estimate = float(largest(step.reshape(-1))) / (SAFETY * body.size)
             late = iteration > 0 and problem.deadline is not None and problem.deadline.passed()
-            if residual <= problem.tolerance or late or iteration == problem.limit:
+            if estimate <= problem.tolerance or late or iteration == problem.limit:
                 break
             u = anderson.next(u.ravel(), -step.ravel()).reshape(u.shape)
-        return x, u[count:].copy(), omega, strain, iteration, residual, late
+        return x, u[count:].copy(), omega, strain, iteration, estimate, late
 
     def _summary(
         self,
@@ -188,7 +188,7 @@ class RelativeEquilibrium:
         problem: Increment,
         *,
         converged: bool,
-        residual: float,
+        error_estimate: float,
         message: str,
     ) -> Summary:
         """Return a summary with the forces of the ``energy`` policy at these positions; this policy has none."""
@@ -203,7 +203,7 @@ class RelativeEquilibrium:
             converged, message = False, "; ".join(text for text in (message, flattened(least)) if text)
         return Summary(
             converged=converged,
-            residual=residual,
+            error_estimate=error_estimate,
             energy=float(stored.sum()),
             min_det=float(least.min()),
             reactions=handle_reactions(body, x, force),

@@ -13,14 +13,14 @@ from gdfe_ros.blas import one_blas_thread
 from gdfe_ros.errors import GdfeError
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.own_contact import OwnContact
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.motion import viscosity
 from gdfe_ros.solver.motion.dynamics import Dynamics
 from gdfe_ros.solver.sensitivity.curvature import curved
 from gdfe_ros.solver.sensitivity.linearised import Linearised
 from gdfe_ros.solver.sensitivity.parameter import Parameter
 from gdfe_ros.solver.sensitivity.result import Outputs, Sensitivities
-from gdfe_ros.solver.sensitivity.side import Column, Pair, Side
+from gdfe_ros.solver.sensitivity.side import Column, Pair, VariedInputs
 from gdfe_ros.solver.sensitivity.stiffness import WholeStiffness
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.tangent.level import TangentLevel
@@ -35,7 +35,7 @@ class Tangents:
         equilibrium: the equilibrium solver.
     """
 
-    def __init__(self, equilibrium: EnergyEquilibrium) -> None:
+    def __init__(self, equilibrium: EquilibriumSolver) -> None:
         self._equilibrium = equilibrium
         self._level: TangentLevel | None = None
         self._last: tuple[State, State, Linearised] | None = None
@@ -75,7 +75,7 @@ class EquilibriumColumns:
         equilibrium: the equilibrium solver.
     """
 
-    def __init__(self, equilibrium: EnergyEquilibrium) -> None:
+    def __init__(self, equilibrium: EquilibriumSolver) -> None:
         self._tangents, self._body = Tangents(equilibrium), equilibrium.body
 
     def found(
@@ -104,15 +104,15 @@ class EquilibriumColumns:
         return joined(names, parameters, columns)
 
 
-def own_side(body: Body, state: State, end: State | None = None) -> Side:
+def own_side(body: Body, state: State, end: State | None = None) -> VariedInputs:
     """Return the inputs of the solve that is linearised, from ``state`` to ``end`` (None: the same state)."""
     end = end or state
-    return Side(start=state, commands=end.commands, poses=end.poses, table=body.table)
+    return VariedInputs(start=state, commands=end.commands, poses=end.poses, table=body.table)
 
 
 def pair_of(
     parameter: Parameter,
-    own: Side,
+    own: VariedInputs,
     *,
     h: float | None = None,
     scheme: Dynamics | None = None,

@@ -14,7 +14,7 @@ MOST = 12
 """Multipliers up to which they are eliminated: each costs a solve with the factor once a state."""
 
 
-class Elimination:
+class SchurComplement:
     """The Schur complement S = D + C K^-1 B of the system K dx + B dm = r, -C dx + D dm = s.
 
     Args:

@@ -23,11 +23,11 @@ from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.elements.pressures import with_bulk
 from gdfe_ros.solver.elements.response import evaluate
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.matrix.unknowns import Frame, gather_rigid_rows, place
+from gdfe_ros.solver.matrix.unknowns import HandlePositions, gather_rigid_rows, place
 from gdfe_ros.solver.reactions import vertex_forces
-from gdfe_ros.solver.sensitivity.elimination import MOST, Elimination
+from gdfe_ros.solver.sensitivity.elimination import MOST, SchurComplement
 from gdfe_ros.solver.sensitivity.krylov import solved
 from gdfe_ros.solver.sensitivity.products import add_products
 from gdfe_ros.solver.sensitivity.softening import slopes
@@ -43,7 +43,7 @@ SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
 and of rotations of handles."""
 
 
-class Change(NamedTuple):
+class StateDerivative(NamedTuple):
     """A derivative of positions and multipliers.
 
     Attributes:
@@ -80,7 +80,7 @@ class Linearised:
         volumes: volume laws of the elements at the end.
     """
 
-    def __init__(self, equilibrium: EnergyEquilibrium, level: TangentLevel, start: State, end: State) -> None:
+    def __init__(self, equilibrium: EquilibriumSolver, level: TangentLevel, start: State, end: State) -> None:
         self._level, self._start, self.end, self.handles = level, start, end, equilibrium.handles
         self.interrupted: Callable[[], bool] | None = None
         self.body, self.actuation = equilibrium.body, equilibrium.actuation
@@ -189,7 +189,9 @@ class Linearised:
         add_products(self._stiffness, self._softened, self._slopes, self.body.cells, motion, forces)
         return forces, change
 
-    def solve(self, forces: NDArray[np.float64], change: NDArray[np.float64], turned: NDArray[np.float64]) -> Change:
+    def solve(
+        self, forces: NDArray[np.float64], change: NDArray[np.float64], turned: NDArray[np.float64]
+    ) -> StateDerivative:
         """Return the derivative that balances forces (n, 3) [N] and a change (k,) of the updated multipliers.
 
         ``turned`` (3 q,) are further generalised forces on the rigid rows.
@@ -204,9 +206,9 @@ class Linearised:
         tolerance = STIFF if len(self.multipliers) else SOFT
         found = solved(self._multiplied, self._eliminated, right, tolerance=tolerance)
         unknowns, multipliers = found[:rows], found[rows:] * self._weights
-        return Change(unknowns, self.moved(unknowns), multipliers)
+        return StateDerivative(unknowns, self.moved(unknowns), multipliers)
 
-    def rigid_part(self, u: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
+    def rigid_part(self, u: NDArray[np.float64], frame: HandlePositions) -> NDArray[np.float64]:
         """Return the forces at the end as generalised forces (3 q,) on the rigid rows, at other rigid motions.
 
         Args:
@@ -235,7 +237,7 @@ class Linearised:
             None,
         )
 
-    def _soften(self, equilibrium: EnergyEquilibrium) -> None:
+    def _soften(self, equilibrium: EquilibriumSolver) -> None:
         """Compute the derivative of the elements' forces by their hourglass scales, if these follow strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
         self._slopes = self._softened = np.zeros((0, 24))
@@ -282,7 +284,7 @@ class Linearised:
         if not 0 < len(self.multipliers) <= MOST:
             return self._preconditioned
         try:
-            return Elimination(self._multiplied, self._factored, 3 * self._unknowns.rows, len(self.multipliers))
+            return SchurComplement(self._multiplied, self._factored, 3 * self._unknowns.rows, len(self.multipliers))
         except LinAlgError:
             return self._preconditioned
 

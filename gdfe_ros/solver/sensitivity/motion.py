@@ -15,7 +15,7 @@ from gdfe_ros.solver.motion import inertia
 from gdfe_ros.solver.motion.stepper import InternalStep, MotionStepper
 from gdfe_ros.solver.sensitivity.columns import Tangents, own_side, pair_of
 from gdfe_ros.solver.sensitivity.parameter import Parameter, moved
-from gdfe_ros.solver.sensitivity.side import NEAR, Column, Pair, Side
+from gdfe_ros.solver.sensitivity.side import NEAR, Column, Pair, VariedInputs
 from gdfe_ros.solver.state import State
 from gdfe_ros.solver.terms.term import TermTable, terms_energy
 
@@ -111,7 +111,7 @@ class Trail:
             solve.restore()
         return found
 
-    def _history(self, own: Side, parameter: Parameter, column: Carried) -> Pair | None:
+    def _history(self, own: VariedInputs, parameter: Parameter, column: Carried) -> Pair | None:
         """Return the inputs of two solves with a varied initial state; None if it does not depend on the parameter."""
         kept = column.terms[inertia.NAME]
         h, size = own.start.terms[inertia.NAME]["h"][0] or 1.0, self._stepper.body.size
@@ -123,7 +123,7 @@ class Trail:
         sides = (replace(own, start=_beside(own.start, parameter, column, sign * step)) for sign in (1.0, -1.0))
         return Pair(*sides, own, step)
 
-    def _left(self, stage: InternalStep, side: Side, x: NDArray[np.float64]) -> Kept:
+    def _left(self, stage: InternalStep, side: VariedInputs, x: NDArray[np.float64]) -> Kept:
         """Return the terms' states after a varied step, without the contact forces that the next step must not use."""
         integrator, h = stage.integrator, stage.h
         terms = {}

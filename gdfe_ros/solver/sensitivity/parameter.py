@@ -18,7 +18,7 @@ from gdfe_ros.errors import CommandError
 from gdfe_ros.materials import Curve, CurveData, Material
 from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.sensitivity.variant import Model, Variant
+from gdfe_ros.solver.sensitivity.variant import MaterialVariant, Variant
 
 NEAR = 1e-5
 """Relative variation of a value, over itself or its order of magnitude: forces are smooth, so the error is 1e-10."""
@@ -85,7 +85,7 @@ class Parameters:
     def __init__(
         self,
         body: Body,
-        model: Model,
+        model: MaterialVariant,
         actuators: Sequence[Actuator],
         loads: Sequence[Load],
         handles: Sequence[Handle],

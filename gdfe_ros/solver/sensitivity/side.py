@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.materials.table import MaterialTable
 from gdfe_ros.solver.elements.measures import update_hourglass_scales
-from gdfe_ros.solver.matrix.unknowns import Frame, place
+from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
 from gdfe_ros.solver.reactions import handle_reactions
 from gdfe_ros.solver.sensitivity.linearised import Linearised
 from gdfe_ros.solver.state import State
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Side:
+class VariedInputs:
     """Inputs of a varied solve.
 
     Attributes:
@@ -53,9 +53,9 @@ class Pair(NamedTuple):
         step: half of their difference, in the unit of the varied quantity.
     """
 
-    above: Side
-    below: Side
-    middle: Side
+    above: VariedInputs
+    below: VariedInputs
+    middle: VariedInputs
     step: float
 
 
@@ -106,7 +106,9 @@ class Column:
         solve.restore()
         return {name: (value - found[1][name]) / (2.0 * step) for name, value in found[0].items()}
 
-    def after(self, made: Callable[[Side, NDArray[np.float64]], T], difference: Callable[[T, T, float], T]) -> list[T]:
+    def after(
+        self, made: Callable[[VariedInputs, NDArray[np.float64]], T], difference: Callable[[T, T, float], T]
+    ) -> list[T]:
         """Return the parts of the derivative of ``made(side, positions)`` at the end of the solve.
 
         The terms are set to the end of that side before each call. ``difference`` returns the difference of two results
@@ -130,7 +132,7 @@ class Column:
         solve.restore()
         return parts
 
-    def _placed(self, side: Side) -> tuple[NDArray[np.float64], Frame]:
+    def _placed(self, side: VariedInputs) -> tuple[NDArray[np.float64], HandlePositions]:
         """Return positions (n, 3) [m] and the frame with the handles of a side."""
         solve, end, handles = self._solve, self._solve.end, self._solve.handles
         base = handles.base(side.poses, end.poses, end.base)
@@ -142,7 +144,7 @@ class Column:
         place(solve.u, frame, solve.body.unknowns, x)
         return x, frame
 
-    def _varied(self, side: Side, x: NDArray[np.float64]) -> None:
+    def _varied(self, side: VariedInputs, x: NDArray[np.float64]) -> None:
         """Set all terms to the inputs of a side, with the multipliers of the end."""
         solve = self._solve
         for term in solve.actuation.terms:

@@ -24,7 +24,7 @@ from gdfe_ros.solver.terms.term import Term
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Model:
+class MaterialVariant:
     """Data of a scene that depend on its materials and its damping.
 
     Attributes:
@@ -55,7 +55,7 @@ class Variant:
         dynamics: of the model.
     """
 
-    def __init__(self, body: Body, own: Model, model: Model) -> None:
+    def __init__(self, body: Body, own: MaterialVariant, model: MaterialVariant) -> None:
         materials = tuple(model.materials.values())
         changed = materials != tuple(own.materials.values())
         self.table: MaterialTable = pack(materials) if changed else body.table

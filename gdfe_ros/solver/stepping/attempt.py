@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.stepping.way import Verdict, Way
+from gdfe_ros.solver.stepping.way import AttemptOutcome, Way
 from gdfe_ros.solver.terms.actuation import inflated
 
 SHORTEST_LOST = 1.0 / 4.0
@@ -52,20 +52,20 @@ class Attempt:
         return self.jumps or (self.way.jumped and not self.solution.converged)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> AttemptOutcome:
         """The verdict: accept, stop, halve, leap or withdraw."""
         way, began, solution = self.way, self.began, self.solution
         given_up = solution.exhausted or (solution.lost and way.length <= SHORTEST_LOST)
         failed = not (solution.converged or given_up) or not self.sound
         avoidable = self.jumps and way.length > SHORTEST_JUMP and not way.leaping
         if ((failed and not way.shortest) or avoidable) and not self.spent:
-            return Verdict.HALVE
+            return AttemptOutcome.HALVE
         once_sound = began.sound or began.anchor is not None
         passing = solution.cut and self.patient
         folds = once_sound and not self.sound and not passing and (way.moves or began.anchor is not None)
         if solution.diverged or self.unstable or folds:
-            return Verdict.LEAP if way.leap and not (way.leaping or self.spent) else Verdict.WITHDRAW
-        return Verdict.STOP if self.snapped or self.spent or way.next == 1.0 else Verdict.ACCEPT
+            return AttemptOutcome.LEAP if way.leap and not (way.leaping or self.spent) else AttemptOutcome.WITHDRAW
+        return AttemptOutcome.STOP if self.snapped or self.spent or way.next == 1.0 else AttemptOutcome.ACCEPT
 
     @property
     def reason_to_withdraw(self) -> str:

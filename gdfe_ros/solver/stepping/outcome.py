@@ -46,7 +46,7 @@ def step_result(
         positions=state.positions[own] + origin,
         converged=summary.converged,
         iterations=march.iterations if march else 0,
-        residual=summary.residual,
+        error_estimate=summary.error_estimate,
         energy=summary.energy,
         min_det=summary.min_det,
         reactions={name: wrench.copy() for name, wrench in summary.reactions.items()},

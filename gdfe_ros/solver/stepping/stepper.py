@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.deadline import Deadline, past
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.relative.equilibrium import RelativeEquilibrium
 from gdfe_ros.solver.settings import Policy, Skip, SolverSettings
 from gdfe_ros.solver.solution import Increment, Solution
@@ -21,7 +21,7 @@ from gdfe_ros.solver.stepping.balance import jumped
 from gdfe_ros.solver.stepping.increments import planned_increments
 from gdfe_ros.solver.stepping.march import NEAR, March, crumpled
 from gdfe_ros.solver.stepping.placing import placed, require_own
-from gdfe_ros.solver.stepping.way import Goal, Verdict, Way
+from gdfe_ros.solver.stepping.way import AttemptOutcome, Goal, Way
 from gdfe_ros.solver.terms.actuation import Actuation, past_limit
 from gdfe_ros.solver.value import changed
 
@@ -49,10 +49,10 @@ class Stepper:
     def __init__(self, body: Body, settings: SolverSettings, actuation: Actuation | None = None) -> None:
         self.body, self._settings = body, settings
         self.actuation = actuation or Actuation(body)
-        self.equilibrium: EnergyEquilibrium | RelativeEquilibrium
+        self.equilibrium: EquilibriumSolver | RelativeEquilibrium
         if settings.policy is Policy.ENERGY:
             options = {"skip": settings.skip, "threads": settings.threads}
-            self.equilibrium = EnergyEquilibrium(body, self.actuation, **options)
+            self.equilibrium = EquilibriumSolver(body, self.actuation, **options)
             for contact in self.actuation.contacts:
                 contact.gives_up, contact.stocky = True, not self.equilibrium.minimiser.certified
         else:
@@ -130,7 +130,7 @@ class Stepper:
         """
         require_own(state, self.at_rest())
         growths, summary = self.actuation.growths, state.summary
-        summary = changed(summary, converged=summary.converged and summary.residual <= self._settings.tolerance)
+        summary = changed(summary, converged=summary.converged and summary.error_estimate <= self._settings.tolerance)
         anchor = None if state.anchor is None else self.completed(state.anchor)
         operators = growths.at(state.commands, growths.ungrown)
         return state.with_(operators=operators, anchor=anchor, summary=summary)
@@ -161,11 +161,11 @@ class Stepper:
             attempt = self._attempt(way, state)
             verdict = attempt.verdict
             way = attempt.way.after(verdict)
-            if verdict is Verdict.WITHDRAW:
+            if verdict is AttemptOutcome.WITHDRAW:
                 return self._end(_withdrawn(state, attempt), way, attempt.solution)
-            if verdict in (Verdict.ACCEPT, Verdict.STOP):
+            if verdict in (AttemptOutcome.ACCEPT, AttemptOutcome.STOP):
                 state = self._accepted(state, attempt, begin)
-            if verdict is Verdict.STOP:
+            if verdict is AttemptOutcome.STOP:
                 return changed(self._end(state, way, attempt.solution), snapped=attempt.snapped)
 
     def _attempt(self, way: Way, state: State) -> Attempt:
@@ -206,7 +206,7 @@ class Stepper:
         accepted = self.equilibrium.accept(attempt.solution, state)
         before = [each for each in (state, begin) if each.unfinished is None and each.sound]
         before.sort(key=crumpled)
-        crumples = attempt.verdict is Verdict.STOP and attempt.way.next < 1.0 and crumpled(accepted)
+        crumples = attempt.verdict is AttemptOutcome.STOP and attempt.way.next < 1.0 and crumpled(accepted)
         fails = accepted.unfinished is not None or crumples
         anchor = state.anchor or next(iter(before), None) if fails else None
         changes = {"sound": attempt.sound, "anchor": anchor}

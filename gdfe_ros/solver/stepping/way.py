@@ -20,7 +20,7 @@ ROUNDING = 1e-9
 """Share of a load path that counts as zero."""
 
 
-class Verdict(Enum):
+class AttemptOutcome(Enum):
     """The consequence of an attempt."""
 
     ACCEPT = "accept, and go on from there"
@@ -125,10 +125,10 @@ class Way:
             leap=self.leap or (self.length if jumps and sound and solution.converged else 0.0),
         )
 
-    def after(self, verdict: Verdict) -> Way:
+    def after(self, verdict: AttemptOutcome) -> Way:
         """Return the load path after a verdict."""
-        if verdict is Verdict.HALVE:
+        if verdict is AttemptOutcome.HALVE:
             return changed(self, length=0.5 * self.length)
-        if verdict is Verdict.LEAP:
+        if verdict is AttemptOutcome.LEAP:
             return changed(self, length=self.leap, leaping=True)
-        return self if verdict is Verdict.WITHDRAW else changed(self, done=self.next, leap=0.0, leaping=False)
+        return self if verdict is AttemptOutcome.WITHDRAW else changed(self, done=self.next, leap=0.0, leaping=False)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.descent.workspace import Problem
 from gdfe_ros.solver.matrix.coupling import SINGULAR
-from gdfe_ros.solver.matrix.unknowns import Frame, place
+from gdfe_ros.solver.matrix.unknowns import HandlePositions, place
 from gdfe_ros.solver.tangent.assembly import Assembly
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness, without_negative
 from gdfe_ros.solver.tangent.frames import unrotated, vertex_rotations
@@ -206,7 +206,7 @@ class TangentLevel:
         self._loaded = tangent
         return True
 
-    def _motion(self, u: NDArray[np.float64], frame: Frame) -> NDArray[np.float64]:
+    def _motion(self, u: NDArray[np.float64], frame: HandlePositions) -> NDArray[np.float64]:
         """Return d(positions of the members)/d(rigid rows) (3 b, 3 q) by central differences."""
         unknowns, first = self._unknowns, self._free
         motion = np.zeros((3 * len(unknowns.members), 3 * unknowns.rigid_rows))

@@ -17,7 +17,7 @@ from gdfe_ros.mesh.tetmesh import divided
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import corner_forces, element_fields, strain_energies, volume_pressures
 from gdfe_ros.solver.elements.measures import least_volume_ratio
-from gdfe_ros.solver.equilibrium.energy import EnergyEquilibrium
+from gdfe_ros.solver.equilibrium.energy import EquilibriumSolver
 from gdfe_ros.solver.solution import Increment
 from gdfe_ros.solver.tangent.element_stiffness import add_wall_tangents
 
@@ -58,7 +58,7 @@ def test_a_linear_field_is_exact(make_body: MakeBody, block: TetMesh, law: Mater
     surface = Handle("surface", np.unique(block.surface()).astype(np.int32))
     body = make_body(block, law, [surface])
     exact = block.vertices @ GRADIENT.T
-    equilibrium = EnergyEquilibrium(body)
+    equilibrium = EquilibriumSolver(body)
     state = equilibrium.at_rest().with_(positions=block.vertices.copy(), base=exact)
     found = equilibrium.solve(Increment.at(state, tolerance=1e-9, limit=2000), state)
     assert found.converged

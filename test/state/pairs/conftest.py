@@ -48,7 +48,7 @@ LOADS = "loads: {weight: {gravity: [0, 0, -9.81]}, push: {point: {at: [0.1, 0.00
 LIFT, OVER = Pose((-0.002, 0.004, 0.02), (0.2, 0.1, 0.0)), Pose((-0.3, 0.0, 0.0))
 VOLUME = 3.4e-6
 """Of the ball's chamber at rest, about [m^3]."""
-NUMBERS = ("time", "converged", "iterations", "residual", "energy", "min_det", "skipped", "substeps", "restarts")
+NUMBERS = ("time", "converged", "iterations", "error_estimate", "energy", "min_det", "skipped", "substeps", "restarts")
 WORDS = ("message", "cut_after", "actuators", "policy", "factorisation")
 Way = list[tuple[Command, dict]]
 
