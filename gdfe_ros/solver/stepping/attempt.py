@@ -10,10 +10,13 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.stepping.way import AttemptOutcome, Way
 from gdfe_ros.solver.terms.actuation import inflated
 
-SHORTEST_LOST = 1.0 / 4.0
-"""Increment, as share of a command, below which it is not halved again if its distance to equilibrium is unknown."""
+SHORTEST_STUCK = 1.0 / 4.0
+"""Increment, as share of a load path, that is not halved again if its solve got stuck."""
+STUCK = 1e-4
+"""Estimated distance to the equilibrium, over the body's size, above which a solve without further descent got stuck,
+e.g. at a kink of the energy where cable points meet; up to it, the precision of the energy ended the solve."""
 SHORTEST_JUMP = 1.0 / 32.0
-"""Increment, as share of a load path, below which a jump is accepted: smaller ones would not prevent it."""
+"""Increment, as share of a load path, in which a jump is accepted: shorter increments would not prevent it."""
 FOLDS, ENTERS = "elements would fold or turn inside out", "surfaces would enter each other"
 
 
@@ -22,15 +25,14 @@ class Attempt:
     """Result of an attempted increment, and the evidence for the verdict.
 
     Attributes:
-        way: the load path with the cost and findings of the attempt; the end of the increment does not count as reached
-            yet.
+        way: the load path with the cost and findings of the attempt; its ``done`` does not include this increment yet.
         began: the state from which it was made.
         solution: result of the solve.
         jumps: whether the body jumped to another equilibrium.
         unstable: name of the chamber that lost its stability; empty for none.
         spent: whether no iterations or no time are left for another attempt.
-        patient: whether a cut solve may pass through folded shapes, because few iterations were made for this command
-            so far, those of earlier cut steps included.
+        patient: whether a cut solve may end in folded shapes, because fewer iterations than the solver's patience were
+            made for this command so far, those of earlier cut steps included.
     """
 
     way: Way
@@ -55,7 +57,8 @@ class Attempt:
     def verdict(self) -> AttemptOutcome:
         """The verdict: accept, stop, halve, leap or withdraw."""
         way, began, solution = self.way, self.began, self.solution
-        given_up = solution.exhausted or (solution.lost and way.length <= SHORTEST_LOST)
+        stuck = solution.error_estimate > STUCK and way.length > SHORTEST_STUCK
+        given_up = (solution.exhausted or solution.lost) and not stuck
         failed = not (solution.converged or given_up) or not self.sound
         avoidable = self.jumps and way.length > SHORTEST_JUMP and not way.leaping
         if ((failed and not way.shortest) or avoidable) and not self.spent:
