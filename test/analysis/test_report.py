@@ -36,7 +36,7 @@ CHARTS = {
     "Reaction forces",
     "Equivalent strain over time",
     "Solver iterations",
-    "Residual over the body's size",
+    "Error estimate over the body's size",
     "Solve time",
 }
 ROD = """

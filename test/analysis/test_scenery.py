@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What pictures show besides the body."""
 
+import base64
 from io import BytesIO
 from pathlib import Path
 
@@ -9,9 +10,12 @@ import numpy as np
 import pytest
 
 from gdfe_ros import Simulation, load_scene
-from gdfe_ros.analysis.picture import CABLE, FORCE, draw_body
+from gdfe_ros.analysis.bag_steps import BagStep
+from gdfe_ros.analysis.picture import ARROW, CABLE, FORCE, draw_body
+from gdfe_ros.analysis.report.surroundings import Surroundings
 from gdfe_ros.analysis.scenery import Scenery
 from gdfe_ros.contacts import contact_points
+from gdfe_ros.recording.step_record import Begin, StepRecord
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +62,34 @@ def test_a_recorded_step_has_the_same_scenery(pressing: Simulation) -> None:
     assert np.array_equal(found.forces, Scenery.of(pressing).forces)
     assert len(Scenery.recorded(pressing.scene, {}, pressing.positions).forces) == 0
     assert "contacts" in list(Scenery.topics(pressing.scene))
+
+
+def test_a_page_has_the_same_scenery(pressing: Simulation) -> None:
+    """Pack two frames for a page: plate, tendon and forces come back to a fraction of a millimetre, frame by frame."""
+    points = contact_points(pressing.result.contacts)
+    samples = {"contacts": {name: points[name] for name in points.dtype.names}}
+    record = StepRecord(step=0, begin=Begin.LAST, time=0.0, dt=0.0)
+    surroundings, size = Surroundings(pressing.scene), pressing.mesh.size
+    surroundings.add(BagStep(record, (0, 0), {}), pressing.mesh.vertices)
+    surroundings.add(BagStep(record, (1, 0), samples), pressing.positions)
+    description, arrays = surroundings.to_page(size)
+    scenery, low, high = Scenery.of(pressing), np.array(description["low"]), np.array(description["high"])
+
+    def decoded(kind: str) -> np.ndarray:
+        levels = np.frombuffer(base64.b64decode(arrays[f"around-{kind}"]), dtype="<u2").reshape(-1, 3)
+        return low + levels / 65535 * (high - low)
+
+    close = {"rtol": 0.0, "atol": 2.0 * (high - low).max() / 65535}
+    second = slice(description["counts"]["cables"], None)
+    np.testing.assert_allclose(decoded("cables")[second], scenery.cables[0], **close)
+    assert description["counts"] == {"solids": 6 * 6, "chambers": 0, "cables": len(scenery.cables[0])}
+    faces = decoded("solids")[36:].reshape(2, 6, 3, 3)
+    np.testing.assert_allclose(faces[0], scenery.obstacles[0][:, :3], **close)
+    largest = np.linalg.norm(scenery.forces, axis=1).max()
+    assert (description["forces"][0], description["largest"]) == (0, pytest.approx(largest))
+    arrows = decoded("forces").reshape(-1, 2, 3)
+    assert 2 * len(arrows) == description["forces"][1]
+    assert np.linalg.norm(arrows[:, 1] - arrows[:, 0], axis=1).max() == pytest.approx(ARROW * size, rel=1e-3)
 
 
 def test_chambers_are_drawn_where_they_are(tmp_path: Path) -> None:

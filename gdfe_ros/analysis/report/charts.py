@@ -69,8 +69,8 @@ def thinning(history: RunHistory) -> str:
     if stride == 1:
         return ""
     return (
-        f"Charts show every {stride}th of {len(history.time)} steps; of iterations, residuals, times and skipped work "
-        f"the largest value of each {stride} steps"
+        f"Charts show every {stride}th of {len(history.time)} steps; for iterations, error estimates, times and "
+        f"skipped work they show the largest value of each {stride} steps"
     )
 
 

@@ -29,7 +29,7 @@ class RunHistory:
         time: at the end of each step [s].
         targets: by handle, translation [m] and rotation vector [rad] of its target, six numbers per step.
         commands: other commands, by name; NaN before the first.
-        costs: of each solve: ``iterations, substeps, residual, wall_time`` [s] and ``skipped.<name>``.
+        costs: of each solve: ``iterations, substeps, error_estimate, wall_time`` [s] and ``skipped.<name>``.
         responses: numbers that were published once per step, by topic and field; NaN if missing.
         energies: of a body in motion [J], by name; empty for a run without dynamics.
         starts: indices of the steps that begin from another state than the last step's.
@@ -87,7 +87,7 @@ class RunHistory:
 def _numbers(topic: str, values: Values) -> dict[tuple[str, str], float]:
     """Return the numbers of a message with few of them; entries of joint states by index, as ``effort.0``.
 
-    For contacts it is the number of points.
+    For contacts they are the number of points and the number of slipping points.
     """
     found = {}
     if topic == CONTACTS:

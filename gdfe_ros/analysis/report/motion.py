@@ -18,7 +18,7 @@ _QUALITY = "18"
 
 
 def write_gif(pictures: Sequence[Image.Image], path: Path) -> Path:
-    """Write a GIF that repeats for ever.
+    """Write a GIF that repeats forever.
 
     Raises:
         OSError: the file cannot be written.
@@ -38,7 +38,7 @@ def require_video() -> None:
     try:
         import av  # noqa: F401
     except ModuleNotFoundError as error:
-        raise GdfeError("an mp4 takes PyAV, which is not installed: pip install 'gdfe_ros[video]'") from error
+        raise GdfeError("an mp4 needs PyAV, which is not installed; remedy: pip install 'gdfe_ros[video]'") from error
 
 
 def write_mp4(pictures: Sequence[Image.Image], path: Path) -> Path:

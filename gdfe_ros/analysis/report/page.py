@@ -46,7 +46,7 @@ def build_page(
             f'<script type="text/plain" id="{escape(name)}">{text}</script>' for name, text in arrays.items()
         ),
         "plotly": get_plotlyjs(),
-        "script": read_file("page.js"),
+        "script": read_file("surroundings.js") + read_file("page.js"),
     }
     return fill(read_file("page.html"), parts)
 

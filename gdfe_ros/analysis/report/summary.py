@@ -89,7 +89,7 @@ def _convergence(history: RunHistory) -> str:
         return "every step"
     first = ", ".join(f"{time:.6g}" for time in history.not_converged[:5])
     cut = f"; a deadline cut {history.cut}" if history.cut else ""
-    return f"not {failed} steps{cut}; first at t = {first} s"
+    return f"all but {failed} steps{cut}; first at t = {first} s"
 
 
 def _messages(run: BagRun) -> str:

@@ -17,7 +17,7 @@ def read_file(name: str) -> str:
 
 
 def fill(template: str, parts: Mapping[str, str]) -> str:
-    """Return the template with its parts in place; a part that holds ``@@`` stays as it is.
+    """Return the template with its parts in place; ``@@`` inside a part is not replaced.
 
     Raises:
         KeyError: a part is missing.
@@ -27,5 +27,5 @@ def fill(template: str, parts: Mapping[str, str]) -> str:
 
 
 def to_json(data: Any) -> str:
-    """Return JSON that can lie in a script element whatever text it holds."""
+    """Return JSON text that is safe inside a script element."""
     return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")

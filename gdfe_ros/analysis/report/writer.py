@@ -68,7 +68,7 @@ def _gather(run: BagRun) -> tuple[RunHistory, Animation, int]:
     if first is None:
         raise RecordingError(f"bag {run.reader.path} holds no step: there is nothing to report")
     history = RunHistory(StrainHistogram(count, columns=charts.COLUMNS))
-    animation = Animation(run.mesh, count, colour_fields(first))
+    animation = Animation(run.scene, count, colour_fields(first))
     for number, step in enumerate(chain([first], stream)):
         history.add(step)
         animation.add(number, step)
@@ -98,7 +98,7 @@ def _accounting(history: RunHistory) -> str:
         return ""
     return (
         "Energies count from the start of the run: kinetic + elastic + potential = start + work - dissipated, "
-        "except for the energy that the time steps themselves make or lose. Dissipated is the energy lost in "
+        "except for the energy that the time integration creates or loses. Dissipated is the energy lost in "
         "dashpots and in the branches of Prony series."
     )
 

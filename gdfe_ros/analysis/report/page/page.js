@@ -1,19 +1,8 @@
-"use strict";
 // One view of the run: a slider moves the surface, and a line in every chart shows the same moment.
 
-const LEVELS = 65535;
 const SCALE = "Viridis";
-const read = (id) => JSON.parse(document.getElementById(id).textContent);
 const charts = read("chart-data");
 const run = read("animation");
-const element = (id) => document.getElementById(id);
-
-function bytes(id) {
-  const text = atob(element(id).textContent);
-  const data = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; i++) data[i] = text.charCodeAt(i);
-  return data.buffer;
-}
 
 const faces = new Uint32Array(bytes("faces"));
 const positions = new Uint16Array(bytes("positions"));
@@ -124,7 +113,7 @@ function drawMesh() {
     type: "scatter3d", mode: "lines", x: [], y: [], z: [], hoverinfo: "skip", showlegend: false,
     line: { color: "rgb(20,25,35)", width: 1 }, opacity: 0.5,
   };
-  const ranges = run.low.map((low, axis) => [low, run.high[axis]]);
+  const ranges = viewRanges(run);
   const widest = Math.max(...ranges.map(([low, high]) => high - low)) || 1;
   const axisLayout = (axis) => {
     const [low, high] = ranges[axis];
@@ -138,7 +127,8 @@ function drawMesh() {
       camera: { eye: { x: 0.85, y: -2.2, z: 0.85 } },
     },
   };
-  return Plotly.newPlot("mesh", [surface, edges], layout, { responsive: true, displayModeBar: false });
+  const traces = [surface, edges, ...aroundTraces(run.around)];
+  return Plotly.newPlot("mesh", traces, layout, { responsive: true, displayModeBar: false });
 }
 
 function colouring(field, frame) {
@@ -151,18 +141,22 @@ function colouring(field, frame) {
 function showFrame(frame) {
   const axes = coordinates(frame);
   const lines = element("edges").checked ? outlines(axes) : [[], [], []];
-  const change = { x: [axes[0], lines[0]], y: [axes[1], lines[1]], z: [axes[2], lines[2]] };
+  const shown = [axes, lines, ...aroundPoints(run.around, frame)];
+  const change = { x: shown.map((each) => each[0]), y: shown.map((each) => each[1]), z: shown.map((each) => each[2]) };
+  const rest = shown.slice(1).map(() => undefined);
   const field = chosenField();
   if (field) {
     for (const [name, value] of Object.entries(colouring(field, frame))) {
-      if (name !== "colorscale") change[name] = [value, undefined];
+      if (name !== "colorscale") change[name] = [value, ...rest];
     }
   }
+  change.opacity = [element("inside").checked ? 0.3 : 1, ...rest];
+  change.visible = [true, true, ...aroundVisible(run.around, element("inside").checked)];
   element("moment").textContent =
     `t = ${run.times[frame].toPrecision(5)} s, frame ${frame + 1} of ${run.times.length}`;
   document.body.dataset.frame = String(frame);
   markMoment(run.times[frame]);
-  return Plotly.restyle("mesh", change, [0, 1]);
+  return Plotly.restyle("mesh", change, shown.map((_, place) => place));
 }
 
 function drawCharts() {
@@ -220,6 +214,8 @@ function start() {
   slider.addEventListener("input", show);
   element("field").addEventListener("change", show);
   element("edges").addEventListener("change", show);
+  element("inside").addEventListener("change", show);
+  element("see-inside").hidden = !(run.around.counts.chambers + run.around.counts.cables);
   element("play").addEventListener("click", play);
   drawMesh().then(() => {
     slider.value = String(run.first);

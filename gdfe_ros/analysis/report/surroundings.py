@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Obstacles, rigid bodies, cables, chambers and contact forces in an animation, packed for an HTML page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gdfe_ros.analysis.bag_steps import BagStep
+from gdfe_ros.analysis.picture import ARROW, LEAST_FORCE
+from gdfe_ros.analysis.report.levels import to_levels, to_text
+from gdfe_ros.analysis.scenery import Scenery
+from gdfe_ros.constraints.obstacle import Obstacle
+from gdfe_ros.scene import Scene
+
+MOST_FORCES = 200
+"""Limit of the arrows of a frame; the largest forces have one."""
+KINDS = ("solids", "chambers", "cables")
+"""Things with the same number of points in every frame: triangles, triangles and lines."""
+
+
+class Surroundings:
+    """Frames of everything around and inside of a body, collected by ``add``.
+
+    Args:
+        scene: that was recorded.
+
+    Attributes:
+        size: bytes of a frame before base64 adds a third, at most.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._points: dict[str, list[NDArray[np.float64]]] = {kind: [] for kind in KINDS}
+        self._pushes: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+        at_rest = Scenery.recorded(scene, {}, scene.mesh.vertices)
+        self._cables = [len(cable) for cable in at_rest.cables]
+        points = sum(map(len, _shapes(at_rest).values()))
+        touches = scene.self_contact is not None or any(isinstance(handle, Obstacle) for handle in scene.handles)
+        self.size = 6 * (points + 2 * MOST_FORCES * touches)
+
+    def add(self, step: BagStep, positions: NDArray[np.float64]) -> None:
+        """Add a frame with the body's vertices at ``positions`` (n, 3) [m]."""
+        around = Scenery.recorded(self._scene, step.samples, positions)
+        for kind, points in _shapes(around).items():
+            self._points[kind].append(points)
+        forces = np.linalg.norm(around.forces, axis=1)
+        most = np.argsort(-forces, kind="stable")[:MOST_FORCES]
+        self._pushes.append((around.places[most], around.forces[most]))
+
+    def to_page(self, size: float) -> tuple[dict[str, Any], dict[str, str]]:
+        """Return the description for the page's script, and arrays in base64 by name.
+
+        All points are 16-bit levels between the corners of one box.
+
+        Args:
+            size: of the body [m]; the arrow of the largest force of the run has a fixed share of it.
+        """
+        arrows, largest = self._arrows(size)
+        kept = {kind: np.array(frames).reshape(-1, 3) for kind, frames in self._points.items()}
+        kept["forces"] = np.concatenate([each.reshape(-1, 3) for each in arrows]) if arrows else np.zeros((0, 3))
+        low, high, levels = to_levels(np.concatenate(list(kept.values())))
+        ends = np.cumsum([len(points) for points in kept.values()])[:-1]
+        arrays = {f"around-{kind}": to_text(part) for kind, part in zip(kept, np.split(levels, ends), strict=True)}
+        frames = max(1, len(self._pushes))
+        description = {"low": low.tolist(), "high": high.tolist(), "cables": self._cables, "largest": largest}
+        counts = {kind: len(kept[kind]) // frames for kind in KINDS}
+        return description | {"counts": counts, "forces": [2 * len(each) for each in arrows]}, arrays
+
+    def _arrows(self, size: float) -> tuple[list[NDArray[np.float64]], float]:
+        """Return the arrows (a, 2, 3) [m] of each frame, which end at the points in contact, and the largest force."""
+        lengths = [np.linalg.norm(forces, axis=1) for _, forces in self._pushes]
+        largest = max((float(each.max(initial=0.0)) for each in lengths), default=0.0)
+        scale = ARROW * size / (largest or 1.0)
+        arrows = []
+        for (places, forces), length in zip(self._pushes, lengths, strict=True):
+            some = length > LEAST_FORCE * largest
+            arrows.append(np.stack([places[some] - scale * forces[some], places[some]], axis=1))
+        return arrows, largest
+
+
+def _shapes(around: Scenery) -> dict[str, NDArray[np.float64]]:
+    """Return the points (k, 3) [m] of each of `KINDS`."""
+    cables = np.concatenate(around.cables) if around.cables else np.zeros((0, 3))
+    return {"solids": _triangles(around.obstacles), "chambers": _triangles(around.chambers), "cables": cables}
+
+
+def _triangles(faces: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the corners (3 t, 3) of triangles that cover faces (f, 3 or 4, 3)."""
+    parts = [each[:, corners] for each in faces for corners in ([0, 1, 2], [0, 2, 3])[: each.shape[1] - 2]]
+    return np.concatenate(parts).reshape(-1, 3) if parts else np.zeros((0, 3))
