@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits BLAS to one thread where matrices are small.
 
-On small fronts its threads wait for each other longer than they work, in particular beside another busy process.
+On small frontal matrices the threads of BLAS wait for each other longer than they work, in particular beside another
+busy process.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Saving and restoring the whole state of a simulation; the following steps are the same bit by bit.
+"""Saving and restoring the whole state of a simulation; the steps after a restore are bitwise identical.
 
 A checkpoint is a zip archive of numpy arrays (``.npz``) and two texts: ``head.json``, with the format, the package
 version and the origin of the state, and ``state.json``, the tree of `gdfe_ros.solver.state.State` whose leaves are
@@ -26,7 +26,7 @@ from gdfe_ros.simulation import Simulation
 from gdfe_ros.solver.tree import TreeError, from_tree, to_tree
 
 FORMAT = 2
-"""Version of the archive; 1 was a pickle."""
+"""Version of the archive's format; version 1 was a pickle."""
 _OLD_MAGIC = b"gdfe_ros state\n"
 _DAMAGED = (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError, OSError, TreeError)
 
@@ -49,14 +49,15 @@ def load_state(simulation: Simulation, data: bytes) -> None:
     """Restore a saved state into a simulation.
 
     Raises:
-        GdfeError: the data are no state, or one of another scene, policy or version; the simulation is unchanged.
+        GdfeError: the data are not a state, or belong to another scene, settings or version; the simulation is
+            unchanged.
     """
     if data.startswith(_OLD_MAGIC):
-        raise GdfeError("the state was written by a version that kept pickles; remedy: run to it again and save it")
+        raise GdfeError("the state was written by a version that saved pickles; remedy: repeat the run and save it")
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
     except zipfile.BadZipFile as error:
-        raise GdfeError(f"these {len(data)} bytes are no state; a state is what save_state wrote") from error
+        raise GdfeError(f"these {len(data)} bytes are not a state that save_state wrote") from error
     try:
         given = dict(json.loads(archive.read("head.json")))
     except (*_DAMAGED, zipfile.zlib.error) as error:

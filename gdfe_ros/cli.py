@@ -32,14 +32,14 @@ COMMANDS = {
     "compile": "compile the kernels of all shipped scenes once, so that later starts are fast",
 }
 BAD_INPUT = 2
-_REMEDY = "install the package's extras: pip install 'gdfe_ros[mcap,fast,mesh,plot,sweep]' (and ros, where no ROS is)"
+_REMEDY = "install the package's extras: pip install 'gdfe_ros[mcap,fast,mesh,plot,sweep]' (and ros, if ROS is absent)"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a subcommand.
+    """Run a subcommand and return its exit status.
 
     Returns:
-        0; 2 for bad input, after one clear message; 3 where a solve did not converge; 130 when interrupted.
+        0; 2 for bad input, after one clear message; 3 if a solve did not converge; 130 if it was interrupted.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     parser = _parser(given)

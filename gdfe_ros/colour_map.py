@@ -24,11 +24,11 @@ VIRIDIS = np.array(
 """Red, green and blue (11, 3) in sRGB, 0 to 1, at equal intervals."""
 
 NOISE = 1e-5
-"""Range of a field without a unit, and of lengths over the body's size, that gets one colour: less is no signal."""
+"""Least width of a colour range, for a field without a unit or for lengths over the body's size: less is noise."""
 
 
 def colour_range(low: float, high: float, *, noise: float = NOISE) -> tuple[float, float]:
-    """Return a range of colours from ``low``, which is at least ``noise`` wide."""
+    """Return the colour range from ``low`` to ``high``, widened to at least ``noise``."""
     return low, max(high, low + noise)
 
 

@@ -23,9 +23,9 @@ from gdfe_ros.solver.settings import SolverSettings
 from gdfe_ros.solver.state import Snapshot
 
 FARTHEST = 1000.0
-"""Body lengths, and revolutions, beyond which a pose is rejected."""
+"""Largest translation [body lengths] and largest rotation [revolutions] of a commanded pose."""
 MOST_INFLATED = 1000.0
-"""Volume of a chamber over that at rest beyond which a command is rejected: its walls would be ten times as wide."""
+"""Largest commanded volume of a chamber, over its volume at rest: at this limit its walls are ten times as wide."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Orders:
         """Return the targets of all handles after a command.
 
         Raises:
-            CommandError: it is no command; a handle is unknown or fixed, or its target is out of reach.
+            CommandError: the argument is not a `Command`; a handle is unknown or fixed, or its target is out of reach.
         """
         if command is not None and not isinstance(command, Command):
             raise CommandError(f"a step follows a Command, or None; got {command!r}")
@@ -118,7 +118,7 @@ class Orders:
                 raise CommandError(f"{text}; remedy: command the arm's joints")
             if handle.section == "bodies":
                 text = f"body {name!r} moves freely and follows no target"
-                raise CommandError(f"{text}; remedy: a Command's `bodies` puts it in a place")
+                raise CommandError(f"{text}; remedy: teleport it by `bodies` of a Command")
             if handle.fixed:
                 movable = [each.name for each in self._scene.handles if not each.fixed and each.noun == handle.noun]
                 raise CommandError(f"{handle.noun} {name!r} is fixed; {handle.section} that move: {_list(movable)}")
@@ -130,7 +130,7 @@ class Orders:
         """Return the poses to which rigid bodies are teleported.
 
         Raises:
-            CommandError: a body is unknown, its pose is no pose, or out of reach.
+            CommandError: a body is unknown, or its pose is not a `Pose` or out of reach.
         """
         places = dict(command.bodies if command else {})
         known = [each.name for each in self._scene.handles if isinstance(each, RigidBody)]
@@ -143,15 +143,16 @@ class Orders:
         return places
 
     def require_own(self, snapshot: Snapshot) -> None:
-        """Raise an error for a snapshot of another scene, whose forces would differ even if it looks the same.
+        """Raise an error for a snapshot of another scene, because its forces differ even if its shape is the same.
 
         Raises:
-            CommandError: materials, dynamics or anything else in its text differ, or policy or torsion.
+            CommandError: the scene's text (materials, dynamics or anything else), the policy or the torsion differs.
         """
         if snapshot.scene != self.text:
             raise CommandError(
-                f"the snapshot is one of another scene than {self._scene.name!r}, or of one with another text, policy "
-                "or torsion; remedy: restore it where it was taken, or begin from its shape with set_positions"
+                f"the snapshot is one of another scene than {self._scene.name!r}, or of a scene with another text, "
+                "policy or torsion; remedy: restore it in the simulation that took it, or start from its shape with "
+                "set_positions"
             )
 
     def _require_near(self, what: str, pose: Pose) -> None:
@@ -159,8 +160,8 @@ class Orders:
         turns = math.hypot(*pose.rotation) / (2.0 * math.pi)
         if far > FARTHEST or turns > FARTHEST:
             raise CommandError(
-                f"{what} {far:.3g} body lengths and {turns:.3g} turns away; at most {FARTHEST:g} of each are taken: "
-                "check the units (metres, radians)"
+                f"{what} {far:.3g} body lengths and {turns:.3g} turns away; at most {FARTHEST:g} of each are allowed; "
+                "remedy: check the units (metres, radians)"
             )
 
     def values(self, command: Command | None, last: Mapping[str, float]) -> dict[str, float]:
@@ -190,14 +191,14 @@ class Orders:
         return values
 
     def _require_room(self, actuator: Actuator, value: float) -> None:
-        """Raise CommandError for a volume that no wall of the chamber could follow."""
+        """Raise CommandError for a volume that the walls of the chamber cannot follow."""
         if actuator.mode is not Mode.VOLUME:
             return
         rest = enclosed_volume(actuator.at(self._scene.mesh.vertices), actuator.quads)
         if value > MOST_INFLATED * rest:
             raise CommandError(
                 f"actuator {actuator.name!r}: volume {value!r} m^3 is {value / rest:.3g} times that at rest, "
-                f"{rest:.3g} m^3; at most {MOST_INFLATED:g} times are taken; remedy: check the unit: 1 ml is 1e-6 m^3"
+                f"{rest:.3g} m^3; at most {MOST_INFLATED:g} times are allowed; remedy: check the unit: 1 ml is 1e-6 m^3"
             )
 
     def within_rates(self, values: Mapping[str, float], present: Mapping[str, float], dt: float) -> dict[str, float]:

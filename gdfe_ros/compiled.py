@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compilation of the kernels: cached on disk, without the GIL, IEEE division instead of exceptions.
+"""Options of numba for the kernels: cached on disk, without the GIL, IEEE division instead of exceptions.
 
-Numba recompiles a kernel when its own file changes, not when a constant or kernel that it imports does. After editing
-one of these, delete the ``__pycache__`` folders (``make clean``).
+Numba recompiles a kernel when its own file changes, but not when a constant or a kernel that it imports changes. After
+editing an imported one, delete the ``__pycache__`` folders (``make clean``).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numba
 from numba import njit
 
 _COMMON: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-# Set explicitly: unset flags are inherited from the first caller, so that results would depend on which one it is.
+# Flags are explicit, because a kernel inherits unset ones from its first caller and its results would depend on that.
 _EXACT: dict[str, Any] = {**_COMMON, "fastmath": False}
 
 kernel = njit(**_EXACT, cache=True, forceinline=False)
@@ -37,5 +37,5 @@ parallel_kernel = njit(**_EXACT, cache=True, forceinline=False, parallel=True)
 
 
 def start_threads() -> None:
-    """Start numba's thread pool: a cached parallel function that is inlined into another one does not start it."""
+    """Start numba's thread pool: a cached parallel function does not start it if it is inlined into another one."""
     numba.get_num_threads()

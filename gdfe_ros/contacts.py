@@ -23,9 +23,9 @@ POINT = np.dtype(
     [(name, "<f4") for name in (*_PLACE, *_NORMAL, "gap", *_PUSH, *_SHEAR)]
     + [(name, "<i4") for name in ("slips", "vertex", "contact", "other")]
 )
-"""A contact point: its position [m], the normal of the touched side, the gap [m], the normal and the friction force
-[N], 1 if it slips, its vertex (for a skin point the carrier with the largest weight, -1 for a rigid body's corner),
-the index of its contact's name, and the touched vertex (-1 if that is none of the body)."""
+"""A contact point: its position [m], the normal of the touched side, the gap [m], the normal force and the friction
+force [N], 1 if it slips, its vertex (for a skin point the vertex with the largest weight, -1 for a rigid body's
+corner), the index of its contact's name, and the touched vertex (-1 if the touched side is not the body)."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,8 +35,8 @@ class ContactSensor:
     Attributes:
         name: of the sensor.
         vertices: (k,) int32 of its faces.
-        numbers: (p,) int32 indices of its points among the contact points of a skin; empty if faces touch.
-        points: these points, carried by cells.
+        numbers: (p,) int32 indices of its points among the contact points of a skin; empty if its faces touch.
+        points: embedding of these points in the cells; None if its faces touch.
 
     Example:
         >>> simulation = Simulation(load_scene("my_finger.yaml"))  # with sensors: {tip: {where: {face: x+}}}
@@ -73,9 +73,9 @@ class ContactSensor:
 def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = None) -> list[str]:
     """Return the names in `StepResult.contacts` for a scene's handles, in their order.
 
-    They are the contacts of the body with each obstacle and rigid body, by the name of these; of each rigid body's
-    points with each obstacle and other rigid body, as in `rigid_pairs`; and of the body with itself, with
-    ``self_contact``.
+    A contact of the body with an obstacle or a rigid body has the name of that item. Contacts of a rigid body's points
+    with an obstacle or another rigid body follow, as in `rigid_pairs`, and with ``self_contact`` that of the body with
+    itself.
     """
     touched = [handle for handle in handles if isinstance(handle, Obstacle)]
     return (
@@ -86,7 +86,7 @@ def contact_names(handles: Iterable[Handle], self_contact: SelfContact | None = 
 
 
 def contact_points(contacts: Mapping[str, Touch]) -> NDArray[np.void]:
-    """Return every contact point (k,) as `POINT`; ``contact`` is the index of its name among all."""
+    """Return every contact point (k,) as `POINT`; its field ``contact`` is the index of the contact's name."""
     rows = [_points(number, touch) for number, touch in enumerate(contacts.values())]
     return np.concatenate(rows) if rows else np.zeros(0, POINT)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives of a scene's outputs by its parameters, by their names."""
+"""Exact derivatives of a scene's outputs with respect to its parameters, both chosen by name."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gdfe_ros.solver.stepping.stepper import Stepper
 
 
 class Derivatives:
-    """Derivatives of a scene.
+    """Derivatives of a scene's outputs with respect to its parameters.
 
     Args:
         scene: its outputs and parameters.
@@ -29,7 +29,7 @@ class Derivatives:
         parameters: the available parameters.
 
     Raises:
-        CommandError: the policy has no forces.
+        CommandError: the policy has no forces, or the body's cells have no sensitivities yet.
     """
 
     def __init__(self, scene: Scene, stepper: Stepper | MotionStepper) -> None:
@@ -77,6 +77,7 @@ class Derivatives:
         """Return d(output)/d(parameter) of a motion with a trail, which must contain the parameters.
 
         Raises:
+            CommandError: the trail does not contain a parameter.
             GdfeError: a step had no derivative.
         """
         if trail.flaw:

@@ -17,7 +17,7 @@ from gdfe_ros.errors import DependencyError
 INTERRUPTED = 130
 """Exit status of an interrupted command, as in shells; a node's is 0."""
 BAD_MACHINE = 2
-"""Exit status if an indispensable dependency is missing."""
+"""Exit status if a required dependency is too old."""
 
 
 def gdfe() -> int:
@@ -55,9 +55,10 @@ def imported(name: str) -> ModuleType:
 
 @contextmanager
 def without_collection() -> Iterator[None]:
-    """Disable Python's cyclic garbage collection while importing and building, which would find no garbage.
+    """Disable Python's cyclic garbage collection during imports and construction, where it would find no garbage.
 
-    Nearly all objects made meanwhile live to the end. Later collections, which stop every thread, leave them out.
+    Nearly all objects created meanwhile live until the process ends. They are excluded from later collections, which
+    stop every thread.
     """
     before = gc.isenabled()
     gc.disable()
@@ -70,17 +71,17 @@ def without_collection() -> Iterator[None]:
 
 
 def collect() -> None:
-    """Collect all cyclic garbage while the interpreter is intact; at its end, bindings print errors for it."""
+    """Collect all cyclic garbage before the interpreter shuts down; bindings print errors for garbage left to it."""
     gc.unfreeze()
     gc.collect()
 
 
 @contextmanager
 def quiet_imports(name: str, status: int) -> Iterator[None]:
-    """End the process at once if SIGINT arrives inside the context: no resource is open yet that needs closing.
+    """End the process at once if SIGINT arrives inside the context, where no open resource needs closing yet.
 
     KeyboardInterrupt does not suffice: libraries catch it while they probe for optional packages, and continue. A
-    dependency that is too old ends the process too, with a message of one line.
+    dependency that is too old also ends the process, with a message of one line.
     """
 
     def end(number: int, frame: FrameType | None) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors that users see: each says what, where, the value, the allowed range and the remedy."""
+"""Errors that users see: each names the item, its place, the value, the allowed range and the remedy."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ class CommandError(GdfeError):
 
 
 class OverlapError(CommandError):
-    """A rigid body that would be placed inside of something else; the state is unchanged."""
+    """A rigid body that would be placed inside another object; the state is unchanged."""
 
 
 class DependencyError(ImportError):
-    """A required package that is too old."""
+    """A package that is missing or too old."""
 
 
 class RecordingError(GdfeError):

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from gdfe_ros.solver.sensitivity.result import Sensitivities
 
 WARM_UP = 1e-3
-"""Displacement of handles, over the body's size, by which every kernel is compiled."""
+"""Displacement of the handles, over the body's size, in the step that compiles every kernel."""
 
 
 class _Step(NamedTuple):
@@ -177,7 +177,7 @@ class Simulation:
         return Snapshot(state=self._state, time=self.time, joints=self._joints, **given)
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go to a snapshot of a simulation of the same scene; one of another scene raises a `CommandError`."""
+        """Restore a snapshot of a simulation of the same scene; raise `CommandError` for one of another scene."""
         require_snapshot(snapshot)
         state = self._stepper.completed(snapshot.state)
         self._orders.require_own(snapshot)
@@ -186,7 +186,7 @@ class Simulation:
         self.targets, self.commands = dict(snapshot.targets), dict(snapshot.commands)
 
     def warm_up(self) -> None:
-        """Compile every kernel or load it from the cache, so that the first step takes no longer; then reset."""
+        """Compile every kernel or load it from the cache, so that the first step is not slower; then reset."""
         shift = Pose((0.0, 0.0, WARM_UP * self.mesh.size))
         self.step(Command(handles=dict.fromkeys(self._movable, shift)))
         self.fields()
@@ -205,7 +205,7 @@ class Simulation:
 
         Args:
             command: new targets; None keeps the old ones.
-            dt: simulation time of the step [s], at most 1e9 s and, with dynamics, 100000 internal steps; None: none or,
+            dt: simulation time of the step [s], at most 1e9 s and, with dynamics, 100000 internal steps; None: 0 s or,
                 with dynamics, one internal step.
             deadline: wall time [s] after which the best state so far is returned; later steps continue from it.
             cut_after: instead of a deadline, end the solve where a recorded one ended (``StepResult.cut_after``).
@@ -289,10 +289,10 @@ class Simulation:
         self._state = self._stepper.place(self._state, placed)
 
     def observe_energy(self, observer: Callable[[float, float, bool], None]) -> None:
-        """Set an observer of every iteration of the policy ``energy``: energy [J], size of its terms [J], if it begins.
+        """Call an observer in every iteration of the policy ``energy``; the policy ``relative`` never calls it.
 
-        Within a minimisation the energy must not rise; new pressures or scales begin another one. `relative` calls
-        nothing.
+        Its arguments are the energy [J], the magnitude of the energy's terms [J], and whether a minimisation begins.
+        Within a minimisation the energy must not rise; new pressures or scales begin another one.
         """
         self._stepper.equilibrium.observe(observer)
 
@@ -373,10 +373,10 @@ class Simulation:
         return self._carriers.frames(self._joints)
 
     def joint_states(self) -> dict[str, JointReading]:
-        """Return position, velocity and effort of each joint of the arms, by name, and which limits cut its motion.
+        """Return position, velocity and effort of each joint of the arms, by name, and the limits that cut its motion.
 
-        The effort is that of the motor: it carries, accelerates and turns the links (recursive Newton-Euler), and holds
-        the reactions of the soft body and of the rigid bodies that touch the links (J^T w).
+        The effort is that of the motor: it carries and accelerates the links (recursive Newton-Euler), and balances the
+        reactions of the soft body and of the rigid bodies that touch the links (J^T w).
         """
         if not self._carriers:
             return {}
@@ -478,10 +478,10 @@ class Simulation:
     ) -> NDArray[np.float64]:
         """Return d(probe position)/d(command) at the present state, (probes, 3, actuators).
 
-        At an equilibrium it is computed by central differences, which also work where there is no tangent: at a cable
-        that is just slack, or a command at the end of its range, it is one-sided, on the side on which the actuator
-        acts. For a motion it is exact, over the last step: the change of the step's end by a change of its final
-        command.
+        At an equilibrium it is computed by central differences, which also exist where there is no tangent. At a cable
+        that is just slack, or a command at the end of its range, the difference is one-sided, on the side on which the
+        actuator acts. For a motion it is exact: the derivative of the state at the end of the last step with respect
+        to the final command of that step.
 
         Args:
             probes: names; None: all, in the scene's order.
@@ -502,7 +502,7 @@ class Simulation:
         outputs = [f"probes.{name}" for name in (self.scene.probes if probes is None else probes)]
         wanted = [f"actuators.{name}" for name in names]
         followed = self._trail is not None
-        if followed:  # over the last step, whatever was followed before it
+        if followed:  # the derivative over the last step only, without the effects of earlier steps
             trail, self._trail = self._trail, None
         try:
             found = self.sensitivities(outputs, wanted, interrupted=interrupted)

@@ -11,14 +11,14 @@ from gdfe_ros.real_number import is_finite, is_number
 LONGEST = 1e9
 """Longest duration of a step and longest deadline [s]."""
 MOST_STEPS = 100_000
-"""Internal steps of a body with mass into which one step may be divided."""
+"""Largest number of internal steps into which one step of a body with mass may be divided."""
 
 
 def require_times(*, dt: object, deadline: object, cut_after: object) -> float:
-    """Return the checked duration ``dt``; ``dt`` and ``deadline`` are in s, None is no deadline and no count.
+    """Check the duration ``dt`` [s], the ``deadline`` [s] and the count ``cut_after``, both None for none.
 
     Returns:
-        ``dt`` in double precision: a sum of times in lower precision would stand still.
+        ``dt`` in double precision, because a sum of times in lower precision stops growing.
 
     Raises:
         CommandError: a time is not finite, below zero, or above `LONGEST`, or the count is no whole number.
@@ -40,5 +40,5 @@ def require_countable(*, dt: float, step: float) -> None:
     if dt > MOST_STEPS * step:
         raise CommandError(
             f"dt is {dt!r}, {dt / step:.3g} internal steps of {step:g} s (dynamics.step); allowed: 0 to "
-            f"{MOST_STEPS * step:g} s, {MOST_STEPS} internal steps; remedy: several steps one after another"
+            f"{MOST_STEPS * step:g} s, {MOST_STEPS} internal steps; remedy: make several steps"
         )

@@ -9,7 +9,7 @@ from pathlib import Path
 STEPPER, COURIER, RECORDER = "gdfe-stepper", "gdfe-courier", "gdfe-recorder"
 """Threads of a node beside those of rclpy: one solves, one publishes, one writes the bag."""
 VIEWER = "gdfe-viewer"
-"""Thread of a live page beside the stepper and the server's: it draws."""
+"""Thread of a live page that draws, beside the threads of the stepper and the server."""
 
 
 def show_name() -> None:

@@ -17,8 +17,7 @@ THREAD_COUNTS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "
 def open_workers(count: int) -> Iterator[ProcessPoolExecutor]:
     """Yield an executor of ``count`` new processes with one thread each.
 
-    Processes start with their first tasks, so the environment of this process has the limits while the executor is
-    open.
+    Processes start with their first tasks, so these variables stay set in this process while the executor is open.
     """
     before = {name: os.environ.get(name) for name in THREAD_COUNTS}
     os.environ.update(dict.fromkeys(THREAD_COUNTS, "1"))

@@ -91,7 +91,7 @@ def test_damaged_and_hostile_states_are_refused(damage: str) -> None:
         "hostile": _replaced(state, "a0.npy", pickle.dumps(_Hostile())),
         "old": b"gdfe_ros state\n{}\n",
     }
-    with pytest.raises(GdfeError, match=r"no state|damaged|kept pickles"):
+    with pytest.raises(GdfeError, match=r"not a state|damaged|saved pickles"):
         load_state(simulation, broken[damage])
     assert np.array_equal(simulation.positions, before)
 

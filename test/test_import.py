@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Importing the package is cheap and needs no ROS."""
+"""Importing the package is cheap, needs no ROS, and goes in one direction."""
 
 from __future__ import annotations
 
+import ast
 import os
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -69,3 +71,25 @@ def test_a_missing_share_directory_is_named(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr("gdfe_ros.share.__file__", str(tmp_path / "gdfe_ros" / "share.py"))
     with pytest.raises(GdfeError, match=r"share/gdfe_ros/package.xml.*make install"):
         share_dir.__wrapped__()
+
+
+def _imports(path: Path) -> set[str]:
+    """Return the modules of the package that a file imports, also inside of functions."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{name.name}" for name in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+    return found
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    """Sort the modules so that each comes after those that it imports: there is such an order."""
+    files = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in (ROOT / "gdfe_ros").rglob("*.py")
+    }
+    graph = {name: (_imports(path) & files.keys()) - {name} for name, path in files.items()}
+    order = tuple(TopologicalSorter(graph).static_order())
+    assert order.index("gdfe_ros.mesh.faces") < order.index("gdfe_ros.simulation")

@@ -21,7 +21,7 @@ from benchmarks.coarse_meshes.problems import AROUND, PROBLEMS, SLENDERNESS, WID
 from gdfe_ros.materials import Linear
 from gdfe_ros.materials.table import BULK, PENALTY, SHEAR
 from gdfe_ros.mesh.faces import HEX_FACES
-from gdfe_ros.mesh.operators import CORNERS
+from gdfe_ros.mesh.trilinear import CORNERS
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.watch import Watch
 from gdfe_ros.solver.tangent.element_stiffness import ElementStiffness

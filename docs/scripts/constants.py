@@ -14,32 +14,6 @@ ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ("solver", "actuators", "constraints", "materials", "mesh")
 LAYOUTS = ("blocks", "lanes")
 """Modules whose constants number rows and columns."""
-REASONS = {
-    "ARMIJO": "Share of the decrease predicted by the slope that a step must achieve: the usual value.",
-    "MAX_CUTS": "Number of halvings of a step after which the descent counts as stalled: 2^-30 is below any rounding.",
-    "ROUNDING": "Share of the sum of the energy's terms; smaller changes are rounding errors in double precision.",
-    "CURVATURE": "Least cosine between a step and the change of the gradient for the pair to enter the history.",
-    "MEMORY": "Number of pairs that the acceleration keeps.",
-    "GROWTH": "Growth of the residual after which Anderson's history is dropped and a plain step follows.",
-    "CHUNK": "Number of iterations in one compiled call, between two checks of the deadline.",
-    "FIRST_TOLERANCE": "Tolerance of the first descent: pressures and shares are still far off, so more is wasted.",
-    "TIGHTEN": "Factor on the tolerance from one descent to the next, down to the requested one.",
-    "MAX_UPDATES": "Number of updates of pressures and shares after which a step is returned as not settled.",
-    "NEWTON_STEPS": "Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps.",
-    "LARGEST_RATIO": "Largest share of the last motion that the first guess of a step repeats.",
-    "SMOOTH": "Largest share of a motion that may be new if it is to count as a repetition of the last one.",
-    "LARGEST_TURN": "Largest turn of a handle in one increment: below 180 degrees the nearest turn is unambiguous.",
-    "MOST_SWINGS": "Number of oscillations in a row after which the bulk modulus beside the pressures is raised.",
-    "FIRST": "First change of a command for a finite difference, as a share of its range or size.",
-    "SMALLEST": "Smallest change of a command for a finite difference.",
-    "SIZINGS": "Number of times that the change of a command is chosen again.",
-    "ROUNDS": "Number of corrections of turns after which a step is returned with the remaining moments.",
-    "MOST_REPEATED": "Largest share of the last turn that the first guess of a step repeats.",
-    "NEIGHBOURS": "Number of cells with the nearest centres that are searched for the one around a point.",
-    "GAUSS": "Coordinate of the two integration points of each direction.",
-    "DEGENERATE": "Share of the size: if two signed stretches cancel to this, a rotation is not unique.",
-}
-"""Of constants that have no docstring in the code."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +60,7 @@ def _of_module(room: str, path: Path) -> Iterator[Constant]:
             continue
         if several and _numbers(values):
             continue
-        given = after.value.value if _is_text(after) else _comment(lines, node.lineno) or REASONS.get(names[0], "")
+        given = after.value.value if _is_text(after) else _comment(lines, node.lineno)
         reason = " ".join(str(given).split()).replace("|", "\\|").replace("``", "`")
         yield Constant(room, path.stem, names, tuple(ast.unparse(value) for value in values), reason)
 

@@ -48,7 +48,7 @@ class Actuator:
 
     @property
     def constrains(self) -> bool:
-        """Whether it keeps a length or a volume, with whatever force that needs."""
+        """Whether it prescribes a length or a volume by a constraint, whatever force that needs."""
         return self.mode is Mode.VOLUME
 
 
@@ -56,8 +56,8 @@ class Actuator:
 class Cable(Actuator):
     """A frictionless polyline through material points; it pulls and never pushes.
 
-    Its energy is T L under a commanded tension T. Under a commanded length l it is the least energy with L <= l: the
-    cable is slack if its path is shorter anyway. With a ``stiffness`` k the cable is elastic instead: k/2 (L - l)^2 for
+    Its energy is T L under a commanded tension T. A commanded length l is the constraint L <= l: the cable is slack
+    while its path is shorter. With a ``stiffness`` k the cable is elastic instead, with the energy k/2 (L - l)^2 for
     L > l.
 
     Attributes:
@@ -80,7 +80,7 @@ class Chamber(Actuator):
 
     Attributes:
         quads: (q, 4), or (q, 6) of tetrahedra, int32 vertices, normals out of the chamber, into the material; with
-            ``points`` (q, 4) indices of these, and a triangle repeats its last corner.
+            ``points`` (q, 4) indices of these points, where a triangle repeats its last corner.
         points: points carried by the body, if the surface does not lie between vertices.
     """
 
@@ -93,7 +93,7 @@ class Chamber(Actuator):
         return self.quads.ravel() if self.points is None else self.points.corners[self.points.weights != 0.0]
 
     def at(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions that ``quads`` index, for vertices at ``positions`` (n, 3) [m]."""
+        """Return the positions [m] to which ``quads`` refer, for vertices at ``positions`` (n, 3) [m]."""
         return positions if self.points is None else self.points.at(positions)
 
 

@@ -11,14 +11,15 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.mesh import Mesh
-from gdfe_ros.mesh.operators import reference_coordinates, trilinear_weights
 from gdfe_ros.mesh.tetmesh import TetMesh
 from gdfe_ros.mesh.tetrahedra import barycentric, quadratic_weights
+from gdfe_ros.mesh.trilinear import reference_coordinates, trilinear_weights
 
 SLACK = 1e-5
 """Distance outside of a cell, in its reference coordinates (-1 .. 1, or barycentric), at which a point still counts as
 on its face."""
 NEIGHBOURS = 64
+"""Number of cells with the nearest centres that are searched for the one around a point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,7 @@ def _in_hexahedra(
 def _in_tetrahedra(
     point: NDArray[np.float64], nodes: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how far (k,) a point lies outside of cells (k, 10, 3), in barycentric ones, and its weights (k, 10)."""
+    """Return how far (k,) a point lies outside of cells (k, 10, 3), in barycentric coordinates, and weights (k, 10)."""
     place = barycentric(point, nodes)
     inside = np.clip(place, 0.0, None)
     return -place.min(axis=1), quadratic_weights(inside / inside.sum(axis=1, keepdims=True))

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from gdfe_ros.actuators.embedding import Embedding
 from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.operators import CORNERS, trilinear_weights
 from gdfe_ros.mesh.tet_faces import node_areas
 from gdfe_ros.mesh.tetrahedra import quadratic_slopes, quadratic_weights, simplex_rule
+from gdfe_ros.mesh.trilinear import CORNERS, trilinear_weights
 
 GAUSS = 3.0**-0.5
+"""Coordinate of the two integration points of each direction."""
 TET_ORDER = 3
 """Points of a tetrahedron along each direction: products of two shape functions have degree 4."""
 
@@ -158,7 +159,7 @@ def gauss_points(
 
 
 def _tet_points(nodes: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Yield what `gauss_points` does of quadratic tetrahedra with ``nodes`` (m, 10, 3) [m]."""
+    """Yield volumes and shape functions as `gauss_points` does, for tetrahedra with ``nodes`` (m, 10, 3) [m]."""
     for place, weight in zip(*simplex_rule(TET_ORDER), strict=True):
         volume = np.linalg.det(np.einsum("eai,aj->eij", nodes, quadratic_slopes(place))) / 6.0
         yield weight * volume, quadratic_weights(place)[None]

@@ -31,12 +31,13 @@ class BagRun:
         path: directory of the bag, or one of its MCAP files.
 
     Raises:
-        RecordingError: no bag there, or not one of this package's node.
+        RecordingError: there is no bag, or it was not recorded by this package's node.
 
     Attributes:
         reader: of the bag.
-        roles: names of the topics by their roles in the node, e.g. ``handles/tip/pose``, whatever their remapped names.
-            In bags without roles, the role is the name relative to the node's, or the whole name for other topics.
+        roles: names of the topics by their roles in the node, e.g. ``handles/tip/pose``; remapping a topic does not
+            change its role. In bags without roles, the role is the name relative to the node's, or the whole name for
+            other topics.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -48,7 +49,7 @@ class BagRun:
 
     @property
     def message_count(self) -> int:
-        """Messages in the bag."""
+        """Number of messages in the bag."""
         return len(self.reader)
 
     @cached_property

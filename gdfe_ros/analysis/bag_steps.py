@@ -72,7 +72,8 @@ class BagSteps:
         topics: the topics read, name by role.
         foreign: topics of unknown type, which cannot be compared.
         strays: number of messages so far, by topic, whose step has no record in the bag (it was dropped or lost).
-        tail: the same after the last record, where the end of the recording may have truncated a step.
+        tail: number of messages after the last record, by topic; the end of the recording may have truncated their
+            step.
     """
 
     def __init__(self, run: BagRun, *, topics: Collection[str] | None = None) -> None:

@@ -23,9 +23,10 @@ class CalibrationPoint:
 
     Attributes:
         geometric: R_G, ratio of the shape factors.
-        published: R_M that Eq. 7 maps to it.
+        published: R_M, ratio of the moduli that Eq. 7 assigns to R_G.
         strain: mean eps_eq of the right half over that of the left half.
-        energy: the same of 1/2 eps_eq^2, the strain energy of two halves of equal modulus.
+        energy: mean 1/2 eps_eq^2 of the right half over that of the left half, as for the strain energies of two halves
+            of equal modulus.
         converged: whether every load step converged.
     """
 

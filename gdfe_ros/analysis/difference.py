@@ -69,7 +69,7 @@ class FieldDifference:
         first: the first number that differs.
         most: the number that differs most; NaN counts as the largest difference.
         scale: largest magnitude in the first run.
-        gaps: largest difference by the tolerance of the step's solve.
+        gaps: largest difference among the steps that were solved to each tolerance, by tolerance.
     """
 
     topic: str
@@ -172,21 +172,22 @@ class Differences:
         return sum(entry.compared for entry in self.fields.values())
 
     def allowed(self, entry: FieldDifference, factor: float, tolerance: float | None = None) -> float:
-        """Return the difference that ``factor`` times the solver's tolerance explains, in the unit of the field.
+        """Return the largest difference that ``factor`` tolerances of the solver explain, in the unit of the field.
 
-        Steps that did not converge in the first run, e.g. because a deadline cut them, accumulate errors. For these the
-        largest error estimate of a step since the last converged one replaces the tolerance (None: the largest one with
-        a difference). Whether another run converges there is not judged.
+        Errors accumulate over steps that did not converge in the first run, e.g. because a deadline cut them. For these
+        ``tolerance`` is the largest error estimate of a step since the last converged one (None: the largest tolerance
+        at which the field differs). Whether the other run converges there does not matter.
 
-        The tolerance bounds the displacement over the body's size. Lengths may differ by that; strains by that over the
-        shortest edge; moduli, energies and forces by the same share of the largest value of their kind. A force may
-        also differ by Young's modulus times the mean cross section times the tolerance: the axial force of such a
-        displacement, however small the forces of bending are.
+        The tolerance bounds the displacement over the body's size. Lengths may differ by this displacement; strains by
+        it over the shortest edge; moduli, energies and forces by the same share of the largest value of their kind. A
+        force may also differ by Young's modulus times the mean cross section times the tolerance: the axial force of
+        such a displacement, however small the forces of bending are.
 
-        One unit in the last place of a float32 is added for values published as such. Iterations and residuals are the
-        cost of a solve, not its result, and may differ by any amount; velocities of joint states are differences of
-        positions, which are compared themselves. The set of contact points may differ by points with negligible forces,
-        and then all rows do; the wrenches, which are compared, show the contact forces.
+        One unit in the last place of a float32 is added for values published as such. Iterations, substeps, error
+        estimates and skipped work are the cost of a solve, not its result, and may differ by any amount. Velocities of
+        joint states are differences of positions, which are compared themselves. The set of contact points may differ
+        by points with negligible forces, which shifts all its rows; the wrenches, which are compared, contain the
+        contact forces.
         """
         if entry.topic == CONTACTS:
             return np.inf

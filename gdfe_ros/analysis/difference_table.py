@@ -33,7 +33,7 @@ def difference_table(differences: Differences, *, factor: float) -> Table:
 
     Args:
         differences: of two runs.
-        factor: the limit shown is this times the solver's tolerance; 0: none.
+        factor: number of solver tolerances that the column ``allowed`` shows; 0: no such column.
     """
     table = Table(title="differences", title_justify="left")
     for heading in ("topic", "field", "arrays", "first at", "largest", "of", "at"):

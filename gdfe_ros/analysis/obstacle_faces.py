@@ -33,10 +33,10 @@ def faces_of(simulation: Simulation) -> list[NDArray[np.float64]]:
 def recorded_faces(
     scene: Scene, samples: Mapping[str, Mapping[str, NDArray]], positions: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """Return the faces (f, k, 3) [m] of each obstacle and rigid body of a scene, where a recorded step has it.
+    """Return the faces (f, k, 3) [m] of each obstacle and rigid body of a scene, at its pose in a recorded step.
 
     Args:
-        scene: that was recorded.
+        scene: the recorded scene.
         samples: arrays of a step, by topic and field; an obstacle without a pose among them is at rest.
         positions: of the body's vertices (n, 3) [m].
     """
@@ -59,7 +59,7 @@ def pose_topic(obstacle: Obstacle) -> str:
 def obstacle_faces(obstacle: Obstacle, pose: Pose, before: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the faces (f, k, 3) [m] of an obstacle at a ``pose``.
 
-    A plane is one square, as large as the points ``before`` it (n, 3) [m] need.
+    A plane is one square, which extends beyond the points ``before`` it (n, 3) [m].
     """
     origin, axes = obstacle.frame(pose)
     if isinstance(obstacle.form, Plane):

@@ -108,7 +108,7 @@ def _arrows(scenery: Scenery, size: float) -> tuple[NDArray[np.float64], float]:
 
 
 def _draw_inside(axes: Axes3D, scenery: Scenery, arrows: NDArray[np.float64]) -> None:
-    """Draw cables, chambers and forces over the body, through which they are seen."""
+    """Draw cables, chambers and forces over the body, as if it were transparent."""
     for faces in scenery.chambers:
         look = {"facecolors": CHAMBER, "edgecolors": CHAMBER_EDGES, "linewidths": 0.4}
         axes.add_collection3d(Poly3DCollection(faces, **look, clip_on=False, zorder=3))

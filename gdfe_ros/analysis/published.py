@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arrays that the node would publish of a simulation's present state, without ROS."""
+"""The arrays that the node would publish for the present state of a simulation, without ROS."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Publication:
 
         Args:
             result: of the last step.
-            record: of the step that it repeats.
-            topics: names without the node's; those that no simulation has are left out of the answer.
+            record: record of the repeated step.
+            topics: names without the node's; topics for which the simulation has no arrays are left out.
         """
         makers = self._makers(result, record)
         return {topic: makers[topic]() for topic in topics if topic in makers}

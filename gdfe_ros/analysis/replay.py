@@ -30,9 +30,9 @@ class ReplayReport:
 
     Attributes:
         differences: between the bag (first) and the replay (second).
-        unknown: topics of the bag that the replay does not make, so that they are not compared.
+        unknown: topics of the bag that the replay does not reproduce, and which are therefore not compared.
         strays: messages of the bag without a record of their step, by topic.
-        cuts: number of steps whose deadline had passed; they were ended at the same place.
+        cuts: number of steps that a deadline had ended; the replay ended them at the same time check.
         not_converged: number of other steps that did not converge in the replay.
         duration: simulation time that was replayed [s].
         wall_time: of the replay, comparison included [s].
@@ -53,14 +53,14 @@ class ReplayReport:
     end: str = ""
 
     def verdict(self, factor: float = 0.0) -> Difference:
-        """Return ``Differences.verdict``; if not everything could be compared, equal parts are no success."""
+        """Return ``Differences.verdict``; incomplete instead of equal if parts could not be compared."""
         verdict = self.differences.verdict(factor)
         incomplete = self.end or self.unknown or self.strays or not self.differences.compared
         return Difference.INCOMPLETE if incomplete and verdict is not Difference.DIFFERENT else verdict
 
 
 class Replay:
-    """Steps the scene and the consumed commands of a bag through a ``Simulation``.
+    """Repeats the steps of a bag in a ``Simulation`` of its scene, with the commands that they consumed.
 
     Args:
         run: the recorded run.
@@ -79,7 +79,7 @@ class Replay:
     Example:
         >>> report = Replay(BagRun("bags/bend5")).run()
         >>> report.verdict()
-        <Verdict.IDENTICAL: 'bit-identical'>
+        <Difference.IDENTICAL: 'bit-identical'>
     """
 
     def __init__(self, run: BagRun, *, overrides: Mapping[str, Any] | None = None) -> None:
@@ -154,7 +154,7 @@ def command_of(record: StepRecord) -> Command:
 
 
 def replayable(run: BagRun) -> tuple[int, str]:
-    """Return how far the states of a run can be reproduced from its bag.
+    """Return up to which step the states of a run can be reproduced from its bag.
 
     Returns:
         Number of steps from the first on, and why the next one cannot be reproduced; empty if all can.
@@ -181,7 +181,7 @@ def replayable(run: BagRun) -> tuple[int, str]:
 
 
 def _gap(before: StepRecord, after: StepRecord) -> str:
-    """Return why a step does not follow from the one before it in the bag; empty if it does."""
+    """Return the reason why a step does not continue from the previous one in the bag; empty if it does."""
     if after.begin is Begin.LOADED:
         return f"step {after.step} continued from a state that was loaded from a file, which the bag does not hold"
     if after.step != before.step + 1 and after.begin is not Begin.REST:

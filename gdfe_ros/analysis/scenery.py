@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture shows besides the body: obstacles, rigid bodies, cables, chambers and contact forces."""
+"""Items in a picture besides the body: obstacles, rigid bodies, cables, chambers and contact forces."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ class Scenery:
     def recorded(
         cls, scene: Scene, samples: Mapping[str, Mapping[str, NDArray]], positions: NDArray[np.float64]
     ) -> Scenery:
-        """Return the scenery of a recorded step; a topic that is not in the bag leaves out what it holds.
+        """Return the scenery of a recorded step; without a topic in the bag, forces are missing or obstacles at rest.
 
         Args:
-            scene: that was recorded.
+            scene: the recorded scene.
             samples: arrays of a step, by topic and field.
             positions: of the body's vertices (n, 3) [m].
         """

@@ -24,7 +24,7 @@ FLAT = 1e-3
 CLOSE = 1e-3
 """Estimated distance to the equilibrium, over the body's size, up to which a position counts as reached."""
 RETRIES = 8
-"""Equal steps from rest to a command that was not reached from the previous one."""
+"""Number of equal steps from rest to a command that was not reached from the previous one."""
 LONG = 1e6
 """Duration of a step [s] in which no rate limit restricts a command."""
 MOST_GRID = 2
@@ -34,15 +34,15 @@ points."""
 
 @dataclass(frozen=True, eq=False)
 class ReachableSet:
-    """Reached points.
+    """Commands, and the points that a probe reaches with them.
 
     Attributes:
-        probe: name.
+        probe: name of the probe.
         actuators: names (a,).
         commands: (k, a) in the unit of each.
         points: (k, 3) [m]; NaN if the body found no equilibrium.
         rest: position of the probe without a command (3,) [m].
-        messages: (k,) why a command has no equilibrium; empty if it has.
+        messages: (k,) reason why a command has no equilibrium; empty if it has one.
     """
 
     probe: str
@@ -97,7 +97,7 @@ def command_samples(limits: NDArray[np.float64], count: int) -> NDArray[np.float
     """Return about ``count`` commands (k, a) that fill the ranges (a, 2).
 
     They are a grid for up to `MOST_GRID` actuators; for more, the corners of the ranges and points of Sobol's sequence.
-    Starting at one end, each is close to the previous one, for the sake of the solver.
+    Each command is close to the previous one, because the solver starts from the previous equilibrium.
     """
     dimensions = len(limits)
     if dimensions <= MOST_GRID:
@@ -134,8 +134,8 @@ def find_workspace(
 
     Args:
         scene: the scene; with dynamics its equilibria are computed.
-        probe: whose positions are computed.
-        actuators: names (a,); others keep their rest commands.
+        probe: name of the probe whose positions are computed.
+        actuators: names (a,); the other actuators keep their rest commands.
         commands: (k, a).
         workers: processes; 1 stays in this one.
 
@@ -158,7 +158,7 @@ def find_workspace(
 
 
 def _reach(given: tuple[str, str, tuple[str, ...], NDArray[np.float64]]) -> tuple[NDArray[np.float64], list[str]]:
-    """Return the probe's positions at successive commands, and why one has none."""
+    """Return the probe's positions (k, 3) [m] at successive commands, NaN without an equilibrium, and messages (k,)."""
     text, probe, names, commands = given
     simulation = Simulation(scene_from_text(text, origin="of the workspace", overrides={"dynamics": None}))
     neutral = dict(simulation.rest_command().actuators)

@@ -30,7 +30,7 @@ def workspace_rows(found: ReachableSet) -> list[tuple[str, str]]:
 
 
 def write_workspace(path: Path, found: ReachableSet) -> None:
-    """Write a row for each command: commands, position [m], and why there is none.
+    """Write a row for each command: commands, position [m], and the reason if there is no equilibrium.
 
     Raises:
         OSError: the file cannot be written.

@@ -39,8 +39,8 @@ class Visual:
 class Arm:
     """An arm that carries a handle.
 
-    The handle keeps the place relative to the flange that it has at rest. With the flange at (p, R), at rest (p0, R0),
-    a handle with the rest centre c has the pose
+    The handle keeps its rest pose relative to the flange. With the flange at (p, R), at rest (p0, R0), a handle with
+    the rest centre c has the pose
 
         rotation R R0^T, translation p + R R0^T (c - p0) - c.
 
@@ -89,7 +89,7 @@ class Arm:
 
         Args:
             q: positions of the joints (n,) [rad] or [m].
-            last: their poses before, whose rotations are continued beyond 180 degrees.
+            last: previous poses, whose rotation vectors are continued beyond 180 degrees.
         """
         if np.array_equal(q, self.start):
             return {name: Pose(rotation=_whole_turns(last.get(name))) for name, *_ in self._carried}
@@ -110,7 +110,7 @@ class Arm:
         return zip(self.joints, q.tolist(), strict=True)
 
     def known_poses(self, q: Vector, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return `poses` of an arm that has not moved since the ``last`` ones, if these are known."""
+        """Return the ``last`` poses of an arm that has not moved since; `poses` if some of them are unknown."""
         names = [name for name, *_ in self._carried]
         return {name: last[name] for name in names} if all(name in last for name in names) else self.poses(q, last)
 
@@ -123,5 +123,5 @@ class Arm:
 
 
 def _whole_turns(last: Pose | None) -> tuple[float, float, float]:
-    """Return the rotation vector of no turn, or of the whole turns that are nearest to the ``last`` pose's."""
+    """Return the rotation vector of whole turns (or none) nearest to the ``last`` pose's; zero without one."""
     return (0.0, 0.0, 0.0) if last is None else nearest_turn((0.0, 0.0, 0.0, 1.0), last)

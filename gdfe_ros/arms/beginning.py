@@ -48,7 +48,7 @@ def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterato
 
 
 def _depth(one: object, other: object) -> float:
-    """Return how far points of one thing's surface are inside of the other [m]."""
+    """Return the depth [m] of the surface points of one obstacle inside the other; 0 if there is none."""
     points = _points(one.thing)
     if not len(points):
         return 0.0

@@ -170,7 +170,7 @@ class Carriers:
             motions: of the joints.
             poses: of handles and links.
             reactions: wrenches (6,) that handles and links exert on the soft body.
-            contacts: points in contact, by name; those of rigid bodies on links count here.
+            contacts: contact points by name of the contact; only those of rigid bodies on links are used.
             gravity: (3,) [m/s^2].
             cuts: by joint, the limit that cut its motion in the last step.
         """

@@ -16,7 +16,7 @@ from gdfe_ros.errors import ArmError
 
 Vector = NDArray[np.float64]
 FARTHEST = 1e9
-"""Limit [rad] of a continuous joint, for pinocchio, which is to have one number for each joint."""
+"""Limit [rad] of a continuous joint, so that pinocchio describes it by one number, as a hinge."""
 
 
 class LinkFrame(NamedTuple):
@@ -35,8 +35,9 @@ class Push(NamedTuple):
 
 
 class LinkDynamics:
-    """An arm of rigid links: q (n,) are the positions of its commanded joints, those that mimic others follow.
+    """Kinematics and dynamics of an arm of rigid links.
 
+    q (n,) are the positions of the commanded joints; joints that mimic others follow them.
     With M(q) q'' + C(q, q') q' + g(q) from the recursive Newton-Euler algorithm (Featherstone, *Rigid Body Dynamics
     Algorithms*, 2008, section 5.3), the efforts of the motors are
 

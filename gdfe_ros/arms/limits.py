@@ -13,7 +13,7 @@ from gdfe_ros.arms.description import UrdfLimits
 
 Vector = NDArray[np.float64]
 SHORTFALL = 1e-9
-"""Velocity, over the limit, by which a joint may fall short of its command without a cut being told."""
+"""Relative difference of velocities up to which they count as equal: a joint reaches its goal, or is at a limit."""
 
 
 class JointMotion(NamedTuple):
@@ -73,7 +73,7 @@ class JointLimits:
         )
 
     def advance(self, last: JointMotion, goals: Vector, dt: float) -> tuple[JointMotion, Cut]:
-        """Return the joints after a step of ``dt`` [s], and what was cut.
+        """Return the joints after a step of ``dt`` [s], and the limits that cut their motion.
 
         Without time (``dt`` 0, in a scene without dynamics) the joints are at their goals at once.
         """

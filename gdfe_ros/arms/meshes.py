@@ -19,7 +19,7 @@ from gdfe_ros.mesh.voxels import examine_surface
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 """Vertices (n, 3) [m], and triangles (t, 3)."""
 MARK = "package.xml"
-"""File by which a folder is known to be a ROS package."""
+"""File that marks a folder as a ROS package."""
 
 
 def find_mesh(uri: str, *, folder: Path, packages: Mapping[str, Path]) -> Path:

@@ -83,13 +83,13 @@ def _forms(link: str, shape: Geometry, surfaces: Mapping[str, Surface]) -> Itera
 
 @lru_cache(maxsize=64)
 def _solid(points: bytes, faces: bytes) -> Solid:
-    """Return the solid of a convex piece; those of an arm are kept, because scenes are often loaded again."""
+    """Return the solid of a convex piece; recent ones are cached, because scenes are often loaded again."""
     vertices, triangles = np.frombuffer(points).reshape(-1, 3), np.frombuffer(faces, dtype=np.int64).reshape(-1, 3)
     return make_solid(vertices, triangles, where="the collision mesh")
 
 
 def visuals(robot: Description, surfaces: Mapping[str, Surface]) -> tuple[Visual, ...]:
-    """Return the drawn shapes of all links: visual ones, or collision shapes of a link without."""
+    """Return the drawn shapes of all links: the visual shapes of a link or, without any, its collision shapes."""
     found = []
     for name, link in robot.links.items():
         for shape in link.visuals or link.collisions:

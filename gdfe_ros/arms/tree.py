@@ -10,11 +10,11 @@ from gdfe_ros.spelling import did_you_mean
 
 
 def root_of(names: set[str], joints: Sequence[Joint]) -> tuple[str, list[str]]:
-    """Return the link without a parent, and what makes the links no tree.
+    """Return the link without a parent, and messages about defects because of which the links are not a tree.
 
     Args:
-        names: of the links.
-        joints: between them.
+        names: names of the links.
+        joints: joints between the links.
     """
     found = []
     for joint in joints:
@@ -59,7 +59,7 @@ def _cycles(names: set[str], joints: Sequence[Joint]) -> list[str]:
 
 
 def mimic_defects(joints: Mapping[str, Joint]) -> list[str]:
-    """Return messages about joints that mimic what they cannot mimic."""
+    """Return messages about joints that mimic a joint that does not move, or that itself mimics another one."""
     found = []
     for joint in joints.values():
         if joint.mimic is None:

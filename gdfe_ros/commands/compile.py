@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def work() -> list[tuple[str, dict[str, object]]]:
-    """Return the scenes and overrides to compile; the first one must be finished before the others begin."""
+    """Return the scenes and overrides to compile; the first scene must be finished before the others begin."""
     return [(FIRST, {}), *VARIANTS, *((name, {}) for name in scene_names() if name != FIRST)]
 
 
@@ -55,7 +55,7 @@ def _compiled(jobs: int) -> Iterator[str]:
 
 
 def _compile_surfaces() -> str:
-    """Compile what bodies and obstacles from surface files need, which no shipped scene has."""
+    """Compile the kernels for bodies and obstacles from surface files, which no shipped scene uses; return a name."""
     from gdfe_ros.mesh import bar
     from gdfe_ros.mesh.outside import carry_skin
     from gdfe_ros.mesh.solid import make_solid

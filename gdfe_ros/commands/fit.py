@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Fit; return 0."""
     if arguments.tensile is not None:
         if arguments.scene or arguments.vary:
-            raise GdfeError("--tensile cannot stand beside a scene and recordings; remedy: leave out either")
+            raise GdfeError("--tensile cannot be combined with a scene and recordings; remedy: leave out one of them")
         return _fit_tensile(arguments)
     if not arguments.scene or not arguments.data:
         raise GdfeError(

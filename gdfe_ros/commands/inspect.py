@@ -59,7 +59,7 @@ def _draw(path: Path, found: Inspection) -> None:
     from gdfe_ros.analysis.picture import draw_body  # matplotlib takes a second to import
 
     if found.mesh is None or found.mesh.n_cells == 0:
-        raise MeshError(f"file {found.path}", ["only cells can be drawn; a surface or solid: mesh it in a scene first"])
+        raise MeshError(f"file {found.path}", ["only cells can be drawn; mesh the surface or solid in a scene first"])
     mesh, quality = found.mesh, check_mesh(found.mesh)
     title = f"{found.path.name}: {mesh.n_cells} cells, {len(found.cavities)} cavities"
     draw_body(path, mesh, mesh.vertices, quality.scaled_jacobian, title=title, label="scaled Jacobian")

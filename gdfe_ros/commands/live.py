@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--host",
         default=LOCAL,
-        help="address to listen at; with 0.0.0.0 every machine of the network can see and command it (default: "
+        help="address to listen on; with 0.0.0.0 every machine of the network can see and command it (default: "
         f"{LOCAL})",
     )
     parser.add_argument(
@@ -91,7 +91,7 @@ def _show_scene(arguments: argparse.Namespace, ending: threading.Event) -> int:
     session = None
     try:
         with without_collection():
-            # A browser needs about as long to open a page as this process to build the body.
+            # The browser can open the page while this process builds the body, which takes about as long.
             page.lay_out(scene, scene.name)
             _say_where(arguments, page.port)
             session = _session_of(scene, arguments, page)
@@ -158,7 +158,7 @@ def _end_on_signals(ending: threading.Event) -> None:
 
 
 def _require(arguments: argparse.Namespace) -> None:
-    """Raise an error for invalid arguments before anything slow is imported."""
+    """Raise a `GdfeError` for invalid arguments, before slow modules are imported."""
     if find_spec("viser") is None:
         raise GdfeError("the page needs viser; install it: pip install 'gdfe_ros[live]'")
     _require_source(arguments)
@@ -171,7 +171,7 @@ def _require(arguments: argparse.Namespace) -> None:
 
 
 def _require_source(arguments: argparse.Namespace) -> None:
-    """Raise an error unless a scene or a node is given, with only the options of that one."""
+    """Raise a `GdfeError` unless either a scene or a node is given, with options for it only."""
     if (arguments.scene is None) == (arguments.ros is None):
         given = "neither" if arguments.ros is None else f"scene {arguments.scene!r} and --ros {arguments.ros}"
         raise GdfeError(f"{given} given; allowed: a scene, or --ros with the name of a running node")
@@ -188,7 +188,7 @@ def _require_source(arguments: argparse.Namespace) -> None:
 
 
 def _say(text: str) -> None:
-    """Print at once a text about the present wait."""
+    """Print a message about the present wait to standard error, without buffering."""
     print(text, file=sys.stderr, flush=True)
 
 

@@ -19,7 +19,7 @@ from gdfe_ros.mesh.voxels import SUFFIXES, examine_surface
 from gdfe_ros.scene.document import write_document
 
 PARTS = 15.0
-"""Default size of the tetrahedra: this part of the longest side of the bounding box."""
+"""Longest side of the bounding box over the default size of the tetrahedra."""
 PRESSURE = 5e3
 """Pressure [Pa] at the end of the program that is written for chambers."""
 
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--cavity", type=Path, action="append", default=[], help="closed surface of a chamber inside")
     parser.add_argument(
-        "--size", type=float, help="largest edge of the tetrahedra [m]; default: a fifteenth of the body"
+        "--size", type=float, help="largest edge of the tetrahedra [m]; default: 1/15 of the longest side"
     )
     parser.add_argument("--scale", type=float, help="metres per unit of the files, e.g. 0.001; STEP states its own")
     parser.add_argument(
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the scene; return 0.
 
     Raises:
-        MeshError: a file cannot be used, with every reason; or the scene exists already.
+        MeshError: a file cannot be used, with all its defects; or the scene exists already.
     """
     if arguments.scene.exists():
         raise MeshError(f"scene {arguments.scene}", ["there is such a file already; remedy: another name"])

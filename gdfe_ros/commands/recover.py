@@ -42,7 +42,7 @@ def _table(report: RecoveryReport) -> Table:
 
 
 def _remarks(report: RecoveryReport) -> list[str]:
-    remarks = [f"{name} was cut off: what was written after its last whole record is lost" for name in report.cut_files]
+    remarks = [f"{name} was cut off: data after its last complete record are lost" for name in report.cut_files]
     if report.damaged_chunks:
         remarks.append(f"{report.damaged_chunks} chunks did not match their checksum and were left out")
     if report.damaged_records:
@@ -51,4 +51,4 @@ def _remarks(report: RecoveryReport) -> list[str]:
         remarks.append("its scene is lost: replay and report cannot read the new bag; rosbag2 and Foxglove can")
     if report.orphans:
         remarks.append(f"{report.orphans} messages were left out: the declaration of their topic is lost")
-    return remarks or ["the bag was whole"]
+    return remarks or ["the bag was complete"]

@@ -64,7 +64,7 @@ def _replay(path: Path, overrides: dict[str, object], factor: float, *, ros: boo
         if first is not None:
             console.print(f"first divergent stamp: {1e-9 * first[0]:.9g} s")
         if factor > 0.0:
-            console.print(f"factor that allows all of it: {differences.factor_needed():.3g}")
+            console.print(f"smallest factor that passes: {differences.factor_needed():.3g}")
     for text in _remarks(run, report, overrides):
         console.print(text)
     passed = verdict in (Difference.IDENTICAL, Difference.WITHIN)

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     names = arguments.actuators or [actuator.name for actuator in scene.actuators]
     if not names or not scene.probes:
         raise GdfeError(
-            f"scene {scene.name!r} needs the keys `actuators`, which move it, and `probes`, whose reach is found"
+            f"scene {scene.name!r} needs the keys `actuators`, which move it, and `probes`, whose reach is computed"
         )
     if arguments.count < 2:
         raise GdfeError(f"--count {arguments.count}; allowed: 2 or more")

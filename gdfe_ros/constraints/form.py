@@ -140,7 +140,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Capsule:
-    """The points nearer than ``radius`` [m] to a segment of z of a ``length`` [m], centred at the origin."""
+    """The points nearer than ``radius`` [m] to a segment of the z axis with a ``length`` [m], centred at the origin."""
 
     radius: float
     length: float
@@ -246,8 +246,8 @@ class TriangleMesh:
     """The solid inside a closed surface, in the obstacle's frame.
 
     Attributes:
-        solid: with its distances.
-        original: vertices (n, 3) [m] and triangles (t, 3) in the frame of the file, if the solid was turned from it.
+        solid: the solid with its signed distances.
+        original: vertices (n, 3) [m] and triangles (t, 3) in the frame of the file, if the solid's frame is another.
     """
 
     solid: Solid
@@ -257,7 +257,7 @@ class TriangleMesh:
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """Number of samples that the kernels find after all other numbers."""
+        """Parameters of the shape for the kernels: the number of `samples`, which follow all other parameters."""
         return float(len(self.samples)), 0.0, 0.0
 
     @cached_property

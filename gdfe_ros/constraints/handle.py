@@ -49,7 +49,7 @@ class Handle:
             raise ValueError(f"handle {self.name!r} is fixed and has free axes; drop one of the two")
 
     def seen_from(self, origin: NDArray[np.float64]) -> Handle:
-        """Return the handle relative to ``origin`` (3,) [m]: the same."""
+        """Return the handle for positions relative to ``origin`` (3,) [m], which does not change it."""
         return self
 
     def centre(self, vertices: NDArray[np.float64]) -> NDArray[np.float64]:

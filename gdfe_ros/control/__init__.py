@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse control: from where probes are to be, and how hard contacts are to press, to commands of actuators."""
+"""Inverse control: actuator commands from goals for positions and orientations of probes and for contact forces."""
 
 from gdfe_ros.control.feedback import FeedbackControl
 from gdfe_ros.control.inverse import InverseControl, Reach

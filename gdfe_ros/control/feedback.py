@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Closed loop: commands from what was measured on the robot, with a model that may be wrong.
+"""Closed-loop control: commands from measurements of the robot, with a model that may be inaccurate.
 
-A command is the one under which the robot was measured, plus the change that makes up for the distance to the goal by
-the Jacobian J. J is the model's at the start. Each measurement corrects it (Broyden 1965): a change dc that moved the
-robot by dy instead of J dc adds
+A command is the command at the last measurement plus the change that removes the distance to the goal according to the
+Jacobian J. At the start J is the model's. Each measurement corrects it (Broyden 1965): if a change dc moved the robot
+by dy instead of J dc, J changes by
 
     dJ = learning * (dy - J dc) (D^2 dc)^T / |D dc|^2,
 
-with the costs D of the changes (`CommandLimits.costs`). The error itself adds up in the command, so that an error of
-the model leaves no offset; at the end of a range nothing adds up.
+with the costs D of the changes (`CommandLimits.costs`). The command integrates the error, so that an error of the model
+leaves no offset; at the end of a range nothing is integrated.
 """
 
 from __future__ import annotations
@@ -28,29 +28,30 @@ from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
 DAMPING = 1e-3
-"""Weight of a change of the commands, over what the strongest actuator of its unit moves by it. Where the Jacobian is
-nearly singular, commands change by at most 500 times what the strongest actuator would need."""
+"""Weight of a change of the commands relative to its costs D. If the Jacobian is nearly singular, commands change by at
+most 500 times the change that the strongest actuator would need."""
 BASELINE = 3.0
-"""Motion over the tolerance from which on a measurement corrects the Jacobian: noise is then a third of it at most."""
+"""Least motion, in tolerances, with which a measurement corrects the Jacobian: noise is then at most a third of it."""
 WITHIN = 0.5
-"""Share of the distance that a change makes up for from which on its goal counts as within reach."""
+"""Share of the distance that a change is predicted to remove, above which its goal counts as within reach."""
 
 
 class FeedbackControl:
-    """Moves a robot such that its probes go where they are told, by measurements of the probes.
+    """Commands a robot so that its targets reach their goals, from measurements of the targets.
 
-    Tell each measurement by `observe`, then ask for the next command by `command`. The robot must have followed a
-    command when it is measured; one that still swings teaches the Jacobian wrongly (``learning=0`` keeps the model's).
+    Pass each measurement to `observe`, then get the next command from `command`. Measure the robot after it has
+    followed a command: while it still oscillates, a measurement corrupts the Jacobian (``learning=0`` keeps the
+    model's).
 
     Args:
-        simulation: the model, at the commands at which the robot is; it is not stepped.
-        targets: what is to be where; names alone take all axes.
-        actuators: names; None takes all.
+        simulation: the model, at the robot's present commands; it is stepped once if it is not at an equilibrium.
+        targets: targets to control; the name of a probe alone stands for its position along all axes.
+        actuators: names of the actuators; None: all.
         tolerance: distance [m] at which a goal counts as reached, at least the noise of the measurements; motions below
-            three times of it correct nothing.
-        slew: least time [s] in which a command crosses its range; not below that of the robot, which would else follow
-            one actuator more than the other (a node's ``slew_time``).
-        learning: share of what a change did otherwise than foretold that corrects the Jacobian, from 0 to 1.
+            three times this distance do not correct the Jacobian.
+        slew: least time [s] in which a command crosses its range. If it is below that of the robot (a node's
+            ``slew_time``), the robot follows some actuators more than others.
+        learning: share of the prediction error of a change that corrects the Jacobian, from 0 to 1.
 
     Raises:
         CommandError: no such probe or actuator, dynamics, or a number outside of its range.
@@ -102,18 +103,18 @@ class FeedbackControl:
         return dict(zip(self.names, self._sent.tolist(), strict=True))
 
     def time_to(self, wanted: Mapping[str, float], now: Mapping[str, float]) -> float:
-        """Return the least time [s] in which rates let commands go from ``now`` to ``wanted``."""
+        """Return the least time [s] in which commands can change from ``now`` to ``wanted`` within their rates."""
         return self._limits.time(np.array([wanted[name] - now[name] for name in self.names]))
 
     def observe(self, values: ArrayLike, commands: Mapping[str, float] | None = None) -> None:
-        """Tell what was measured.
+        """Take a measurement, and correct the Jacobian with it.
 
         Args:
-            values: (t, 3) of the targets, in the unit of each: m, rad, N.
-            commands: in force at that time, by actuator; None: those that were returned last.
+            values: (t, 3) measured values of the targets, in the unit of each: m, rad, N.
+            commands: commands in force at that time, by actuator; None: the last commands that were returned.
 
         Raises:
-            CommandError: the shape is another, a value is not finite, or a command is missing.
+            CommandError: the shape is wrong, a value is not finite, or a command is missing.
         """
         measured, given = self._stack.checked(values, "measured values"), self._sent
         if commands is not None:
@@ -126,7 +127,7 @@ class FeedbackControl:
         foretold, scaled = self._rows @ change, self._costs * change
         self._judge(measured, foretold)
         if max(np.linalg.norm(moved), np.linalg.norm(foretold)) < BASELINE or not change.any():
-            return  # within the noise: later measurements tell more of the same change
+            return  # within the noise: a later measurement includes this change
         by_change = self._costs * scaled / float(scaled @ scaled)
         self._rows = self._rows + self._learning * np.outer(moved - foretold, by_change)
         self._base = self._known
@@ -134,8 +135,8 @@ class FeedbackControl:
     def command(self, goals: ArrayLike, dt: float) -> Reach:
         """Return the commands of the next ``dt`` [s], towards goals (t, 3) at its end, within ranges and rates.
 
-        The answer's distances are those of the last measurement. Its message says which goals the commands are not
-        foretold to reach, and why.
+        The returned distances are those of the last measurement. The message names the goals that the commands are not
+        predicted to reach, and the reason.
 
         Raises:
             CommandError: goals or time are not allowed; nothing has changed.
@@ -160,10 +161,11 @@ class FeedbackControl:
         )
 
     def _judge(self, measured: Array, foretold: Array) -> None:
-        """Shorten the longest change where the last one led nearer by less than a quarter of what was foretold (m,).
+        """Shorten the longest change if the last one reduced the error by less than a quarter of the predicted amount.
 
-        That is asked only where most of the distance was to be left: near the nearest point to a goal out of reach,
-        where long changes would go round it. Within reach, errors of the Jacobian are left to learning.
+        ``foretold`` (m,) is the predicted motion. The change is judged only if most of the distance was predicted to
+        remain: near the point closest to an unreachable goal, long changes would circle around it. For goals within
+        reach, `observe` corrects the Jacobian.
         """
         before, stack = self._base[1], self._stack
         error, after = stack.errors(self._goals, before), stack.errors(self._goals, measured)

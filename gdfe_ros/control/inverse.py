@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that bring probes to where they are to be: Gauss and Newton's method on the model, within bounds.
+"""Commands that bring targets to their goals, by the Gauss-Newton method on the model, within bounds.
 
 Each change of the commands is the solution of a quadratic programme,
 
     min  sum_i w_i |J_i dc - e_i|^2 + l^2 |D dc|^2    with  low <= c + dc <= high,  |dc| <= rate dt,
 
-with the exact Jacobians J of the probes (docs/sensitivities.md), their distances e from the goals and the priorities w.
+with the exact Jacobians J of the targets (docs/sensitivities.md), their distances e from the goals, the priorities w
+and the costs D of the changes (`CommandLimits.costs`).
 """
 
 from __future__ import annotations
@@ -28,27 +29,27 @@ from gdfe_ros.simulation import Command, Simulation
 
 Array = NDArray[np.float64]
 LEAST = 1e-4
-"""Weight of a change of the commands itself, over what the strongest actuator of its unit moves by it."""
+"""Weight l of a change of the commands relative to its costs D."""
 SHORTER, LONGER = 0.25, 2.0
-"""By how much the longest change shrinks where one did not lead nearer, and grows again where one did."""
+"""Factors on the longest change after a change that did not reduce the errors enough, and after one that did."""
 MOST_TRIES = 60
-"""Changes of the commands after which a goal counts as out of reach."""
+"""Number of changes of the commands after which a goal counts as out of reach."""
 ENOUGH = 0.25
-"""Share of the way nearer that was foretold which a change has to lead."""
+"""Least reduction of the errors by a change, over the predicted reduction."""
 STANDSTILL, FAINT = 0.1, 1e-3
-"""Shares of the tolerance by which a change that is worth a step moves targets, and leads them nearer."""
+"""Least predicted motion of the targets and least predicted reduction of their errors, in tolerances, for a step."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Reach:
-    """How near targets came to their goals.
+    """Commands, and the distances of the targets from their goals.
 
     Attributes:
-        commands: by actuator.
-        distances: (t,) of each target from its goal along its axes, in its unit: m, rad or N.
-        reached: all are within the tolerance.
-        message: what was in the way; empty where nothing was.
-        tries: changes of the commands that were tried.
+        commands: command of each actuator, by name.
+        distances: (t,) distance of each target from its goal along its axes, in its unit: m, rad or N.
+        reached: whether all targets are within their tolerances.
+        message: reason why goals were not reached; empty if all were reached.
+        tries: number of changes of the commands that were tried.
     """
 
     commands: Mapping[str, float]
@@ -59,14 +60,14 @@ class Reach:
 
 
 class InverseControl:
-    """Moves actuators such that probes of a simulation go where they are told.
+    """Moves the actuators of a simulation so that targets reach their goals.
 
-    Tensions stay non-negative and all commands within the scene's ranges; rates of the scene hold for each `move`.
+    Tensions stay non-negative and all commands within the scene's ranges; each `move` respects the scene's rates.
 
     Args:
-        simulation: the model; without dynamics each command is its equilibrium.
-        targets: what is to be where; names alone take all axes.
-        actuators: names; None takes all.
+        simulation: the model, without dynamics; each command leads to an equilibrium.
+        targets: targets to control; the name of a probe alone stands for its position along all axes.
+        actuators: names of the actuators; None: all.
         tolerance: distance [m] at which a goal counts as reached.
 
     Raises:
@@ -101,16 +102,16 @@ class InverseControl:
         return self._stack.targets
 
     def reach(self, goals: ArrayLike) -> Reach:
-        """Bring the probes to their goals, or as near as they get, whatever time that takes.
+        """Bring the targets to their goals, or as near as possible, in any time.
 
-        Where goals are out of reach, the commands are those of the nearest point, and the message says so.
+        If goals are out of reach, the commands are those of the nearest point, and the message says so.
 
         Args:
             goals: (t, 3), one row for each target in its unit.
 
         Raises:
-            CommandError: their shape is another, or a value is not finite; the state is unchanged.
-            GdfeError: a state on the way has no derivative, as at a saddle; the state is unchanged.
+            CommandError: the shape is wrong, or a value is not finite; the state is unchanged.
+            GdfeError: an intermediate state has no derivative, as at a saddle; the state is unchanged.
         """
         wanted, tries, stuck = self._stack.checked(goals), 0, False
         with self._all_or_nothing():
@@ -121,7 +122,7 @@ class InverseControl:
         return self._told(error, tries)
 
     def move(self, goals: ArrayLike, dt: float) -> Reach:
-        """Make one change of the commands towards the goals, as far as rates allow in ``dt`` [s]: a step of a loop.
+        """Make one change of the commands towards the goals, as far as rates allow in ``dt`` [s], as in a control loop.
 
         Args:
             goals: (t, 3), one row for each target in its unit.
@@ -141,7 +142,7 @@ class InverseControl:
 
     @contextmanager
     def _all_or_nothing(self) -> Iterator[None]:
-        """Begin at an equilibrium, and come back to the state before where an error ends what is done."""
+        """Start from an equilibrium, and restore the initial state if an error occurs inside the context."""
         before = self.simulation.snapshot()
         try:
             if not self.simulation.settled:
@@ -152,10 +153,10 @@ class InverseControl:
             raise
 
     def _nearer(self, wanted: Array, error: Array, dt: float | None = None) -> tuple[bool, Array, int]:
-        """Change the commands once; return whether that led nearer, the errors then, and how often it was tried.
+        """Change the commands once; return whether the errors decreased, the new errors (m,), and the number of tries.
 
-        ``error`` (m,) is the present one from the goals ``wanted`` (t, 3). The change takes ``dt`` [s]; None: as long
-        as rates want.
+        ``error`` (m,) are the present errors from the goals ``wanted`` (t, 3). The change takes ``dt`` [s]; None: the
+        time that the rates require.
         """
         stack, now, tries = self._stack, self._now(), 0
         here, values = self.simulation.snapshot(), stack.values()
@@ -186,7 +187,7 @@ class InverseControl:
         return False, error, tries
 
     def _went(self, now: Array, change: Array, dt: float | None) -> bool:
-        """Step to commands after a change (n,); tell whether an equilibrium was found."""
+        """Step the model to the commands after a change (n,); return whether it found an equilibrium."""
         commands = dict(zip(self.names, self._limits.changed(now, change).tolist(), strict=True))
         time = self._limits.time(change) if dt is None else dt
         return self.simulation.step(Command(actuators=commands), dt=time).converged
@@ -196,12 +197,12 @@ class InverseControl:
         return self._stack.errors(wanted, self._stack.values())
 
     def _now(self) -> Array:
-        """Return the commands (n,) in force; rates may have kept others back."""
+        """Return the commands (n,) in force, which rates may have limited."""
         states = self.simulation.actuator_states()
         return np.array([states[name].command for name in self.names])
 
     def _exact(self) -> Array:
-        """Return the exact Jacobian, as `Stack` counts."""
+        """Return the exact Jacobian (m, n), with the rows of `Stack`."""
         return self._stack.jacobian(self.names)
 
     def _told(self, error: Array, tries: int) -> Reach:
@@ -216,12 +217,12 @@ class InverseControl:
 
 
 def require_equilibria(scene: Scene) -> None:
-    """Refuse a scene in motion."""
+    """Raise CommandError for a scene with dynamics."""
     if scene.dynamics is not None:
         raise CommandError("inverse control goes from equilibrium to equilibrium; remedy: a scene without dynamics")
 
 
 def require_positive(what: str, value: float, unit: str) -> None:
-    """Refuse a value that is not a positive, finite number."""
+    """Raise CommandError for a value that is not a positive, finite number."""
     if not 0.0 < value < np.inf:
         raise CommandError(f"{what} must be positive and finite [{unit}], got {value!r}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Jacobian that is kept between changes of the commands, and corrected by what each of them did."""
+"""A Jacobian that is kept between changes of the commands, and corrected by the effect of each change."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 SURPRISE = 0.3
-"""Distance between what a change did and what was foretold, over the latter, from which a new Jacobian is taken: the
-way to a goal that moves on is missed by that share of a step."""
+"""Error of the predicted motion of a change, over that motion, above which the exact Jacobian is computed again. A
+moving goal is missed by at most that share of a step."""
 
 
 class KeptJacobian:
-    """The Jacobian of some values with respect to commands, exact where it is taken.
+    """The Jacobian of values with respect to commands, which is kept between changes of the commands.
 
-    Broyden's update corrects it by each change that was made. It is taken anew where a change did something else than
-    was foretold, and where the commands or values are not those that it was left with.
+    Broyden's update corrects it after each change. The exact Jacobian is computed again after a change that was
+    predicted badly, and if commands or values are not those after the last update.
 
     Args:
         exact: returns the exact Jacobian (m, n) of the present state.
 
     Attributes:
-        fresh: it was taken where it was last asked for.
+        fresh: whether the last call of `at` computed the exact Jacobian.
     """
 
     def __init__(self, exact: Callable[[], Array]) -> None:
@@ -33,11 +33,11 @@ class KeptJacobian:
         self.fresh = False
 
     def forget(self) -> None:
-        """Have the next one taken anew."""
+        """Discard the Jacobian, so that the next call of `at` computes the exact one."""
         self._rows = None
 
     def at(self, commands: Array, values: Array) -> Array:
-        """Return it (m, n) at the present commands (n,) and values (t, 3)."""
+        """Return the Jacobian (m, n) at the present commands (n,) and values (t, 3)."""
         known = self._rows is not None
         self.fresh = not (known and all(map(np.array_equal, self._place, (commands, values))))
         if self.fresh:
@@ -46,7 +46,7 @@ class KeptJacobian:
         return self._rows
 
     def learn(self, moved: Array, commands: Array, values: Array) -> None:
-        """Correct it by the change to commands (n,) and values (t, 3) that moved rows by ``moved`` (m,)."""
+        """Correct the Jacobian by a change to commands (n,) and values (t, 3) with the motion ``moved`` (m,)."""
         change = commands - self._place[0]
         foretold, scaled = self._rows @ change, self._scale * change
         missed, self._place = moved - foretold, (commands, values)

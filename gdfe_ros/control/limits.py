@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What commands of actuators may be: ranges, rates, and tensions that only pull."""
+"""Limits of actuator commands: ranges, rates, and non-negative tensions."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from gdfe_ros.scene.scene import Scene
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9
-"""Share of a change that is none."""
+"""Share of a change that counts as rounding."""
 
 
 class CommandLimits:
     """Ranges and rates of the commands of some actuators.
 
     Args:
-        actuators: (n,) whose commands they are.
+        actuators: (n,) actuators whose commands are limited.
         slew: least time [s] in which a command crosses its range.
 
     Attributes:
         low: (n,) least commands; of a tension at least zero.
         high: (n,) largest commands.
-        rates: (n,) largest changes in a second.
+        rates: (n,) largest changes per second.
     """
 
     def __init__(self, actuators: Sequence[Actuator], *, slew: float = 0.0) -> None:
@@ -57,9 +57,9 @@ class CommandLimits:
         return cls([known[name] for name in names], slew=slew)
 
     def costs(self, rows: Array) -> Array:
-        """Return the cost (n,) of a change of each command: what the strongest of its unit moves by it, of rows (m, n).
+        """Return the costs D (n,) of changes: the largest norm of a column of ``rows`` (m, n) with the command's unit.
 
-        A command that hardly moves anything is therefore left where it is.
+        A command that moves the targets much less than others with its unit is therefore hardly changed.
         """
         return np.where(self._alike, np.linalg.norm(rows, axis=0), 0.0).max(axis=1)
 
@@ -69,20 +69,20 @@ class CommandLimits:
         return np.maximum(self.low - now, -reach), np.minimum(self.high - now, reach)
 
     def changed(self, now: Array, change: Array) -> Array:
-        """Return commands (n,) after a change: in range, and at an end of it where only rounding keeps them off it."""
+        """Return commands (n,) after a change, clipped to the range; commands within rounding of an end are at it."""
         commands, rounding = now + change, ROUNDING * np.abs(change)
         commands = np.where(np.abs(commands - self.low) <= rounding, self.low, commands)
         commands = np.where(np.abs(commands - self.high) <= rounding, self.high, commands)
         return np.clip(commands, self.low, self.high)
 
     def time(self, change: Array) -> float:
-        """Return the least time [s] in which rates let a change (n,) through."""
+        """Return the least time [s] in which the rates allow a change (n,)."""
         limited = np.isfinite(self.rates)
         with np.errstate(divide="ignore", invalid="ignore"):
             times = np.abs(change[limited]) / self.rates[limited]
         return (1.0 + ROUNDING) * float(times.max(initial=0.0))
 
     def ended(self, commands: Array) -> list[str]:
-        """Name the actuators whose commands (n,) are at an end of their range."""
+        """Return the names of the actuators whose commands (n,) are at an end of their range."""
         inside = (self.low < commands) & (commands < self.high)
         return [name for name, free in zip(self._names, inside, strict=True) if not free]

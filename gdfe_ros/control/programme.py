@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The quadratic programme of one change of commands, and the one place where a solver of such programmes is called."""
+"""Quadratic programme of one change of the commands; only this module calls a solver for such programmes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 def least_squares(
     rows: Array, goal: Array, low: Array, high: Array, *, least: float, costs: Array | None = None
 ) -> Array:
-    """Return x (n,) of the least |A x - b|^2 + least^2 |D x|^2 with low <= x <= high, exact to rounding.
+    """Return x (n,) that minimises |A x - b|^2 + least^2 |D x|^2 with low <= x <= high, exact to rounding.
 
     Bounds hold to the last bit.
 
@@ -23,8 +23,8 @@ def least_squares(
         goal: b (m,).
         low: least x (n,); minus infinity for none.
         high: largest x (n,), not below ``low``; infinity for none.
-        least: weight of the change itself; above zero, since other changes may lead to the same goal.
-        costs: D (n,), at least the lengths of A's columns; None: these.
+        least: weight of the change itself, above zero, so that the solution is unique.
+        costs: D (n,), not below the norms of A's columns; None: these norms.
 
     Raises:
         DependencyError: quadprog is not installed.

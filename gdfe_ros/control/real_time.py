@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open loop in real time: a command at once, while the model follows in a thread of its own."""
+"""Open-loop control in real time: commands are returned at once, while the model follows in a thread of its own."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ PATIENCE = 60.0
 
 
 class RealTimeControl:
-    """Gives commands for goals that move on, without waiting for the model's equilibrium.
+    """Returns commands for moving goals without waiting for the model's equilibrium.
 
     A command is computed from the last equilibrium that the model has found, by its Jacobian, in less than a
-    millisecond. The model then solves for the commands that are in force, as fast as it can; what it finds corrects the
-    next command as a measurement would (`FeedbackControl`).
+    millisecond. The model then solves for the commands that are in force, as fast as it can. Its equilibrium corrects
+    the next command, as a measurement does in `FeedbackControl`.
 
     Args:
-        simulation: the model, without dynamics; between the beginning and `close` only this object steps it.
-        targets: what is to be where; names alone take all axes.
-        actuators: names; None takes all.
+        simulation: the model, without dynamics; until `close` only this object may step it.
+        targets: targets to control; the name of a probe alone stands for its position along all axes.
+        actuators: names of the actuators; None: all.
         tolerance: distance [m] at which a goal counts as reached.
 
     Attributes:
-        solves: equilibria that the model has found.
-        failed: message of the model's last step where it found none; empty where it did. Commands then go on from the
-            last equilibrium.
+        solves: number of equilibria that the model has found.
+        failed: message of the model's last step if it found no equilibrium; empty if it found one. After a failure
+            commands continue from the last equilibrium.
 
     Raises:
         CommandError: no such probe or actuator, dynamics, or a tolerance that is not positive.
@@ -71,7 +71,7 @@ class RealTimeControl:
     def command(self, goals: ArrayLike, dt: float) -> Reach:
         """Return the commands of the next ``dt`` [s], towards goals (t, 3) at its end, within ranges and rates.
 
-        Distances and message are as in `FeedbackControl.command`, of the model's last equilibrium.
+        Distances and message are as in `FeedbackControl.command`, but of the model's last equilibrium.
 
         Raises:
             CommandError: goals or time are not allowed; nothing has changed.
@@ -90,7 +90,7 @@ class RealTimeControl:
         self._thread.join(PATIENCE)
 
     def _solve_on(self) -> None:
-        """Bring the model to the last commands, again and again."""
+        """Step the model to the latest commands until the object is closed."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._closed or self._wanted is not None)
@@ -100,7 +100,7 @@ class RealTimeControl:
             self._followed(wanted)
 
     def _followed(self, wanted: dict[str, float]) -> None:
-        """Step the model to commands and tell what it finds; go back where it finds no equilibrium."""
+        """Step the model to commands and observe its equilibrium; restore the model if it finds none."""
         before = self._simulation.snapshot()
         try:
             result = self._simulation.step(

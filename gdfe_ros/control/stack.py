@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets one above the other: their errors and derivatives, each over its tolerance."""
+"""Stacked errors and derivatives of several targets, each over its tolerance."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ USUAL = 1e-3
 class Stack:
     """The targets of a simulation.
 
-    Errors and derivatives are in rows (m,), one for each axis of each target: over the target's tolerance, times the
-    root of its weight.
+    Errors and derivatives have m rows, one for each axis of each target. They are divided by the target's tolerance and
+    multiplied by the square root of its weight.
 
     Args:
-        simulation: whose they are.
-        targets: what is led; names alone are probes.
-        tolerance: of positions [m].
+        simulation: the model.
+        targets: targets; the name of a probe alone stands for its position along all axes.
+        tolerance: tolerance of positions [m].
 
     Attributes:
-        targets: as given, (t,).
-        tolerances: (t,) in the unit of each.
+        targets: the targets (t,).
+        tolerances: (t,) in the unit of each target.
 
     Raises:
-        CommandError: the scene lacks what a target is of, or there is no target.
+        CommandError: the scene lacks the probe, obstacle or handle of a target, or there is no target.
     """
 
     def __init__(self, simulation: Simulation, targets: Sequence[Aim | str], tolerance: float) -> None:
@@ -49,10 +49,10 @@ class Stack:
         self._ends = np.cumsum([len(target.axes) for target in self.targets])[:-1]
 
     def checked(self, goals: ArrayLike, what: str = "goals") -> Array:
-        """Return goals (t, 3), or ``what`` else has one row for each target.
+        """Return goals (t, 3), or other values that an error calls ``what``, after a check.
 
         Raises:
-            CommandError: their shape is another, or a value is not finite.
+            CommandError: the shape is wrong, or a value is not finite.
         """
         wanted = np.asarray(goals, dtype=np.float64)
         if wanted.shape != (len(self.targets), 3) or not np.isfinite(wanted).all():
@@ -90,11 +90,11 @@ class Stack:
         return np.array([np.linalg.norm(part) / scale for scale, part in parts])
 
     def reached(self, error: Array) -> bool:
-        """Tell whether all targets are within their tolerances."""
+        """Return whether all targets are within their tolerances."""
         return bool((self.distances(error) <= self.tolerances).all())
 
     def length(self, goals: Array, values: Array) -> float:
-        """Return the way from values to goals (t, 3), over the longest that one change of the commands asks for."""
+        """Return the largest distance from values to goals (t, 3), over the longest motion of one change."""
         longest = [
             target.longest(self._simulation, goal, value)
             for target, goal, value in zip(self.targets, goals, values, strict=True)
@@ -102,12 +102,12 @@ class Stack:
         return float((self.distances(self.errors(goals, values)) / longest).max())
 
     def message(self, error: Array, values: Array, ended: Sequence[str]) -> str:
-        """Say how far from their goals targets are, and what is in the way.
+        """Return a text about the distances of targets from their goals and the reasons; empty if all are reached.
 
         Args:
-            error: (m,) from the goals.
-            values: (t, 3) of the targets.
-            ended: commands at the end of their range.
+            error: (m,) errors from the goals.
+            values: (t, 3) values of the targets.
+            ended: names of actuators with commands at the end of their range.
         """
         distances = self.distances(error)
         far = [number for number, distance in enumerate(distances) if distance > self.tolerances[number]]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What inverse control leads to a goal: positions and orientations of probes, contact forces."""
+"""Targets of inverse control: positions and orientations of probes, contact forces."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from gdfe_ros.simulation import Simulation
 
 Array = NDArray[np.float64]
 WAY, TURN = 0.1, 0.5
-"""Longest way of a probe, over the body's size, and longest turn [rad] that one change of the commands asks for."""
+"""Longest motion of a probe, over the body's size, and largest rotation [rad] in one change of the commands."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Aim(ABC):
-    """What every target has.
+    """Base class of targets.
 
     Attributes:
-        axes: which of x, y, z count, by number.
-        weight: priority beside other targets: errors, each over its tolerance, count by its root.
+        axes: controlled components of the value: 0, 1, 2 for x, y, z.
+        weight: priority beside other targets: factor on the squared errors, each over its tolerance.
         tolerance: distance at which a goal counts as reached, in the unit of the target; None: the control's for
             positions, 1e-3 rad and 1e-3 N.
 
     Raises:
-        ValueError: an axis is none, or the weight or the tolerance is not positive.
+        ValueError: an axis is not 0, 1 or 2, or the weight or the tolerance is not positive.
     """
 
     axes: tuple[int, ...] = (0, 1, 2)
@@ -51,16 +51,16 @@ class Aim(ABC):
     @property
     @abstractmethod
     def name(self) -> str:
-        """What it is called in messages."""
+        """Name in messages."""
 
     @property
     @abstractmethod
     def output(self) -> str:
-        """The output of `Simulation.sensitivities` that tells its derivative."""
+        """Output of `Simulation.sensitivities` from whose derivative the target's follows."""
 
     @abstractmethod
     def require_in(self, scene: Scene) -> None:
-        """Refuse a scene that lacks what it is of.
+        """Raise an error for a scene that lacks the target's probe, obstacle or handle.
 
         Raises:
             CommandError: the scene lacks it.
@@ -68,59 +68,59 @@ class Aim(ABC):
 
     @abstractmethod
     def value(self, simulation: Simulation) -> Array:
-        """Return its present value (3,)."""
+        """Return the present value (3,) of the target."""
 
     @abstractmethod
     def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
-        """Return the longest way from a value (3,) to a goal (3,) that one change of the commands asks for."""
+        """Return the longest motion from a value (3,) towards a goal (3,) in one change of the commands."""
 
     def missing(self, goal: Array, value: Array) -> Array:
-        """Return what is missing (3,) from a value (3,) to a goal (3,)."""
+        """Return the difference (3,) between a goal (3,) and a value (3,)."""
         return goal - value
 
     def derivative(self, simulation: Simulation, output: Array) -> Array:
-        """Return its derivative (3, n) from that of its output (k, n)."""
+        """Return the derivative (3, n) of the target from that of its output (k, n)."""
         return output[:3]
 
     def obstacle(self, value: Array) -> str:
-        """Say why no command leads it anywhere from a value (3,); empty where that is not known."""
+        """Return the reason why no command moves the target from a value (3,); empty if there is none."""
         return ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProbeTarget(Aim):
-    """A target of a probe.
+    """Base class of the targets of a probe.
 
     Attributes:
-        probe: its name.
+        probe: name of the probe.
     """
 
     probe: str
 
     def require_in(self, scene: Scene) -> None:
-        """Refuse a scene without the probe."""
+        """Raise CommandError for a scene without the probe."""
         if self.probe not in scene.probes:
             raise CommandError(f"no probe {self.probe!r}; probes: {', '.join(scene.probes) or 'none'}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Target(ProbeTarget):
-    """Where a probe is to be; its goal is a position [m]."""
+    """Position of a probe; the goal is a position (3,) [m]."""
 
     unit = "m"
 
     @property
     def name(self) -> str:
-        """The probe's."""
+        """Name of the probe."""
         return self.probe
 
     @property
     def output(self) -> str:
-        """The probe's position."""
+        """Position of the probe."""
         return f"probes.{self.probe}"
 
     def value(self, simulation: Simulation) -> Array:
-        """Return where the probe is (3,) [m]."""
+        """Return the position (3,) [m] of the probe."""
         return simulation.probe_positions()[self.probe]
 
     def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
@@ -130,22 +130,22 @@ class Target(ProbeTarget):
 
 @dataclass(frozen=True, kw_only=True)
 class OrientationTarget(ProbeTarget):
-    """How a probe is to be turned; its goal is a rotation vector [rad] from rest.
+    """Orientation of a probe; the goal is a rotation vector (3,) [rad] from rest.
 
-    The rotation is the one that fits the corners of the cell around the probe best, as on ``~/probe/<name>``. Axes are
-    those of the turn that is still missing, in the scene's frame.
+    The rotation is the one that fits the corners of the cell around the probe best, as on ``~/probe/<name>``. The axes
+    are components of the remaining rotation, in the scene's frame.
     """
 
     unit = "rad"
 
     @property
     def name(self) -> str:
-        """The probe's, with what of it."""
+        """Name of the probe and its quantity."""
         return f"orientation of {self.probe}"
 
     @property
     def output(self) -> str:
-        """All vertices; the rotation is that of some of them."""
+        """Positions of all vertices, among them those that determine the rotation."""
         return "positions"
 
     def value(self, simulation: Simulation) -> Array:
@@ -154,18 +154,18 @@ class OrientationTarget(ProbeTarget):
         return Rotation.align_vectors(now, rest)[0].as_rotvec()
 
     def longest(self, simulation: Simulation, goal: Array, value: Array) -> float:
-        """Return a part of a turn [rad]."""
+        """Return the largest rotation [rad] in one change of the commands."""
         return TURN
 
     def missing(self, goal: Array, value: Array) -> Array:
-        """Return the rotation vector (3,) [rad] of the turn that is missing."""
+        """Return the rotation vector (3,) [rad] of the remaining rotation."""
         return (Rotation.from_rotvec(goal) * Rotation.from_rotvec(value).inv()).as_rotvec()
 
     def derivative(self, simulation: Simulation, output: Array) -> Array:
-        """Return the turns (3, n) [rad] of motions (3 v, n) [m] of the vertices.
+        """Return the rotations (3, n) [rad] that motions (3 v, n) [m] of the vertices cause.
 
-        The corners x, at rest X, about their means have the best rotation R. With y = R X and V = sum x y^T, motions dx
-        turn R by w with (tr V - V) w = sum y x dx.
+        R is the best-fitting rotation of the corners x, at rest X, both about their means. With y = R X and
+        V = sum x y^T, motions dx rotate R by w with (tr V - V) w = sum y x dx (cross products).
         """
         now, rest = self._corners(simulation)
         turned = Rotation.align_vectors(now, rest)[0].apply(rest)
@@ -184,9 +184,9 @@ class OrientationTarget(ProbeTarget):
 
 @dataclass(frozen=True, kw_only=True)
 class ForceTarget(Aim):
-    """How hard an obstacle is to press on the body, or a handle to hold it; its goal is that force [N] on the body.
+    """Force of an obstacle or a handle on the body; the goal is that force (3,) [N].
 
-    A force has a derivative only where something touches: bring the body into contact first.
+    The force of an obstacle has a derivative only while something touches it: bring the body into contact first.
 
     Attributes:
         contact: name of the obstacle or handle.
@@ -198,23 +198,23 @@ class ForceTarget(Aim):
 
     @property
     def name(self) -> str:
-        """The obstacle's, with what of it."""
+        """Name of the obstacle or handle and its quantity."""
         return f"force of {self.contact}"
 
     @property
     def output(self) -> str:
-        """Its reaction."""
+        """Reaction of the obstacle or handle."""
         return f"reactions.{self.contact}"
 
     def require_in(self, scene: Scene) -> None:
-        """Refuse a scene without the obstacle or handle."""
+        """Raise CommandError for a scene without the obstacle or handle."""
         known = [handle.name for handle in scene.handles]
         if self.contact not in known:
             raise CommandError(f"no obstacle or handle {self.contact!r}; there are: {', '.join(known) or 'none'}")
 
     def value(self, simulation: Simulation) -> Array:
         """Return the force (3,) [N]."""
-        if simulation.result is None:  # after a restore; nothing moves
+        if simulation.result is None:  # after a restore; this step moves nothing
             simulation.step()
         return simulation.result.reactions[self.contact][:3]
 
@@ -223,5 +223,5 @@ class ForceTarget(Aim):
         return max(float(np.linalg.norm(goal)), float(np.linalg.norm(value)), 1e-300)
 
     def obstacle(self, value: Array) -> str:
-        """Say that nothing touches."""
+        """Return a message if nothing touches the obstacle; empty otherwise."""
         return "" if value.any() else f"nothing touches {self.contact}: bring the body there first"

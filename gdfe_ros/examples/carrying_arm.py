@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm that carries a soft gripper: it tells where its tool is, and the gripper's wrist follows.
+"""An arm that carries a soft gripper: it publishes the pose of its tool, and the gripper's wrist follows this pose.
 
-Two links in the plane x-z, the tool along the second one's end. At first the tool is where the wrist is at rest; then
-it lifts the gripper, lets it hang down, and goes back, again and again. ``gripper_on_arm.launch.py`` starts both::
+The arm has two links in the x-z plane, and the tool at the end of the second one. The tool starts at the rest pose of
+the wrist. Periodically, it lifts the gripper, lets it hang down, and goes back. ``gripper_on_arm.launch.py`` starts
+the arm and the gripper, with the parameter::
 
     follow: ["wrist=topic:/carrying_arm/tool_pose"]
 """
@@ -23,21 +24,21 @@ from sensor_msgs.msg import JointState
 from gdfe_ros.node.process import answer_arguments, run
 
 LINKS = (0.30, 0.20)
-"""Lengths [m]."""
+"""Lengths of the links [m]."""
 _SHOULDER = np.array([-LINKS[1], 0.0, -LINKS[0]])
-"""So placed that the tool is at the origin, unturned, with the first link upright and the second along x."""
+"""Position of the shoulder [m]; with the first link upright and the second along x, the tool is at the origin."""
 _LIFT, _HANG = -0.3, 1.4
-"""Largest turns about y of the shoulder and of the tool [rad]."""
+"""Largest rotations about y of the shoulder and of the tool [rad]."""
 
 
 def joints_at(phase: float) -> tuple[float, float, float]:
-    """Give shoulder, elbow and wrist [rad] at a phase of the motion, 0 to 1."""
+    """Return the angles of shoulder, elbow and wrist [rad] at a phase of the motion, which has the period 1."""
     share = 0.5 - 0.5 * np.cos(2.0 * np.pi * phase)
     return _LIFT * share, -_LIFT * share, _HANG * share
 
 
 def tool_at(joints: tuple[float, float, float]) -> tuple[NDArray[np.float64], Rotation]:
-    """Give where the tool is: origin (3,) [m] and turn."""
+    """Return the place of the tool: its origin (3,) [m] and its rotation."""
     shoulder, elbow, wrist = joints
     first, second = (Rotation.from_rotvec([0.0, turn, 0.0]) for turn in (shoulder, shoulder + elbow))
     origin = _SHOULDER + first.apply([0.0, 0.0, LINKS[0]]) + second.apply([LINKS[1], 0.0, 0.0])

@@ -1,31 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller that closes until a contact sensor reads a force, and holds it there."""
+"""A controller that closes until a contact sensor measures the wanted force, and then holds this force."""
 
 from __future__ import annotations
 
 import math
 
 _LEAST = 0.1
-"""Change of the command over the stride from which the force's rise is learnt: what a solver's tolerance or a sensor's
-noise leaves open would make nonsense of a smaller one's."""
+"""Least change of the command, over the stride, that updates the slope. With a smaller change, the solver's tolerance
+and the sensor's noise would dominate the slope."""
 
 
 class ForceCloser:
-    """Finds the command of an actuator, or of anything else that closes, at which a force is felt. No ROS in here.
+    """Finds the command, of an actuator or of anything else that closes, at which a wanted force acts. Needs no ROS.
 
-    While nothing is felt it closes by a stride a step. Then it goes by how much the force rose with the command, the
-    secant of the last two steps, and never by more than the stride: it needs to know neither the stiffness of what is
-    grasped nor where that is.
+    While no force is measured, the command changes by one stride in each step. Then it changes by (goal - force) /
+    slope, at most by one stride, where the slope d force / d command is the secant of the last two steps. Neither the
+    stiffness nor the position of the grasped object has to be known.
 
     Args:
-        goal: the force [N], above 0.
-        stride: largest change of the command in a step, in its unit; negative where less closes.
+        goal: wanted force [N], above ``threshold``.
+        stride: largest change of the command in a step, in its unit; negative if smaller commands close.
         low: least command.
         high: largest command.
-        threshold: a smaller force is none [N].
+        threshold: force up to which there is no contact [N], above 0.
 
     Raises:
-        ValueError: an argument is not as stated.
+        ValueError: an argument is out of its range.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class ForceCloser:
     ) -> None:
         if not (goal > threshold > 0.0 and stride and math.isfinite(goal) and math.isfinite(stride) and low < high):
             raise ValueError(
-                f"goal {goal} N, threshold {threshold} N, stride {stride}, range {low} to {high}: needed are "
+                f"goal {goal} N, threshold {threshold} N, stride {stride}, range {low} to {high}; allowed: "
                 "0 < threshold < goal, a stride that is not 0, finite numbers, and a range that is not empty"
             )
         self._goal, self._stride, self._low, self._high, self._threshold = goal, stride, low, high, threshold
@@ -44,8 +44,8 @@ class ForceCloser:
         """Return the next command.
 
         Args:
-            force: magnitude that is felt [N].
-            applied: command at which it is felt.
+            force: magnitude of the measured force [N].
+            applied: command in force at the measurement.
         """
         self._learn(force, applied)
         change = self._stride
@@ -57,7 +57,7 @@ class ForceCloser:
         return min(max(applied + min(max(change, -most), most), self._low), self._high)
 
     def _learn(self, force: float, applied: float) -> None:
-        """Take the secant; where the command hardly moved, or the force fell while it closed, it says nothing."""
+        """Update the slope by the secant, if the command changed enough and the force rose while it closed."""
         if self._last is not None and min(force, self._last[0]) > self._threshold:
             rise, change = force - self._last[0], applied - self._last[1]
             if abs(change) > _LEAST * abs(self._stride) and rise * change * self._stride > 0.0:

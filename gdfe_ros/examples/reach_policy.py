@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A policy that reaches drawn goals in an environment of Gymnasium; it was not trained, it feels its way.
+"""A policy that reaches random goals in a Gymnasium environment; it is not trained, but estimates a Jacobian.
 
 python -m gdfe_ros.examples.reach_policy --episodes 3
 """
@@ -19,21 +19,21 @@ from gdfe_ros.examples.tip_tracker import TipTracker
 from gdfe_ros.testing import make_env
 
 _TRIAL = 0.05
-"""Of its range: by how much each command is tried out."""
+"""Trial change of each command, over its range."""
 _CAREFUL = {"gain": 0.5, "reach": 0.005, "baseline": 1e-4}
-"""Of the tracker: half of the distance at a time, at most 5 mm; less than 0.1 mm teaches it nothing."""
+"""Options of the tracker: a command covers half of the distance, at most 5 mm; motions below 0.1 mm correct nothing."""
 FINGER = {"actuators.flexor.cable.range": [0.0, 5.0], "actuators.extensor.cable.range": [0.0, 5.0]}
-"""Overrides of ``tendon_finger``: tensions that bend it without rolling it up."""
+"""Overrides of ``tendon_finger``: ranges of the tensions that bend it without rolling it up."""
 
 
 class ReachPolicy:
-    """Tries each command out once, and then follows the Jacobian that this gave, corrected as it goes.
+    """Changes each command once to estimate a Jacobian, then uses this Jacobian and corrects it in each step.
 
-    It sees what a learnt policy would: the observation that `make_env` has by itself, with the tip at its beginning and
-    commands, efforts and the goal at its end. The commands in force may lag behind those that it asked for.
+    The input is the same as that of a learnt policy, the default observation of `make_env`. It begins with the tip's
+    position and ends with commands, efforts and the goal. The commands in force may lag behind the requested ones.
 
     Args:
-        actions: of the environment.
+        actions: action space of the environment.
     """
 
     def __init__(self, actions: Box) -> None:
@@ -43,7 +43,7 @@ class ReachPolicy:
         self._last = np.clip(np.zeros_like(self._low), self._low, self._high)
 
     def act(self, seen: ArrayLike) -> NDArray[np.float64]:
-        """Give the action for an observation."""
+        """Return the action for an observation."""
         seen = np.asarray(seen, dtype=np.float64)
         tip, goal, count = seen[:3], seen[-3:], len(self._low)
         if len(self._tips) <= count:
@@ -63,7 +63,7 @@ class ReachPolicy:
 def reach(
     scene: str | Path, *, seed: int, steps: int = 40, overrides: Mapping[str, Any] | None = None
 ) -> tuple[float, float]:
-    """Play an episode; give the distances of the tip from the goal at its beginning and at its end [m]."""
+    """Play an episode; return the distances of the tip from the goal at its beginning and at its end [m]."""
     env = make_env(scene, steps=steps, overrides=overrides)
     policy = ReachPolicy(env.action_space)
     seen, _ = env.reset(seed=seed)
@@ -77,8 +77,8 @@ def reach(
 
 
 def main() -> None:
-    """Play some episodes, and print how far they came."""
-    parser = argparse.ArgumentParser(description="A policy that reaches drawn goals; nothing is trained.")
+    """Play some episodes, and print the distances to the goals at their beginnings and ends."""
+    parser = argparse.ArgumentParser(description="A policy that reaches random goals without training.")
     parser.add_argument("--episodes", type=int, default=3)
     for seed in range(parser.parse_args().episodes):
         start, end = reach("tendon_finger", seed=seed, overrides=FINGER)

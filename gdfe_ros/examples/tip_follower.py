@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller node: a goal as a pose in, joint states as commands out, with the robot's own pose fed back.
+"""A controller node that moves a probe to goals: it publishes actuator commands, with feedback of the probe's pose.
 
     python -m gdfe_ros.examples.tip_follower --ros-args -p simulation:=/gdfe_sim -p probe:=tip
 
-beside a ``sim_node``, or beside a robot that publishes and takes the same topics. Send goals to ``~/goal`` [m], in the
-frame of the probe's poses: ``gdfe pub /tip_follower/goal``. Each state of the robot is answered by the next command.
+It runs beside a ``sim_node``, or beside a robot with the same topics. Send goals [m] to ``~/goal``, in the frame of the
+probe's poses, e.g. by ``gdfe pub /tip_follower/goal``. The node answers each state of the robot with the next command.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from gdfe_ros.simulation import Command, Simulation
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command is found in ``effort`` of joint states; the others' in ``position``."""
+"""Modes whose command is in ``effort`` of joint states; the commands of other modes are in ``position``."""
 _PERIOD = 0.02
-"""Time of a command [s] until two states tell it."""
+"""Duration of the first command to a goal [s]; later it is the difference of the stamps of two states."""
 _REST = 1e-4
-"""Relative change of the commands below which they have come to rest."""
+"""Relative change of the commands below which they count as constant."""
 _LONG = 300
-"""Answers after which it is told how near the goal is, whether or not the commands rest."""
+"""Number of commands after which the outcome is logged, even if the commands still change."""
 _ENOUGH = 1e6
-"""Time [s] in which any rate lets the model come to the commands in force."""
+"""Duration of the model's step to the commands in force [s], so long that no rate limit matters."""
 
 
 class TipFollower(Node):
-    """Leads a probe to goals.
+    """Moves a probe to goals.
 
-    The model is the scene that the simulation publishes, without dynamics. It is solved once, for its Jacobian; from
-    then on measurements correct it (`FeedbackControl`).
+    The model is the scene that the simulation publishes, without dynamics. It is solved once, for its Jacobian; after
+    that, measurements correct the Jacobian (`FeedbackControl`).
 
     Parameters: ``simulation`` (full name of the node), ``probe``, ``tolerance`` [m], ``learning`` (0 to 1) and
-    ``slew_time``, the least time [s] in which a command crosses its range, not below that of the simulation.
+    ``slew_time``, the shortest time [s] in which a command crosses its range, at least that of the simulation.
 
     Attributes:
-        message: why the last goal cannot be reached; empty where it can.
+        message: why the last goal cannot be reached; empty if it can.
     """
 
     def __init__(self, interrupted: threading.Event | None = None, **options: object) -> None:
@@ -77,7 +77,7 @@ class TipFollower(Node):
         self.create_subscription(PoseStamped, "~/goal", self._take_goal, 10)
 
     def close(self) -> None:
-        """End; nothing is left to do."""
+        """Do nothing: there is nothing to finish."""
 
     def _take_scene(self, message: String) -> None:
         if self._scene is None:
@@ -95,15 +95,15 @@ class TipFollower(Node):
     def _take_goal(self, message: PoseStamped) -> None:
         own, frame = self._pose.header.frame_id if self._pose else "", message.header.frame_id
         if own and frame and frame != own:
-            self.get_logger().error(f"goal in frame {frame!r} is left out; poses of {self._probe} are in {own!r}")
+            self.get_logger().error(f"goal in frame {frame!r} is ignored; poses of {self._probe} are in {own!r}")
             return
         position = message.pose.position
         self._goal = np.array([[position.x, position.y, position.z]])
-        self._told, self._answers, self._last = False, 0, None  # this goal is answered, whether or not the state is new
+        self._told, self._answers, self._last = False, 0, None  # the goal is answered even if the state is not new
         self._answer()
 
     def _answer(self) -> None:
-        """Answer a state, once its pose and its joint states are there, with the next command."""
+        """Publish the next command, once both the pose and the joint states of a state have arrived."""
         if self._scene is None or self._pose is None or self._joints is None or self._goal is None:
             return
         stamp = _nanoseconds(self._pose)
@@ -124,7 +124,7 @@ class TipFollower(Node):
         self._answers += 1
         if (found.reached or rests or self._answers > _LONG) and not self._told:
             self._told = True
-            self.get_logger().info("the goal is reached" if found.reached else found.message or "on the way")
+            self.get_logger().info("the goal is reached" if found.reached else found.message or "not reached yet")
         actuators = {actuator.name: actuator for actuator in self._scene.actuators}
         self._commands.publish(actuation(actuators, found.commands))
 

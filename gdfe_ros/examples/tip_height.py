@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller for a body that swings: it brings a tip to a height and takes the swing out on the way."""
+"""A controller that brings the tip of an oscillating body to a height and damps the oscillation."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 
 @dataclass(frozen=True, kw_only=True)
 class Gains:
-    """Of a controller from a height to a pressure; the defaults are for the scene `swinging_arm`.
+    """Gains of a controller from a height to a pressure; the defaults are for the scene `swinging_arm`.
 
     Attributes:
-        proportional: [Pa/m].
-        integral: [Pa/(m s)]; carries the weight.
-        derivative: [Pa s/m]; takes the swing out. A soft body damps itself by a few per cent only: the integral alone
-            adds more to a swing than the body takes from it.
+        proportional: proportional gain [Pa/m].
+        integral: integral gain [Pa/(m s)]; its part of the pressure carries the weight.
+        derivative: derivative gain [Pa s/m], which damps the oscillation. The damping of a soft body is a few per cent
+            only; without this gain, the integral adds more energy to an oscillation than the body dissipates.
     """
 
     proportional: float = 1e5
@@ -26,16 +26,16 @@ class Gains:
 
 
 class TipHeight:
-    """PID control of a tip's height by chambers that raise it and chambers that lower it. No ROS in here.
+    """PID control of a tip's height by chambers that raise it and chambers that lower it. Needs no ROS.
 
-    The derivative is that of the height, not of its distance to the goal, so that a goal that jumps does not kick. The
-    integral stands still while the pressure is at its limit.
+    The derivative is that of the height, not of the distance to the goal, so that a jump of the goal does not make it
+    jump. The integral is held while the pressure is at its limit.
 
     Args:
-        goal: height [m]; may be changed at any time.
+        goal: wanted height [m]; may be changed at any time.
         raising: names of the chambers that raise the tip.
-        lowering: names of those that lower it.
-        gains: of the controller.
+        lowering: names of the chambers that lower the tip.
+        gains: gains of the controller; None: the defaults of `Gains`.
         most: largest pressure [Pa].
     """
 
@@ -57,8 +57,8 @@ class TipHeight:
         """Return the next pressure [Pa] of each chamber.
 
         Args:
-            time: of the measurement [s]; where it goes back, what was learned before is forgotten.
-            height: of the tip then [m].
+            time: time of the measurement [s]; if it goes back, the integral and the last measurement are dropped.
+            height: height of the tip at that time [m].
         """
         if self._last is not None and time < self._last[0]:
             self._carried, self._last = 0.0, None

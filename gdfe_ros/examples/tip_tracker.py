@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller that moves a tip along a path: resolved-rate control with a Jacobian that it keeps up to date."""
+"""A controller that moves a tip along a path: resolved-rate control with a Jacobian that measurements correct."""
 
 from __future__ import annotations
 
@@ -8,31 +8,32 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import lsq_linear
 
 _LEAST = 1e-3
-"""Weight of the change's size against the distance."""
+"""Weight of the change of the commands in the least-squares problem, relative to the distance."""
 _TINY = 1e-12
-"""Half the width of a range that is used up: the least-squares solver wants one above zero."""
+"""Change that is allowed in each direction even at the end of a range: the least-squares solver needs two different
+bounds."""
 
 
 class TipTracker:
-    """Finds commands for actuators that bring a tip to its goals. No ROS in here.
+    """Finds commands for actuators that bring a tip to its goals. Needs no ROS.
 
-    A command is what was in force when the tip was measured, plus the least change that makes up for ``gain`` times
-    the distance to the goal, by the Jacobian. So it does not matter which earlier commands are still on their way, or
+    A command is the one in force when the tip was measured, plus the least change that, by the Jacobian, moves the tip
+    by ``gain`` times the distance to the goal. So it does not matter whether earlier commands are still in transit or
     were lost.
 
-    Broyden's update corrects the Jacobian by what changes really did; it is asked for once only. Where the tip moved
-    by less than ``baseline``, the difference is kept until it has: what a solver's tolerance leaves open, or noise of a
-    sensor, would make nonsense of the Jacobian.
+    Broyden's update corrects the Jacobian by measured motions, so that it has to be computed only once. Motions are
+    added up until they reach ``baseline``: in a smaller motion, the solver's tolerance or a sensor's noise would
+    dominate the correction.
 
     Args:
         jacobian: (axes, actuators) d position / d command at the start.
-        command: (actuators,) at the start.
+        command: (actuators,) commands at the start.
         low: (actuators,) least commands.
         high: (actuators,) largest commands.
-        axes: which of x, y, z are controlled.
-        gain: share of the distance that one command makes up for, in (0, 1].
-        baseline: least motion that the Jacobian is corrected by [m], a hundred times the noise.
-        reach: largest motion that one command asks for [m].
+        axes: indices of the controlled coordinates x, y, z.
+        gain: share of the distance that one command covers, in (0, 1].
+        baseline: least motion that corrects the Jacobian [m]; a hundred times the noise is enough.
+        reach: largest motion that one command is computed for [m].
     """
 
     def __init__(
@@ -57,9 +58,9 @@ class TipTracker:
         """Return the next command (actuators,).
 
         Args:
-            tip: (3,) where it is [m].
-            goal: (3,) where it shall be when the command takes effect [m].
-            applied: (actuators,) commands in force when the tip was there; None: the last that was returned.
+            tip: (3,) measured position [m].
+            goal: (3,) position that is wanted when the command takes effect [m].
+            applied: (actuators,) commands in force when the tip was measured; None: those returned last.
         """
         tip = np.asarray(tip, dtype=np.float64)[self._axes]
         if applied is not None:
@@ -71,11 +72,11 @@ class TipTracker:
         return self._command.copy()
 
     def forget(self) -> None:
-        """Learn nothing from the step to come: the body was put elsewhere by something else."""
+        """Exclude the next motion from the correction of the Jacobian, because something else moved the body."""
         self._known = None
 
     def _least_change(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Find the least change of commands, within their ranges, that comes nearest to ``distance`` [m]."""
+        """Return the least change of commands (actuators,), within their ranges, that best gives ``distance`` [m]."""
         scale = np.linalg.norm(self._jacobian, 2)
         rows = np.vstack([self._jacobian / scale, _LEAST * np.eye(len(self._command))])
         wanted = np.concatenate([distance / scale, np.zeros(len(self._command))])
@@ -84,7 +85,7 @@ class TipTracker:
         return np.clip(self._command + change, self._low, self._high) - self._command
 
     def _learn(self, tip: NDArray[np.float64]) -> None:
-        """Broyden's rank-one update from a change of commands and the motion that went with it."""
+        """Correct the Jacobian by Broyden's rank-one update, from a change of commands and the measured motion."""
         if self._known is None:
             self._known = tip, self._command
             return
@@ -96,6 +97,6 @@ class TipTracker:
 
 
 def circle(centre: ArrayLike, radius: float, turn: float) -> NDArray[np.float64]:
-    """Return the point (3,) [m] of a circle in the y-z plane, ``turn`` (in turns) from its lowest point."""
+    """Return the point (3,) [m] of a circle in the y-z plane, ``turn`` revolutions after its lowest point."""
     angle = 2.0 * np.pi * turn
     return np.asarray(centre, dtype=np.float64) + radius * np.array([0.0, np.sin(angle), -np.cos(angle)])

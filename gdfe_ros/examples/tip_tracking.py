@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller node: leads a probe of a running simulation round a circle.
+"""A controller node that moves a probe of a running simulation along a circle.
 
     ros2 launch gdfe_ros control_loop.launch.py
 
-or, beside a ``sim_node`` that runs ``three_chamber_arm``: ``tip_tracking``. It asks for the Jacobian once, then answers
-every pose of the probe with the next command: in lockstep the two take turns, under the wall clock they run as fast as
-the simulation does. What a command did is learned from the joint states of the same step, not from the order of the
-messages: a pose that is late, and a command that comes too late for the next step or is lost, do no harm.
+Or run ``tip_tracking`` beside a ``sim_node`` with the scene ``three_chamber_arm``. The controller requests the Jacobian
+once. Then it answers every pose of the probe with the next command. In lockstep, the simulation waits for it; under the
+wall clock, it works at the rate of the simulation. It takes the commands in force from the joint states of the same
+step, not from the order of the messages. Therefore late poses, and late or lost commands, do no harm.
 """
 
 from __future__ import annotations
@@ -33,22 +33,23 @@ from gdfe_ros.scene.loader import scene_from_text
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _STATES = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EFFORTS = (Mode.TENSION, Mode.PRESSURE)
-"""Modes whose command is found in ``effort`` of the joint states; the others' in ``position``."""
+"""Modes whose command is in ``effort`` of the joint states; the commands of other modes are in ``position``."""
 _BASELINE, _REACH = 0.06, 0.2
-"""Least motion that the Jacobian learns from and largest of one command, as shares of the radius."""
+"""Least motion that corrects the Jacobian, and largest motion of one command, over the radius."""
 _FIRST = 0.02
-"""Longest step that is believed at the start, as a share of the period."""
+"""Largest delay that is assumed for the first command, over the period."""
 _LOOK = 0.2
 
 
 class TipTracking(Node):
-    """Leads a probe round a circle in the y-z plane above its first position.
+    """Moves a probe along a circle in the y-z plane, whose lowest point is the probe's first position.
 
     Parameters: ``simulation`` (full name of the node), ``probe``, ``radius`` [m], ``period`` [s] on the clock of the
-    poses' stamps, ``gain``, ``patience`` [s] of wall time without an answer before it asks or commands again.
+    poses' stamps, ``gain``, and ``patience`` [s], the wall time without an answer after which the request or the
+    command is repeated.
 
     Attributes:
-        errors: distance [m] of the probe to its goal, of every step since the start.
+        errors: distance [m] of the probe from its goal in the y-z plane, for each step since the start.
     """
 
     def __init__(self, interrupted: threading.Event | None = None, **options: object) -> None:
@@ -76,17 +77,17 @@ class TipTracking(Node):
         self.create_timer(_LOOK, self._look)
 
     def close(self) -> None:
-        """Say how well it went."""
+        """Log the number of steps and the largest error."""
         if self.errors:
             worst, radius = 1e3 * max(self.errors), 1e3 * self._radius
-            self.get_logger().info(f"{len(self.errors)} steps, farthest from the goal {worst:.3f} mm of {radius:g} mm")
+            self.get_logger().info(f"{len(self.errors)} steps, largest error {worst:.3f} mm, radius {radius:g} mm")
 
     def _look(self) -> None:
-        """Ask for the Jacobian once all is connected, and again where no answer came: to that, or to a command."""
+        """Request the Jacobian once all is connected; without an answer, repeat the request or the last command."""
         waited = time.monotonic() - (self._waiting_since or -np.inf)
         if waited < self._patience:
             return
-        # Who has heard a state is known to the simulation.
+        # A state has arrived, so that the simulation has discovered this node.
         ready = self._applied is not None and self._jacobian.service_is_ready()
         if self._tracker is None and ready and self._commands.get_subscription_count():
             self._waiting_since = time.monotonic()
@@ -108,7 +109,7 @@ class TipTracking(Node):
         self._take_whole()
 
     def _take_jacobian(self, message: Float64MultiArray) -> None:
-        if self._tracker is not None or self._waiting_since is None:  # a latched one was not asked for by this node
+        if self._tracker is not None or self._waiting_since is None:  # a latched one that this node did not request
             return
         actuators = self._scene.actuators
         shape = [dimension.size for dimension in message.layout.dim]
@@ -123,7 +124,7 @@ class TipTracking(Node):
             baseline=_BASELINE * self._radius,
             reach=_REACH * self._radius,
         )
-        # The pose that was heard may be old: ask for a step by repeating the command in force.
+        # The last pose may be old. Repeat the command in force, so that the simulation makes a step.
         self._parts.clear()
         self._sent.append((-np.inf, self._applied))
         self._send(self._applied)
@@ -133,13 +134,13 @@ class TipTracking(Node):
         self._commands.publish(Float64MultiArray(data=list(command)))
 
     def _take_state(self, message: PoseStamped | JointState) -> None:
-        """Put together what one step published; parts of earlier steps that never became whole are dropped."""
+        """Store a message of a step by its stamp, and process the steps that are complete."""
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         self._parts.setdefault(stamp, {})[type(message)] = message
         self._take_whole()
 
     def _take_whole(self) -> None:
-        """Go through the steps that are whole; they wait for the scene, which may come after the first of them."""
+        """Process complete steps once the scene has arrived, and drop incomplete earlier ones."""
         if self._scene is None:
             return
         for stamp in sorted(stamp for stamp, parts in self._parts.items() if len(parts) == 2):
@@ -160,10 +161,10 @@ class TipTracking(Node):
         return np.array(values)
 
     def _follow(self, tip: NDArray[np.float64], now: float, last: float) -> None:
-        """Answer a step with the next command."""
+        """Send the next command after a step at the time ``now`` [s]; ``last`` is the time of the step before [s]."""
         if self._start is None or now < last:  # also after a reset of the simulation
             self._start, self._centre = now, tip + np.array([0.0, 0.0, self._radius])
-            # Until it is known how long a command takes: one step.
+            # Until the delay of a command is measured, one step is assumed.
             self._ahead = min(max(now - last, 0.0), _FIRST * self._period)
             self._delays.clear()
             self._tracker.forget()
@@ -177,7 +178,7 @@ class TipTracking(Node):
         return circle(self._centre, self._radius, (moment - self._start) / self._period)
 
     def _note_delay(self, now: float) -> None:
-        """Look how long the command that is in force now took to get there; the median of the last ones counts."""
+        """Measure the delay from sending the command in force to this step; the median of the last delays is used."""
         for sent, command in reversed(self._sent):
             if self._start <= sent < now and np.allclose(command, self._applied, rtol=1e-9, atol=0.0):
                 self._delays.append(now - sent)

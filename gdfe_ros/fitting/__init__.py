@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From measurements to models: laws from tensile tests, scenes from recordings of a robot."""
+"""Fits to measurements: material laws from tensile tests, parameters of scenes from recordings of a robot."""

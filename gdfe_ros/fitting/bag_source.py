@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording in a bag: one of this package's node, or of a robot's own topics."""
+"""Recordings in bags: bags of this package's node, and bags with a robot's own topics."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from gdfe_ros.recording.step_record import Begin
 from gdfe_ros.scene.scene import Scene
 
 MOST_POINTS = 400
-"""Of a cloud that lies on the surface, evenly taken: more say nothing new about a handful of parameters."""
+"""Largest number of points used of a cloud on the surface, evenly spaced; more hardly improve a few parameters."""
 Bag = tuple[tuple[Series, ...], tuple[Track, ...], Schedule | None, tuple[str, ...]]
 
 
 def read_bag(source: Source, scene: Scene) -> Bag:
     """Read a bag.
 
-    In a bag of the node the commands are those of its step records and, where the match file compares nothing, its
-    probes are compared, or without probes its mesh. In any other bag the match file names the topics; times count from
-    the first message that is used, by the stamps of the headers where there are any.
+    In a bag of the node the commands are those of its step records. If the match file compares nothing, the probes are
+    compared or, without probes, the mesh. For any other bag the match file names the topics. Times count from the first
+    message that is used; they are the stamps of the headers or, without headers, the times of recording.
 
     Returns:
-        Series, tracks of commands, the steps themselves where the bag has them, remarks.
+        Series, tracks of commands, the schedule of the steps if the bag is one of the node (else None), remarks.
 
     Raises:
-        GdfeError: a topic, or something in it, is not there.
+        GdfeError: a topic, or a requested item of its messages, does not exist.
     """
     match = source.match
     reader = BagReader(source.path)
@@ -80,7 +80,7 @@ def _series(source: Source, scene: Scene, values: TopicValues, name: str, model:
 def _cloud_values(
     observable: Observable, clouds: list[NDArray[np.float64]], scene: Scene, where: str
 ) -> NDArray[np.float64]:
-    """Return (m, 3 n) of all vertices, or (m, p, 3) of points on the surface, NaN where a cloud has fewer."""
+    """Return the points of clouds: (m, 3 n) for all vertices, or (m, p, 3) on the surface, NaN in smaller clouds."""
     if observable.kind is QuantityKind.VERTICES:
         counts = {len(cloud) for cloud in clouds}
         if counts != {scene.mesh.n_vertices}:
@@ -108,7 +108,7 @@ def _track(source: Source, values: TopicValues, name: str, model: float | Comman
 
 
 def _own(source: Source, scene: Scene) -> tuple[tuple[Series, ...], Schedule, tuple[str, ...]]:
-    """Read the steps of a node's bag, from rest to the first one that does not follow from the one before."""
+    """Return series, schedule and remarks of a node's bag, from rest up to the first gap in its steps."""
     run = BagRun(source.path)
     probes = [name for name in scene.probes if f"probe/{name}" in run.roles]
     topics = [f"probe/{name}" for name in probes] or ["mesh"]
@@ -130,14 +130,14 @@ def _own(source: Source, scene: Scene) -> tuple[tuple[Series, ...], Schedule, tu
 
 
 def _from_rest(run: BagRun, topics: list[str]) -> tuple[list[BagStep], tuple[str, ...]]:
-    """Return the steps of a run from rest on, as far as each follows from the one before, and what is left out."""
+    """Return the steps of a run from rest up to the first gap in its steps, and a remark about the gap, if any."""
     steps: list[BagStep] = []
     for step in BagSteps(run, topics=topics):
         if not steps and step.record.begin is not Begin.REST:
             raise GdfeError(f"bag {run.reader.path} does not begin at rest; remedy: record from the activation on")
         if steps and (step.record.begin is not Begin.LAST or step.record.step != steps[-1].record.step + 1):
             return steps, (
-                f"read only up to t = {steps[-1].record.time:g} s: there the run was restarted, or steps were lost",
+                f"read only up to t = {steps[-1].record.time:g} s, where the run was restarted or steps are missing",
             )
         steps.append(step)
     if not steps:

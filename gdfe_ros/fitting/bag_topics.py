@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers in the messages of a robot's own topics."""
+"""Values from the messages of a robot's own topics."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ KNOWN = (
     "PoseStamped", "PointStamped", "TransformStamped", "TFMessage", "Marker", "MarkerArray", "WrenchStamped",
     "JointState", "Float64MultiArray", "Float64", "Float32", "FluidPressure", "PointCloud2",
 )  # fmt: skip
-"""Types of messages that hold what can be compared or commanded."""
+"""Types of messages from which quantities can be compared or commands read."""
 
 
 class TopicValues:
-    """Times and numbers of topics.
+    """Times and values of the topics of a bag.
 
     Args:
-        reader: of the bag.
+        reader: reader of the bag.
 
     Attributes:
-        names: of the topics that have messages.
+        names: names of the topics that have messages.
     """
 
     def __init__(self, reader: BagReader) -> None:
@@ -39,7 +39,7 @@ class TopicValues:
         self.names = sorted(name for name, count in reader.counts.items() if count)
 
     def start(self, models: Sequence[CompareModel | CommandModel]) -> float:
-        """Return the time [s] of the first message of all topics that are named."""
+        """Return the time [s] of the earliest message on the topics that the models name; 0 without topics."""
         topics = [model.topic for model in models if model.topic]
         for topic in topics:
             self._require(topic, f"bag {self._reader.path}")
@@ -48,15 +48,15 @@ class TopicValues:
     def of(
         self, model: CompareModel | CommandModel, where: str, *, pose: bool = False
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return times (m,) [s] and numbers (m, d) of a topic.
+        """Return times (m,) [s] and values (m, d) of a topic.
 
         Args:
-            model: topic, and what in its messages.
-            where: for errors.
-            pose: poses come with their rotation vector, (m, 6).
+            model: names the topic, and the item in its messages.
+            where: start of error messages.
+            pose: return the rotation vectors of poses, too: (m, 6).
 
         Raises:
-            GdfeError: no such topic, or nothing of that name in it.
+            GdfeError: there is no such topic, or its messages have no item of that name.
         """
         self._require(model.topic, where)
         times, rows = [], []
@@ -91,7 +91,7 @@ class TopicValues:
             raise GdfeError(f"{where}: no message on topic {topic!r}; {hint}topics: {', '.join(self.names)}")
         kind = self._reader.topics[topic].type
         if kind.rpartition("/")[2] not in KNOWN:
-            raise GdfeError(f"{where}: topic {topic} is {kind}; what can be read are {', '.join(KNOWN)}")
+            raise GdfeError(f"{where}: topic {topic} has the type {kind}; allowed: {', '.join(KNOWN)}")
 
     def _messages(self, topic: str) -> Any:
         for message in self._reader.messages([topic]):
@@ -101,7 +101,7 @@ class TopicValues:
         yield next(iter(self._messages(topic)))
 
     def _known(self, model: CompareModel | CommandModel) -> list[str]:
-        """Return what the messages of a topic have in place of what was asked for."""
+        """Return the names of all items in the messages of a topic, sorted."""
         found: set[str] = set()
         for _, message in self._messages(model.topic):
             found |= {_label(part) for part in _every(message)}
@@ -119,7 +119,7 @@ def _label(part: Any) -> str:
 
 
 def _parts(message: Any, model: CompareModel | CommandModel) -> list[Any]:
-    """Return what of a message is meant: the transform of a frame, the marker of a name, or all of it."""
+    """Return the parts of a message that a model selects: a frame's transform, a named marker, or the whole message."""
     wanted = model.frame_id or model.marker
     return [part for part in _every(message) if wanted is None or _label(part) == wanted]
 
@@ -153,7 +153,7 @@ def _joint(part: Any, model: CompareModel | CommandModel, where: str) -> float:
     if model.joint not in names:
         raise GdfeError(f"{where}: `joint: {model.joint}` is not in topic {model.topic}; it has {', '.join(names)}")
     if names.index(model.joint) >= len(values):
-        raise GdfeError(f"{where}: topic {model.topic} has no {model.field} of {model.joint}; another `field`?")
+        raise GdfeError(f"{where}: topic {model.topic} has no {model.field} of {model.joint}; remedy: another `field`")
     return float(values[names.index(model.joint)])
 
 
@@ -163,7 +163,7 @@ def _turn(orientation: Any) -> list[float]:
 
 
 def _stamp(log: float, message: Any) -> float:
-    """Return the time of the header [s], or where it has none when the message was recorded."""
+    """Return the stamp of a message's header [s]; without one, the time at which the message was recorded."""
     header = getattr(message, "header", None)
     if header is None and _every(message) != [message]:
         header = getattr(_every(message)[0], "header", None)

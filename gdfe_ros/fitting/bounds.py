@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bounds with the wrong unit: what the data ask for lies decades beyond them."""
+"""Detection of bounds in the wrong unit: the best value lies decades beyond them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from gdfe_ros.fitting.statistics import Confidence
 from gdfe_ros.fitting.trajectory import NotSimulatedError
 
 DECADES = (1, 2, 3)
-"""How far beyond a bound is looked, in powers of ten."""
+"""Distances beyond a bound at which values are tried, in powers of ten."""
 BETTER = 0.25
-"""Sum of squares, over that at the bound, from which on the bound is wrong: the misfit halves."""
+"""Sum of squares over that at the bound, below which the bound counts as wrong: the misfit halves."""
 
 
 def require_bounds(problem: FitProblem, solved: Solved, known: Confidence) -> None:
-    """Refuse a fit that ends at a bound where powers of ten beyond it are met far better.
+    """Raise an error for a fit that ends at a bound if values some powers of ten beyond it fit the data far better.
 
     Raises:
-        GdfeError: such a value, with the decade that the data ask for.
+        GdfeError: there is such a parameter; the error names the best decade.
     """
     for place, (parameter, estimate) in enumerate(zip(problem.parameters, known.estimates, strict=True)):
         if not estimate.bound or not parameter.logarithmic:
@@ -33,7 +33,7 @@ def require_bounds(problem: FitProblem, solved: Solved, known: Confidence) -> No
             asked = estimate.value * 10.0 ** (sign * decade)
             raise GdfeError(
                 f"{parameter.key} ends at its bound {estimate.value:g}, but the data are fitted best by about "
-                f"{asked:.1g}: there the misfit is {np.sqrt(solved.cost / cost):.2g} times smaller; remedy: check the "
+                f"{asked:.1g}, where the misfit is {np.sqrt(solved.cost / cost):.2g} times smaller; remedy: check the "
                 "unit (1 MPa is 1.0e6), or give wider bounds"
             )
 

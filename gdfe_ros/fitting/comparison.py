@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measured minus simulated: time shift, frame, interpolation, weights."""
+"""Residuals between simulated and measured values: time shift, frame, interpolation, weights."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import Trajectory
 
 Own = NDArray[np.float64]
-"""A recording's own unknowns (u,): time shift [s] where it is fitted, then rotation vector, then translation [m]."""
+"""A recording's own unknowns (u,) that are fitted: time shift [s], then rotation vector [rad], then translation [m]."""
 
 
 def predicted(
@@ -24,10 +24,10 @@ def predicted(
     """Return simulated values at the measured times, (m, c) for each series; NaN beyond the horizon.
 
     Args:
-        recording: what was measured.
+        recording: the measured series.
         trajectory: of the simulation.
         own: the recording's own unknowns.
-        horizon: time of the simulation [s] from which on nothing is compared.
+        horizon: time of the simulation [s] after which nothing is compared.
     """
     shift, pose = split(recording, own)
     found = []
@@ -52,7 +52,7 @@ def residuals(
     horizon: float = np.inf,
     distances: SurfaceDistances | None = None,
 ) -> list[NDArray[np.float64]]:
-    """Return (simulated - measured) / sigma of each series, shaped as measured; NaN where nothing is compared."""
+    """Return (simulated - measured) / sigma of each series in the shape of its values; NaN if not compared."""
     found = []
     for series, values, sigma in zip(
         recording.series, predicted(recording, trajectory, own, horizon=horizon), sigmas, strict=True
@@ -65,7 +65,7 @@ def residuals(
 
 
 def split(recording: Recording, own: Own) -> tuple[float, tuple[Rotation, NDArray[np.float64]] | None]:
-    """Return the time shift [s] and, where a frame is fitted, rotation and translation."""
+    """Return the time shift [s], and rotation and translation [m] of the frame, or None if no frame is fitted."""
     rest = list(own)
     shift = rest.pop(0) if recording.shift_between is not None else recording.shift
     if not recording.frame:
@@ -75,9 +75,9 @@ def split(recording: Recording, own: Own) -> tuple[float, tuple[Rotation, NDArra
 
 
 def first_own(recording: Recording, trajectory: Trajectory) -> Own:
-    """Return first values of a recording's own unknowns: the shift within its bounds, the frame of the best fit.
+    """Return initial values of a recording's own unknowns: the shift within its bounds, and the best-fitting frame.
 
-    The frame is the rigid motion with the least squares between simulated and measured points (Kabsch 1976).
+    The frame is the rigid motion with the least squared distance between simulated and measured points (Kabsch 1976).
     """
     own = []
     if recording.shift_between is not None:
@@ -104,10 +104,10 @@ def first_own(recording: Recording, trajectory: Trajectory) -> Own:
 class SurfaceDistances:
     """Distances of measured points from the simulated surface.
 
-    Each point's distance [m] is that from the plane of the face whose middle is nearest, positive inside.
+    The distance [m] of a point is that from the plane of the face with the nearest midpoint, positive inside.
 
     Args:
-        quads: faces of the body's surface (f, 4), in a sense that their normals point outwards.
+        quads: faces of the body's surface (f, 4), with normals that point outwards.
     """
 
     def __init__(self, quads: NDArray[np.int32]) -> None:
@@ -132,7 +132,7 @@ class SurfaceDistances:
 
 
 def _at(times: NDArray[np.float64], outputs: NDArray[np.float64], moments: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Interpolate (k, d) at moments (m,): a cubic spline of a motion, before it and beyond it its ends."""
+    """Interpolate (k, d) at moments (m,), as a cubic spline for a motion; constant before and after the times."""
     if outputs.shape[0] == 1:
         return np.repeat(outputs, moments.size, axis=0)
     inside = np.clip(moments, times[0], times[-1])

@@ -18,7 +18,7 @@ from gdfe_ros.fitting.track import Track, constant
 from gdfe_ros.scene.scene import Scene
 
 TIMES = ("time", "t", "t_s")
-"""Names of the column of time where a match file names none."""
+"""Names of the time column that are searched if a match file names none."""
 
 
 class CsvSource:
@@ -30,10 +30,10 @@ class CsvSource:
 
     Args:
         source: file and match.
-        scene: that it is compared with.
+        scene: the scene that it is compared with.
 
     Raises:
-        GdfeError: the file is no table, lacks a column, or has none of the scene.
+        GdfeError: the file is not a table, lacks a column, or has no column with a name of the scene.
     """
 
     def __init__(self, source: Source, scene: Scene) -> None:
@@ -42,11 +42,11 @@ class CsvSource:
         self.times = self._times()
 
     def series(self) -> tuple[Series, ...]:
-        """Return what was measured."""
+        """Return the measured series."""
         return tuple(self._series(name, model) for name, model in self._compared().items())
 
     def tracks(self) -> tuple[Track, ...]:
-        """Return what was commanded."""
+        """Return the tracks of commands."""
         return tuple(self._track(name, model) for name, model in self._commands().items())
 
     def _times(self) -> NDArray[np.float64]:
@@ -54,12 +54,12 @@ class CsvSource:
         if name is None:
             if self._scene.dynamics is not None:
                 columns = ", ".join(self._table.names)
-                text = f"{self._source.path} has no column of time and the scene has dynamics"
-                raise GdfeError(f"{text}; remedy: name it `time`, or in the match file; columns: {columns}")
+                text = f"{self._source.path} has no column of time, but the scene has dynamics"
+                raise GdfeError(f"{text}; remedy: name it `time`, or name it in the match file; columns: {columns}")
             return np.arange(1.0, self._rows.size + 1.0)
         times = self._column(name, self._source.match.time_unit)
         if not (np.diff(times) > 0.0).all():
-            row = int(np.argmax(~(np.diff(times) > 0.0))) + 2
+            row = int(self._rows[np.argmax(~(np.diff(times) > 0.0)) + 1]) + 1
             raise GdfeError(f"{self._source.path}: times must ascend; row {row} of column {name!r} does not")
         return times
 
@@ -67,7 +67,7 @@ class CsvSource:
         return self._source.match.compare or dict(self._named())
 
     def _named(self) -> Iterator[tuple[str, CompareModel]]:
-        """Find probes by the names of columns."""
+        """Yield the probes whose positions are among the columns, by the names of these."""
         found = False
         for probe in self._scene.probes:
             forms = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measured beside simulated, column by column: what tables, pictures and pages of a fit show."""
+"""Measured and simulated values by column, for the tables, pictures and pages of a fit."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from gdfe_ros.fitting.problem import FitPoint, FitProblem
 
 @dataclass(frozen=True, eq=False)
 class ComparedColumn:
-    """One measured column.
+    """One measured column with the simulated values.
 
     Attributes:
-        recording: name.
+        recording: name of the recording.
         series: name of the series, with the column's label.
         unit: SI unit.
-        held_out: it was predicted, not fitted.
+        held_out: whether it was predicted, not fitted.
         times: (m,) [s] on the recording's clock.
         measured: (m,).
         simulated: (m,).
@@ -38,7 +38,7 @@ class ComparedColumn:
 
 
 def curves(fit: Fit) -> list[ComparedColumn]:
-    """Return every measured column beside the simulated one; clouds come as their root mean square distance."""
+    """Return every measured column with the simulated values; a cloud is one column of root mean square distances."""
     found = list(_curves(fit.problem, fit.solved.point, held_out=False))
     if fit.held_out is not None:
         found += _curves(fit.held_out, fit.prediction, held_out=True)
@@ -62,7 +62,7 @@ def _curves(problem: FitProblem, point: FitPoint, *, held_out: bool) -> Iterator
 
 
 def _distance(residual: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the root mean square (m,) of what is missed at each time."""
+    """Return the root mean square (m,) of the residuals at each time."""
     flat = residual.reshape(residual.shape[0], -1)
     return np.sqrt(np.nanmean(flat**2, axis=1))
 

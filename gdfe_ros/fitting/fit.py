@@ -27,19 +27,19 @@ from gdfe_ros.scene import Scene, scene_from_text
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What came out.
+    """Result of a fit.
 
     Attributes:
-        scene: with the fitted values.
-        parameters: that were sought.
-        problem: of the fitted recordings.
-        solved: where the search ended.
-        known: how well the parameters are known.
-        held_out: the problem of the recordings that were held out; None where none was.
-        prediction: of these.
-        matches: of every series, fitted ones first.
-        warnings: what is doubtful.
-        simulations: number of simulations that it took.
+        scene: scene with the fitted values.
+        parameters: fitted parameters.
+        problem: problem of the fitted recordings.
+        solved: solution of the search.
+        known: confidence intervals and correlations of the parameters.
+        held_out: problem of the recordings that were held out; None if there are none.
+        prediction: simulation of the recordings that were held out; None if there are none.
+        matches: agreement of every series, fitted ones first.
+        warnings: doubts about the fit, one line each.
+        simulations: number of simulations that the fit took.
     """
 
     scene: Scene
@@ -72,17 +72,17 @@ def fit_scene(
     """Fit parameters of a scene to recordings.
 
     Args:
-        scene: that is fitted; stays as it is.
-        recordings: that are fitted.
-        parameters: that are sought.
-        pool: that simulates ``scene.source``.
+        scene: scene to fit; it is not modified.
+        recordings: recordings to fit.
+        parameters: parameters to fit.
+        pool: simulates ``scene.source``.
         held_out: recordings that are only predicted.
-        loss: of scipy's `least_squares`: linear, soft_l1, huber, cauchy or arctan.
-        told: takes a line about each search.
+        loss: loss of scipy's `least_squares`: linear, soft_l1, huber, cauchy or arctan.
+        told: called with a line of text after each search.
 
     Raises:
-        GdfeError: the data say nothing, a parameter has no influence, a bound has the wrong unit, or the start cannot
-            be simulated.
+        GdfeError: the data contain no information, a parameter has no influence, a bound has the wrong unit, or the
+            start cannot be simulated.
     """
     if not recordings:
         raise GdfeError("every recording is held out: nothing is left to fit; remedy: hold out fewer")

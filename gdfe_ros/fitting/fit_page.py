@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A fit as one HTML page that opens offline: values, misfits, measured beside simulated, residuals."""
+"""A fit as one HTML page that opens offline: values, misfits, measured and simulated curves, residuals."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ for (const chart of JSON.parse(document.getElementById("chart-data").textContent
 
 
 def fit_page(fit: Fit, shown: Sequence[ComparedColumn]) -> str:
-    """Return the HTML text."""
+    """Return the HTML text of a fit's page; ``shown`` are the columns that have charts."""
     tables = [
         _table("Parameters", ("key", "value", "95 % interval", "correlations"), parameter_rows(fit)),
         _table("Recordings", ("recording", "series", "", "values", "misfit", "of the motion"), match_rows(fit)),
@@ -65,7 +65,7 @@ def _table(heading: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def _chart(curve: ComparedColumn) -> dict[str, Any]:
-    """Return measured and simulated over time, and the residual below."""
+    """Return a chart of measured and simulated values over time, with the residual below."""
     times = _list(curve.times)
     word = "predicted" if curve.held_out else "fitted"
     traces = [

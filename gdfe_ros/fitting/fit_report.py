@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit leaves on the disk: scene, values, table of residuals, picture, page."""
+"""Files of a fit: scene, values, table of residuals, picture, page."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from gdfe_ros.fitting.fit import Fit
 from gdfe_ros.fitting.fit_page import fit_page
 
 MOST_DRAWN = 12
-"""Columns in the picture, those that move most first; the page has all."""
+"""Largest number of columns in the picture, the ones that move most; the page has all columns."""
 SCENE, VALUES, RESIDUALS, PICTURE, PAGE = "scene.yaml", "fit.json", "residuals.csv", "fit.png", "fit.html"
 
 
 def write_fit(out: Path, fit: Fit) -> list[Path]:
-    """Write everything into a directory, which is made where it does not exist; return the files.
+    """Write the files of a fit into a directory, which is created if it does not exist; return their paths.
 
     Raises:
         OSError: a file cannot be written.
@@ -39,7 +39,7 @@ def write_fit(out: Path, fit: Fit) -> list[Path]:
 
 
 def _numbers(fit: Fit) -> dict[str, object]:
-    """Return values, intervals, correlations and misfits as plain data; what is not a number becomes null."""
+    """Return values, intervals, correlations and misfits as plain data; numbers that are not finite become null."""
     return {
         "scene": fit.scene.name,
         "parameters": {
@@ -70,7 +70,7 @@ def _plain(value: float) -> float | None:
 
 
 def _write_residuals(path: Path, shown: Sequence[ComparedColumn]) -> None:
-    """Write a row for each measured value, SI units."""
+    """Write a row for each measured value, in SI units."""
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["recording", "series", "held_out", "time [s]", "measured", "simulated", "residual", "unit"])
@@ -81,7 +81,7 @@ def _write_residuals(path: Path, shown: Sequence[ComparedColumn]) -> None:
 
 
 def _draw(path: Path, shown: Sequence[ComparedColumn], *, title: str) -> None:
-    """Draw measured and simulated over time, a row for each column."""
+    """Draw measured and simulated values over time, with a diagram for each column."""
     order = sorted(range(len(shown)), key=lambda place: -float(np.nanmax(np.abs(_moves(shown[place])))))
     chosen = [shown[place] for place in sorted(order[:MOST_DRAWN])]
     figure = Figure(figsize=(9.0, 1.0 + 1.9 * len(chosen)), dpi=110, layout="constrained")

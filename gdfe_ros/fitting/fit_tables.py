@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A fit in rows for people."""
+"""Results of a fit as rows of text."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gdfe_ros.fitting.fit import Fit
 
 
 def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
-    """Return key, value, 95 % interval and correlations with the parameters above, a row for each parameter."""
+    """Return a row for each parameter: key, value, 95 % interval, correlations with the parameters above it."""
     rows = []
     for place, item in enumerate(fit.known.estimates):
         interval = f"at its bound ({item.bound})" if item.bound else f"{item.low:.5g} to {item.high:.5g}"
@@ -20,7 +20,7 @@ def parameter_rows(fit: Fit) -> list[tuple[str, str, str, str]]:
 
 
 def match_rows(fit: Fit) -> list[tuple[str, str, str, str, str, str]]:
-    """Return recording, series, fitted or predicted, values, misfit and its share of the motion, a row a series."""
+    """Return a row for each series: recording, series, fitted or predicted, values, misfit, its share of the motion."""
     return [
         (
             match.recording,
@@ -35,7 +35,7 @@ def match_rows(fit: Fit) -> list[tuple[str, str, str, str, str, str]]:
 
 
 def own_rows(fit: Fit) -> list[tuple[str, str]]:
-    """Return the time shift and the frame that were found, by recording."""
+    """Return a row for each recording with a fitted time shift or frame: name, and values in words."""
     pairs = [(fit.problem, fit.solved.point)]
     if fit.held_out is not None:
         pairs.append((fit.held_out, fit.prediction))

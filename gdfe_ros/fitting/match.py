@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A match file, read: how each recording is taken."""
+"""Reading of a match file: the file of each recording, and the options with which it is read."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from gdfe_ros.scene.entry import TAG
 
 
 class MatchError(DefectsError):
-    """A match file that makes no sense, or does not fit the recordings."""
+    """A match file that is invalid, or does not fit the recordings."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A recording that is to be read.
+    """A recording to read.
 
     Attributes:
-        name: of the recording.
-        path: of a CSV file or a bag.
-        match: how it is read.
+        name: name of the recording.
+        path: path of a CSV file or a bag.
+        match: options with which it is read.
     """
 
     name: str
@@ -35,14 +35,15 @@ class Source:
 
 
 def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
-    """Pair files and bags with what the match file says of them.
+    """Return the recordings in files and bags, with their options from the match file.
 
-    Without `recordings` in the match file each file is a recording of its own name. With it each file is named by at
-    least one of them; several may take different rows of one file, and those of files that are not given are left out.
+    Without `recordings` in the match file each file is one recording with the file's name. With `recordings`, at least
+    one of them must refer to each file. Several recordings may use different rows of one file. Recordings of files that
+    are not in ``data`` are left out.
 
     Raises:
         MatchError: every defect of the match file.
-        GdfeError: a file is not there, or two have the same name.
+        GdfeError: a file does not exist, or two files have the same name.
     """
     for path in data:
         if not path.exists():
@@ -67,7 +68,7 @@ def find_sources(data: Sequence[Path], match: Path | None) -> list[Source]:
 
 
 def _read(match: Path) -> tuple[dict[str, object], dict[str, dict[str, object]]]:
-    """Return what is given for all recordings, and for each."""
+    """Return the options for all recordings, and the options of each recording by name."""
     heading = f"match file {match}"
     try:
         text = match.read_text(encoding="utf-8")
@@ -89,7 +90,7 @@ def _validated(
 
 
 def _line(place: str, item: dict) -> str:
-    """Say what is wrong at a key."""
+    """Return a message about a defect that pydantic found, with its key path."""
     keys = [str(part) for part in item["loc"] if not str(part).startswith(TAG)]
     path = ".".join([*([place] if place else []), *keys])
     if item["type"] == "extra_forbidden":

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of a match file: which column or topic of a recording is what of the scene."""
+"""The keys of a match file, which assign columns or topics of recordings to quantities of a scene."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ _NUMBER = Quantity("command in SI units", least=-1e15, most=1e15)
 
 
 class _Found(Entry):
-    """Where numbers stand in a recording."""
+    """Place of a quantity in a recording: columns of a CSV file, or a topic of a bag."""
 
     column: str | None = Field(None, description="CSV: a single column")
     columns: dict[Literal[AXES], str | tuple[str, ...]] = Field(
-        {}, description="CSV: column of each axis; of several columns the mean is taken"
+        {}, description="CSV: column of each axis; several columns are averaged"
     )
     topic: str | None = Field(None, description="bag: name of the topic")
     frame_id: str | None = Field(None, description="bag: child frame in a TFMessage")
     marker: str | None = Field(None, description="bag: `namespace/id` in a Marker or MarkerArray")
-    joint: str | None = Field(None, description="bag: name in a JointState, or place in a Float64MultiArray")
+    joint: str | None = Field(None, description="bag: name in a JointState, or index in a Float64MultiArray")
     field: Literal["position", "velocity", "effort"] = Field("effort", description="bag: field of a JointState")
     unit: Unit | None = Field(None, description="unit of the numbers (default: SI)")
 
 
 class CompareModel(_Found, Choice):
-    """A measured quantity and what of the simulation it is compared with."""
+    """A measured quantity, and the quantity of the simulation with which it is compared."""
 
     options: ClassVar[tuple[str, ...]] = (
         "column", "columns", "topic", "frame_id", "marker", "joint", "field", "unit", "along", "displacement", "sigma",
@@ -70,7 +70,7 @@ class CommandModel(_Found):
 
 
 class FrameModel(Entry):
-    """How a recording's frame lies in the scene's: x_recorded = R x + t."""
+    """Pose of the scene's frame in the recording's: x_recorded = R x + t."""
 
     fit: Literal["translation", "pose"] = Field(
         "pose", description="fit the translation t alone, or the rotation R and t"
@@ -78,18 +78,18 @@ class FrameModel(Entry):
 
 
 class RecordingModel(Entry):
-    """How a recording is read; what is given for a recording replaces what is given for all."""
+    """Options with which a recording is read; options of one recording replace those for all recordings."""
 
     file: str | None = Field(None, description="name of the file (default: the name of the recording)")
-    time: str | None = Field(None, description="CSV: column of the time; without it rows are equilibria")
+    time: str | None = Field(None, description="CSV: column of the time; without it each row is an equilibrium")
     time_unit: Unit = "s"
     where: dict[str, Annotated[tuple[float, float], _RANGE]] = Field(
-        {}, description="CSV: rows that are taken, e.g. pressure_mbar: [50, 200]"
+        {}, description="CSV: rows that are used, by ranges of their columns, e.g. pressure_mbar: [50, 200]"
     )
     every: Annotated[int, _EVERY] = 1
-    compare: dict[str, CompareModel] = Field({}, description="what was measured, by any name")
+    compare: dict[str, CompareModel] = Field({}, description="measured quantities, by names of your choice")
     commands: dict[str, Annotated[float, _NUMBER] | CommandModel] = Field(
-        {}, description="actuators, loads (factors) and handles: a number, or where they were recorded"
+        {}, description="commands of actuators, loads (factors) and handles: a number, or a recorded column or topic"
     )
     set: dict[str, Any] = Field({}, description="keys of the scene that differ in this recording")
     shift: Annotated[float, _SHIFT] = 0.0
@@ -98,11 +98,11 @@ class RecordingModel(Entry):
     )
     frame: FrameModel | None = None
     start: Literal["rest", "equilibrium"] = Field(
-        "rest", description="where a motion begins: straight as it was made, or hanging still under the first commands"
+        "rest", description="initial state of a motion: the rest shape, or the equilibrium under the first commands"
     )
 
 
 class MatchModel(RecordingModel):
     """A match file."""
 
-    recordings: dict[str, RecordingModel] = Field({}, description="by name; `--holdout` takes these names")
+    recordings: dict[str, RecordingModel] = Field({}, description="recordings by name; `--holdout` takes these names")

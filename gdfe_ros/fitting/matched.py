@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From an entry of a match file to what of the simulation it means."""
+"""The quantity of the simulation to which an entry of a match file refers."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gdfe_ros.scene.scene import Scene
 
 
 def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observable:
-    """Return what of the simulation an entry means.
+    """Return the quantity of the simulation to which an entry refers.
 
     Raises:
-        GdfeError: a name, or a vertex, that the scene does not have.
+        GdfeError: the scene lacks the named item, or the selection is invalid or selects no vertex.
     """
     key, value = model.chosen
     if key == "mean":
@@ -38,10 +38,10 @@ def matched_observable(model: CompareModel, scene: Scene, where: str) -> Observa
 def along_of(
     model: CompareModel, observable: Observable, where: str
 ) -> tuple[tuple[str, ...], NDArray[np.float64] | None]:
-    """Return labels of the measured columns, and the directions (c, 3) that they are measured along.
+    """Return the labels of the measured columns, and the directions (c, 3) along which they are measured, or None.
 
     Raises:
-        GdfeError: the entry does not say along what a single column of a vector is measured.
+        GdfeError: the direction of a single column of a vector is missing or zero, or a number has several columns.
     """
     vector = observable.kind in POSITIONS or observable.kind is QuantityKind.FORCE
     if observable.kind in CLOUDS or (not vector and not model.columns):

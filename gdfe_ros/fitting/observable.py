@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a simulation is compared with a measurement."""
+"""Quantities of a simulation that are compared with measurements."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class QuantityKind(Enum):
-    """Kinds of quantities; positions are vectors [m] and can be in a frame of the recording's own."""
+    """Kinds of quantities; positions are vectors [m], and a recording may have them in its own frame."""
 
     PROBE = "probe"
     MEAN = "mean"
@@ -39,10 +39,10 @@ class Observable:
     """A quantity of a simulation.
 
     Attributes:
-        kind: which.
-        name: of the probe, handle or actuator.
-        vertices: (k,) of a mean.
-        displacement: positions count from rest.
+        kind: kind of the quantity.
+        name: name of the probe, handle or actuator.
+        vertices: (k,) vertices of a mean position.
+        displacement: whether positions are relative to rest.
     """
 
     kind: QuantityKind
@@ -52,11 +52,11 @@ class Observable:
 
     @property
     def unit(self) -> str:
-        """SI unit of the values, of an actuator that of its own."""
+        """SI unit of the values; ``SI`` for an actuator, whose unit depends on its kind."""
         return "m" if self.kind in POSITIONS else "N" if self.kind is QuantityKind.FORCE else "SI"
 
     def of(self, simulation: Simulation) -> NDArray[np.float64]:
-        """Return the values (c,): x, y, z of a point, one of an actuator, 3 n of the vertices one after the other."""
+        """Return the present values: (3,) of a point or a force, (1,) of an actuator, (3 n,) of the vertices."""
         values = self._values(simulation)
         return (values - self._at_rest(simulation.scene)) if self.displacement else values
 
@@ -84,7 +84,7 @@ class Observable:
 
 
 def require_known(kind: QuantityKind, name: str, scene: Scene, where: str) -> None:
-    """Refuse a name that the scene does not have.
+    """Raise an error for a name that does not exist in the scene.
 
     Raises:
         GdfeError: there is no such probe, handle or actuator.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A number of a scene that is fitted, with its bounds."""
+"""Parameters of a fit: numbers of a scene, with their bounds."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ _FORM = "--vary takes KEY=LOW..HIGH or KEY=LOW..START..HIGH, e.g. materials.sili
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """A key of the scene and the interval that its value is sought in.
+    """A key of the scene, and the interval in which its value is sought.
 
-    The coordinate u that a solver moves is ln(value) where the lower bound is positive, else value / (high - low): a
-    step in u means as much for every parameter.
+    The solver's coordinate u is ln(value) if the lower bound is positive, else value / (high - low), so that steps in u
+    are comparable between parameters.
 
     Attributes:
-        key: dotted, as of an override.
+        key: dotted key, as of an override.
         low: least value.
         high: largest value.
-        start: first value.
+        start: initial value.
     """
 
     key: str
@@ -35,7 +35,7 @@ class FittedParameter:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether the coordinate is the logarithm."""
+        """Whether u is the logarithm of the value."""
         return self.low > 0.0
 
     def coordinate(self, value: float) -> float:
@@ -43,7 +43,7 @@ class FittedParameter:
         return math.log(value) if self.logarithmic else value / (self.high - self.low)
 
     def value(self, coordinate: float) -> float:
-        """Return the value of u, within the bounds also where rounding would leave them."""
+        """Return the value at u, clipped to the bounds against rounding."""
         value = math.exp(coordinate) if self.logarithmic else coordinate * (self.high - self.low)
         return min(max(value, self.low), self.high)
 
@@ -53,10 +53,12 @@ class FittedParameter:
 
 
 def read_parameters(entries: Iterable[str], scene: Scene) -> list[FittedParameter]:
-    """Read ``KEY=LOW..HIGH`` entries; a search starts from the scene's own value where it lies between the bounds.
+    """Read entries ``KEY=LOW..HIGH`` or ``KEY=LOW..START..HIGH``.
+
+    Without ``START`` a search starts from the scene's own value if it lies between the bounds, else from their middle.
 
     Raises:
-        GdfeError: an entry is none, two have the same key, or the key of the scene is no number.
+        GdfeError: there is no entry, one is malformed, two have the same key, or the scene's value is not a number.
     """
     data = parse_document(scene.source, heading=f"scene {scene.name}").data
     found = [_parameter(entry, data) for entry in entries]
@@ -87,7 +89,7 @@ def _parameter(entry: str, data: object) -> FittedParameter:
 
 
 def _look_up(key: str, data: object) -> float | None:
-    """Return the number at a key of the scene; None where the scene leaves it to a default."""
+    """Return the number at a key of the scene; None if the scene does not give this key."""
     for part in key.split("."):
         if isinstance(data, list) and part.isdecimal() and int(part) < len(data):
             data = data[int(part)]

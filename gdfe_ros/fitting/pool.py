@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulations side by side, in processes of one thread each or in this one."""
+"""Simulations in parallel, in processes of one thread each, or in this process."""
 
 from __future__ import annotations
 
@@ -21,8 +21,11 @@ class Pool:
     """Simulates recordings.
 
     Args:
-        text: of the scene.
-        executor: of the processes; None: everything in this one.
+        text: YAML text of the scene.
+        executor: executor of the processes; None: simulate in this process.
+
+    Attributes:
+        count: number of simulations so far.
     """
 
     def __init__(self, text: str, executor: ProcessPoolExecutor | None = None) -> None:
@@ -30,7 +33,7 @@ class Pool:
         self.count = 0
 
     def run(self, tasks: Sequence[Task]) -> list[Trajectory | NotSimulatedError]:
-        """Return the trajectory of each task, or why it has none.
+        """Return the trajectory of each task, or the error because of which it has none.
 
         Raises:
             GdfeError: a process died.
@@ -46,7 +49,7 @@ class Pool:
 
 @contextmanager
 def open_pool(text: str, workers: int) -> Iterator[Pool]:
-    """Give a pool of so many processes; of one, everything runs in this process."""
+    """Yield a pool of ``workers`` processes; with one worker, everything runs in this process."""
     if workers < 2:
         yield Pool(text)
         return

@@ -18,23 +18,23 @@ from gdfe_ros.fitting.sensitivity import trajectory_columns
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
 
 SHARE = 0.01
-"""Of the largest range of a unit's values: the standard deviation where a recording does not tell one."""
+"""Standard deviation of a series without its own, over the largest range of all series with the same unit."""
 NUDGE = {"shift": 1e-5, "turn": 1e-5, "translation": 1e-6}
-"""Change of a recording's own unknown for a difference [s], [rad], [m]; no simulation is needed for it."""
+"""Change of a recording's own unknown for a finite difference [s], [rad], [m], which needs no simulation."""
 FARTHEST = 20.0
-"""Body lengths from the origin beyond which a position has another unit or another origin."""
+"""Distance of a position from the origin, in body lengths, above which its unit or its origin is probably wrong."""
 FAILED = 1e3
-"""Residual of every value where a trial cannot be simulated: the search turns back."""
+"""Residual of every value if a trial cannot be simulated, so that the search rejects the trial."""
 
 
 @dataclass(frozen=True, eq=False)
 class FitPoint:
-    """The problem at given unknowns.
+    """Simulations of all recordings at given unknowns.
 
     Attributes:
-        values: of the parameters.
-        own: of each recording.
-        trajectories: of each recording.
+        values: values of the parameters.
+        own: own unknowns of each recording.
+        trajectories: trajectory of each recording.
     """
 
     values: tuple[float, ...]
@@ -43,16 +43,16 @@ class FitPoint:
 
 
 class FitProblem:
-    """Recordings, parameters, and how a simulation misses the one with the other.
+    """Residuals of recordings as functions of parameters.
 
-    The unknowns are the parameters' coordinates u, then each recording's own: time shift and frame.
+    The unknowns are the parameters' coordinates u, then each recording's own unknowns: time shift and frame.
 
     Args:
-        pool: that simulates.
-        parameters: that are sought.
-        recordings: that are fitted.
-        surface: distances from the surface; None where no cloud is compared with it.
-        sigmas: standard deviation of each series of each recording; None chooses them.
+        pool: runs the simulations.
+        parameters: parameters to fit.
+        recordings: recordings to fit.
+        surface: distances from the surface; None if no cloud is compared with it.
+        sigmas: standard deviation of each series of each recording; None: those of `standard_deviations`.
 
     Attributes:
         horizons: time [s] of each recording up to which it is compared.
@@ -74,13 +74,13 @@ class FitProblem:
         self._known: tuple[tuple[object, ...], list[Trajectory | NotSimulatedError]] | None = None
 
     def look_to(self, share: float) -> None:
-        """Compare the first share of each recording's time only; 1 compares all of it."""
+        """Compare only the first ``share`` of each recording's time; 1 compares all of it."""
         ends = [max(series.times[-1] for series in recording.series) for recording in self.recordings]
         self.horizons = [np.inf if share >= 1.0 else share * end for end in ends]
         self._known = None
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return least and largest unknowns."""
+        """Return the lower and the upper bounds of the unknowns."""
         low = [parameter.coordinate(parameter.low) for parameter in self.parameters]
         high = [parameter.coordinate(parameter.high) for parameter in self.parameters]
         for recording in self.recordings:
@@ -91,7 +91,7 @@ class FitProblem:
         return np.array(low), np.array(high)
 
     def first(self) -> NDArray[np.float64]:
-        """Return first unknowns: the parameters' starts, and the frames that fit best there.
+        """Return the initial unknowns: the parameters' starts, and the frames that fit best there.
 
         Raises:
             NotSimulatedError: the start cannot be simulated.
@@ -107,14 +107,14 @@ class FitProblem:
         return np.concatenate([coordinates, *own])
 
     def values(self, unknowns: NDArray[np.float64]) -> tuple[float, ...]:
-        """Return the parameters' values."""
+        """Return the parameters' values at given unknowns."""
         return self._split(unknowns)[0]
 
     def point(self, unknowns: NDArray[np.float64]) -> FitPoint:
-        """Return what unknowns mean, simulated.
+        """Simulate all recordings at given unknowns.
 
         Raises:
-            NotSimulatedError: it cannot be.
+            NotSimulatedError: a recording cannot be simulated.
         """
         values, own = self._split(unknowns)
         trajectories = self.trajectories(values)
@@ -124,7 +124,7 @@ class FitProblem:
         return FitPoint(values, own, tuple(trajectories))
 
     def trajectories(self, values: tuple[float, ...]) -> list[Trajectory | NotSimulatedError]:
-        """Simulate all recordings; the last ones are kept."""
+        """Return the simulations of all recordings with given values; the last ones are cached."""
         key = (values, tuple(self.horizons))
         if self._known is None or self._known[0] != key:
             given = {p.key: value for p, value in zip(self.parameters, values, strict=True)}
@@ -133,7 +133,7 @@ class FitProblem:
         return self._known[1]
 
     def residuals(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (simulated - measured) / sigma of all compared values, one after the other; 0 where one is missing."""
+        """Return (simulated - measured) / sigma of all values in one vector; 0 for values that are missing."""
         values, own = self._split(unknowns)
         found = self.trajectories(values)
         if any(isinstance(item, NotSimulatedError) for item in found):
@@ -143,7 +143,7 @@ class FitProblem:
         return self.stacked(found, own)
 
     def jacobian(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return d(residual)/d(unknown), (values, unknowns)."""
+        """Return d(residual)/d(unknown), shape (values, unknowns)."""
         here = self.point(unknowns)
         base = self.stacked(here.trajectories, here.own)
         given = {"horizons": self.horizons}
@@ -162,7 +162,7 @@ class FitProblem:
         return np.stack(columns, axis=1)
 
     def series_residuals(self, point: FitPoint) -> list[list[NDArray[np.float64]]]:
-        """Return (simulated - measured) / sigma by recording and series, shaped as measured; NaN where missing."""
+        """Return (simulated - measured) / sigma by recording and series, in the shape of the values; NaN if missing."""
         given = zip(self.recordings, point.trajectories, point.own, self.sigmas, self.horizons, strict=True)
         return [
             residuals(recording, trajectory, own, sigmas, horizon=horizon, distances=self._surface)
@@ -170,7 +170,7 @@ class FitProblem:
         ]
 
     def stacked(self, trajectories: Sequence[Trajectory], own: Sequence[Own]) -> NDArray[np.float64]:
-        """Return the residuals of given trajectories one after the other; 0 where nothing is compared."""
+        """Return the residuals of given trajectories in one vector; 0 for values that are not compared."""
         parts = self.series_residuals(FitPoint((), tuple(own), tuple(trajectories)))
         return np.nan_to_num(np.concatenate([part.ravel() for found in parts for part in found]), nan=0.0)
 
@@ -184,7 +184,7 @@ class FitProblem:
 
 
 def standard_deviations(recordings: Sequence[Recording]) -> list[list[float]]:
-    """Return the standard deviation of each series: what is told, or `SHARE` of the largest range of its unit."""
+    """Return the standard deviation of each series: its own, or `SHARE` of the largest range of its unit."""
     spans: dict[str, float] = {}
     for recording in recordings:
         for series in recording.series:
@@ -194,11 +194,11 @@ def standard_deviations(recordings: Sequence[Recording]) -> list[list[float]]:
 
 
 def require_motion(recording: Recording, size: float) -> None:
-    """Refuse data that say nothing.
+    """Raise an error for data without information.
 
     Args:
-        recording: that is to be fitted.
-        size: of the body [m].
+        recording: the recording to fit.
+        size: size of the body [m].
 
     Raises:
         GdfeError: values do not move, or are so large that their unit cannot be right.
@@ -207,7 +207,7 @@ def require_motion(recording: Recording, size: float) -> None:
         where = f"recording {recording.name}, {series.name}"
         finite = series.values[np.isfinite(series.values)]
         if not finite.size:
-            raise GdfeError(f"{where}: no value is a number")
+            raise GdfeError(f"{where}: all values are missing")
         still = series.span == 0.0 if series.values.shape[0] > 1 else not finite.any()
         if still:
             raise GdfeError(

@@ -21,20 +21,20 @@ def read_recordings(data: Sequence[Path], match: Path | None, scene: Scene) -> l
 
     Args:
         data: their paths.
-        match: YAML file that says what is what; None: by the names of the scene.
-        scene: that they are compared with.
+        match: YAML file that assigns columns and topics to quantities; None: they are found by the names of the scene.
+        scene: the scene that they are compared with.
 
     Raises:
-        GdfeError: a file, a column, a topic or a name that is not there, or a defect of the match file.
+        GdfeError: a file, a column, a topic or a name does not exist, or the match file has a defect.
     """
     return [_read(source, scene) for source in find_sources(data, match)]
 
 
 def split_held_out(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[list[Recording], list[Recording]]:
-    """Return recordings that are fitted and that are held out.
+    """Return the recordings to fit and the recordings that are held out.
 
     Raises:
-        GdfeError: there is no recording of a name.
+        GdfeError: there is no recording with one of the names.
     """
     known = [recording.name for recording in recordings]
     if unknown := [name for name in names if name not in known]:

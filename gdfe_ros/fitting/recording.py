@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording as a fit takes it: what was commanded, what was measured."""
+"""A recording for a fit: its commands and its measured series."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class Series:
     """Measured values of one quantity.
 
     Attributes:
-        name: in tables and pictures.
-        observable: what of the simulation it is.
+        name: name in tables and pictures.
+        observable: quantity of the simulation with which it is compared.
         times: (m,) on the recording's clock [s], ascending.
-        values: (m, c) in SI units, NaN where a value is missing; of a surface (m, p, 3).
-        along: (c, d) rows turn the d values of the simulation into the c measured ones; None: as they are.
-        labels: of the c columns.
-        sigma: standard deviation of a value in SI units; None: not told.
+        values: (m, c) in SI units, NaN if a value is missing; (m, p, 3) for points on a surface.
+        along: (c, d) matrix from the d values of the simulation to the c measured ones; None: they are the same.
+        labels: labels of the c columns.
+        sigma: standard deviation of a value in SI units; None: not given.
     """
 
     name: str
@@ -38,23 +38,23 @@ class Series:
 
     @property
     def count(self) -> int:
-        """Number of measured values, of a surface that of its points."""
+        """Number of measured values; of a surface, number of its points."""
         finite = np.isfinite(self.values)
         return int(finite.all(axis=2).sum()) if self.values.ndim == 3 else int(finite.sum())
 
     @property
     def span(self) -> float:
-        """Largest range of a column."""
+        """Largest range of the values of a column."""
         return float(np.nanmax(np.ptp(self.values, axis=0)))
 
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """What is commanded when.
+    """Steps of a simulation with their commands.
 
     Attributes:
         times: ends of the steps (k,) on the simulation's clock [s], ascending.
-        commands: (k,) of the steps.
+        commands: (k,) command of each step.
     """
 
     times: NDArray[np.float64]
@@ -66,15 +66,15 @@ class Recording:
     """One recording.
 
     Attributes:
-        name: of it.
-        series: what was measured.
-        schedule: what was commanded.
-        overrides: keys of the scene that differ in this recording.
-        shift: how far the recording's clock is ahead [s], where it is not fitted.
-        shift_between: bounds of that time where it is fitted; None where it is not.
-        frame: how many numbers of the frame are fitted: 0, 3 (translation) or 6 (rotation vector, translation).
-        from_equilibrium: a motion begins in equilibrium under its first commands, else at rest.
-        remarks: what a user must know of how it was read.
+        name: name of the recording.
+        series: measured series.
+        schedule: steps and commands of its simulation.
+        overrides: values of the scene that differ in this recording, by dotted key.
+        shift: time [s] by which the recording's clock is ahead of the simulation's; initial value if it is fitted.
+        shift_between: bounds of the time shift [s] if it is fitted; None if it is not.
+        frame: number of fitted unknowns of the frame: 0, 3 (translation) or 6 (rotation vector, translation).
+        from_equilibrium: whether a motion begins in equilibrium under its first commands, else at rest.
+        remarks: remarks for the user on the reading of the recording.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Recording:
 
     @property
     def unknowns(self) -> int:
-        """Numbers of the recording's own that are fitted."""
+        """Number of the recording's own unknowns."""
         return self.frame + (self.shift_between is not None)
 
     @property

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How simulated recordings change with the parameters: differences of simulations.
+"""Derivatives of simulated recordings with respect to the parameters, by finite differences.
 
-`trajectory_columns` is all that the fit asks for; exact columns by implicit differentiation can stand in its place.
+The fit calls only `trajectory_columns`; exact columns by implicit differentiation could replace it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from gdfe_ros.fitting.recording import Recording
 from gdfe_ros.fitting.trajectory import NotSimulatedError, Trajectory
 
 STEP = 0.01
-"""Change of a coordinate u, 1 % of a value: a difference errs by about as much, and by the tolerance over it."""
+"""Change of a coordinate u for a finite difference: 1 % of a value. The relative error of a difference is about as
+large, plus the solver's tolerance over this change."""
 
 
 def trajectory_columns(
@@ -28,15 +29,15 @@ def trajectory_columns(
 ) -> list[list[Trajectory]]:
     """Return d(trajectory)/du of each parameter (outer list) and recording, at given values.
 
-    One-sided differences, towards the middle of the bounds.
+    The differences are one-sided, towards the middle of the bounds.
 
     Args:
-        pool: that simulates.
-        recordings: of which.
-        parameters: with respect to which.
-        values: of the parameters.
+        pool: runs the simulations.
+        recordings: recordings to simulate.
+        parameters: parameters with the coordinates u.
+        values: values of the parameters.
         base: trajectories at these values.
-        horizons: time [s] of each recording up to which they are simulated.
+        horizons: time [s] of each recording up to which it is simulated.
 
     Raises:
         NotSimulatedError: a changed value cannot be simulated on either side.
@@ -68,7 +69,7 @@ def _step(parameter: FittedParameter, value: float) -> float:
 def _changed(
     parameters: Sequence[FittedParameter], values: Sequence[float], place: int, step: float
 ) -> dict[str, float]:
-    """Return all values, one of them changed."""
+    """Return all values by key, with the coordinate of the parameter at ``place`` changed by ``step``."""
     given = {parameter.key: value for parameter, value in zip(parameters, values, strict=True)}
     changed = parameters[place]
     given[changed.key] = changed.value(changed.coordinate(values[place]) + step)

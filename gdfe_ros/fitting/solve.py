@@ -14,28 +14,28 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.fitting.problem import FitPoint, FitProblem
 
 HORIZONS = (1 / 16, 1 / 4, 1.0)
-"""Shares of a motion that are fitted one after the other: a swing that is off by a period has another best fit, and a
-first swing cannot be."""
+"""Shares of a motion that are fitted one after the other. An oscillation that is off by a whole period is a local
+minimum of the misfit; the first oscillation has no such minimum."""
 STEP = 1e-5
-"""Relative change of the unknowns, and of the sum of squares, that ends a search."""
+"""Relative change of the unknowns, and of the sum of squares, at which a search ends."""
 COARSE = 0.01
-"""The same of the sum of squares where a longer horizon follows."""
+"""Relative change of the sum of squares at which a search ends if one with a longer horizon follows."""
 MOST_TRIALS = 60
 SILENT = 1e-3
-"""Root mean square of d(residual)/du below which a parameter has no influence: a factor e then changes the values by a
-thousandth of their standard deviation."""
+"""Root mean square of d(residual)/du below which a parameter has no influence: a factor e on its value then changes the
+measured values by a thousandth of their standard deviation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Where a search ended.
+    """Solution of a search.
 
     Attributes:
-        unknowns: found (u,).
-        jacobian: there (values, unknowns), weighted by the loss.
+        unknowns: unknowns found (u,).
+        jacobian: d(residual)/d(unknown) there, (values, unknowns), weighted by the loss.
         cost: half the sum of squares, or of the loss.
-        point: the problem there.
-        message: why it ended.
+        point: simulations at these unknowns.
+        message: reason why the search ended.
     """
 
     unknowns: NDArray[np.float64]
@@ -51,10 +51,10 @@ def solve(
     """Minimise the sum of squares, or of a robust loss, of the residuals.
 
     Args:
-        problem: of which.
-        moves: the scene has dynamics; then the horizon grows from search to search.
-        loss: of scipy's `least_squares`.
-        told: takes a line about each search.
+        problem: problem with the residuals.
+        moves: whether the scene has dynamics; then the horizon grows from search to search.
+        loss: loss of scipy's `least_squares`.
+        told: called with a line of text after each search.
 
     Raises:
         GdfeError: the start cannot be simulated, or a parameter has no influence.
@@ -97,7 +97,7 @@ def _line(problem: FitProblem, unknowns: NDArray[np.float64], share: float, tria
 
 
 def _require_influence(problem: FitProblem, unknowns: NDArray[np.float64]) -> None:
-    """Refuse parameters that change nothing: soon after the start, and then over all of the time."""
+    """Raise GdfeError for parameters without influence, both on the first part of the time and on all of it."""
     silent = _silent(problem, unknowns)
     if silent:
         problem.look_to(1.0)

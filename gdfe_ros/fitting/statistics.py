@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well the parameters are known: confidence, correlations, what cannot be told apart, structure in residuals."""
+"""Statistics of a fit: confidence intervals, correlations, undetermined parameters, structure of residuals."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from gdfe_ros.fitting.solve import Solved
 
 CONFIDENCE = 0.95
 LOOSE = 1.0
-"""Standard deviation of a direction of unit length in the parameters' coordinates u from which on the data do not tell
-it: a factor e, or the whole interval."""
+"""Standard deviation along a direction of unit length in the parameters' coordinates u above which the data do not
+determine this direction: a factor e, or the whole interval."""
 ALIKE = 0.995
-"""Correlation of two parameters from which on the data tell one combination of them only."""
+"""Correlation of two parameters above which the data determine only one combination of them."""
 STRUCTURED = 0.5
-"""Correlation of a residual with the next one from which on residuals are structured; that of noise is about 0."""
+"""Correlation of successive residuals above which these count as structured; for noise it is about 0."""
 FEWEST = 8
-"""Values of a series below which its residuals' structure is not judged."""
+"""Least number of values of a series whose residuals are examined for structure."""
 AT_BOUND = 1e-3
-"""Distance of u from its bound, over the interval, below which a value lies at the bound."""
+"""Distance of u from its bound, over the interval, below which a value counts as lying at the bound."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,11 @@ class FittedValue:
     """A fitted value.
 
     Attributes:
-        key: of the parameter.
-        value: fitted.
-        low: end of the 95 % confidence interval; NaN where the value lies at a bound.
-        high: the other end.
-        bound: `low` or `high` where the value lies at that bound; empty where it does not.
+        key: key of the parameter.
+        value: fitted value.
+        low: lower end of the 95 % confidence interval; NaN if the value lies at a bound.
+        high: upper end of the interval; NaN if the value lies at a bound.
+        bound: `low` or `high` if the value lies at that bound; empty otherwise.
     """
 
     key: str
@@ -49,12 +49,12 @@ class FittedValue:
 
 @dataclass(frozen=True, eq=False)
 class Confidence:
-    """What the data say of the parameters.
+    """Confidence in the fitted parameters.
 
     Attributes:
-        estimates: of each.
-        correlations: between the coordinates u of each two; NaN beside a value at its bound.
-        loose: what the data cannot tell apart, a sentence each.
+        estimates: value and interval of each parameter.
+        correlations: correlations between the parameters' coordinates u; NaN for a value at its bound.
+        loose: a sentence about each combination of parameters that the data do not determine.
     """
 
     estimates: tuple[FittedValue, ...]
@@ -65,7 +65,8 @@ class Confidence:
 def confidence(problem: FitProblem, solved: Solved) -> Confidence:
     """Return confidence intervals from the Jacobian J at the solution.
 
-    The covariance of the unknowns is s^2 (J^T J)^-1 with s^2 = 2 cost / (values - unknowns); at a bound it is held.
+    The covariance of the unknowns is s^2 (J^T J)^-1 with s^2 = 2 cost / (values - unknowns). Values at a bound are held
+    fixed.
     """
     parameters, count = problem.parameters, len(problem.parameters)
     bounds = [_bound(p, float(u)) for p, u in zip(parameters, solved.unknowns[:count], strict=True)]
@@ -103,7 +104,7 @@ def _bound(parameter: FittedParameter, coordinate: float) -> str:
 
 
 def _ends(parameter: FittedParameter, coordinate: float, half: float) -> tuple[float, float]:
-    """Return a confidence interval in values, which may reach beyond the bounds."""
+    """Return the ends of a confidence interval as values, which may lie beyond the bounds."""
     if parameter.logarithmic:
         half = min(half, 300.0)
         return float(np.exp(coordinate - half)), float(np.exp(coordinate + half))
@@ -112,7 +113,7 @@ def _ends(parameter: FittedParameter, coordinate: float, half: float) -> tuple[f
 
 
 def _loose(keys: Sequence[str], covariance: NDArray[np.float64]) -> list[str]:
-    """Say which combinations of parameters the data do not tell."""
+    """Return sentences about the combinations of parameters that the data do not determine."""
     if not keys:
         return []
     variances, directions = np.linalg.eigh(covariance)
@@ -121,8 +122,8 @@ def _loose(keys: Sequence[str], covariance: NDArray[np.float64]) -> list[str]:
         if np.sqrt(max(variance, 0.0)) > LOOSE:
             parts = [place for place in np.argsort(-np.abs(direction)) if abs(direction[place]) > 0.2]
             named = " and ".join(keys[place] for place in parts)
-            text = "apart" if len(parts) > 1 else "at all"
-            notes.append(f"the data do not tell {named} {text}: they hardly change with it; remedy: fit fewer")
+            text = " separately" if len(parts) > 1 else ""
+            notes.append(f"the data do not determine {named}{text}: they hardly depend on it; remedy: fit fewer")
     deviation = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         alike = covariance / np.outer(deviation, deviation)
@@ -132,14 +133,14 @@ def _loose(keys: Sequence[str], covariance: NDArray[np.float64]) -> list[str]:
                 what = "ratio" if alike[i, j] > 0.0 else "product"
                 pair = f"{keys[j]} and {keys[i]}"
                 notes.append(
-                    f"the data hardly tell {pair} apart (correlation {alike[i, j]:.4f}): about their {what} is known; "
-                    "remedy: fix one of them, or record a quantity that only one of them changes"
+                    f"the data hardly determine {pair} separately (correlation {alike[i, j]:.4f}), only about their "
+                    f"{what}; remedy: fix one of them, or record a quantity that only one of them changes"
                 )
     return notes
 
 
 def autocorrelation(residual: NDArray[np.float64]) -> float:
-    """Return the correlation of residuals (m, c) with the next ones, the largest of the columns; NaN of too few."""
+    """Return the largest correlation of successive residuals (m, c) of a column; NaN with fewer than `FEWEST`."""
     found = []
     for column in residual.reshape(residual.shape[0], -1).T:
         sound = column[np.isfinite(column)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of a CSV file by name, with the units that its header tells."""
+"""Columns of a CSV file by name, with the units in its header."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ _HEAD = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\]]*)\])?$")
 
 
 class TableFile:
-    """A CSV file: comma, semicolon or tab, a header, lines that start with # left out.
+    """A CSV file with a header, separated by comma, semicolon or tab; lines that start with # are skipped.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Raises:
-        GdfeError: it cannot be read, or is no table.
+        GdfeError: the file cannot be read, or is not a table.
 
     Attributes:
-        names: of the columns, without units.
-        units: that the header tells in brackets, by name.
+        names: names of the columns, without units.
+        units: known units in the brackets of the header, by name.
     """
 
     def __init__(self, path: Path) -> None:
@@ -59,8 +59,8 @@ class TableFile:
         """Return a column (m,) in SI units; an empty cell is NaN.
 
         Args:
-            name: as in the header, without the unit.
-            unit: of its numbers; None takes what the header tells, or SI.
+            name: name in the header, without the unit.
+            unit: unit of the numbers; None: the unit in the header, or SI without one.
 
         Raises:
             GdfeError: no such column, or a cell is no number.
@@ -82,10 +82,10 @@ class TableFile:
         return np.mean([self.column(name, unit) for name in columns], axis=0)
 
     def rows(self, ranges: Mapping[str, tuple[float, float]], every: int) -> NDArray[np.intp]:
-        """Return the rows whose columns, as they are written, lie in these ranges, and of these every n-th.
+        """Return the indices (k,) of every n-th row whose columns lie in the given ranges, in the unit of the file.
 
         Raises:
-            GdfeError: there is none.
+            GdfeError: there is no such row.
         """
         taken = np.ones(len(self._cells[self.names[0]]), dtype=bool)
         for name, (low, high) in ranges.items():

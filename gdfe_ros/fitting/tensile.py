@@ -16,36 +16,36 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHookean, Ogden
 
 FLOOR = 0.01
-"""Stress, over the largest, below which points weigh as if they had this much: around zero noise is all there is."""
+"""Least stress in a point's weight, over the largest stress: stresses near zero are mostly noise."""
 GOOD = 0.01
-"""Largest misfit, over the stress, with which no further term is tried."""
+"""Misfit, over the stress, below which no further term is tried."""
 MOST_TERMS = 3
 MOST_ALPHA = 20.0
-"""Of Ogden's exponents; beyond it powers of the stretch overflow."""
+"""Largest magnitude of Ogden's exponents; above it powers of the stretch overflow."""
 STARTS = (-6.0, -3.0, -1.5, 1.0, 2.0, 3.0, 5.0)
-"""Exponents that the search starts from, in all combinations."""
+"""Initial exponents of the search, used in all combinations."""
 CANCELLED = 100.0
-"""Sum of |mu_i| over the sum of mu_i beyond which terms are large only to cancel: the paper's have at most 2.2."""
+"""Sum of |mu_i| over the sum of mu_i above which terms cancel each other; in the paper it is at most 2.2."""
 DEGREE = 6
-"""Of a polynomial, as in the paper."""
+"""Default degree of a polynomial, as in the paper."""
 SOFTEST, HARDEST = 1e3, 1e12
-"""Moduli at rest [Pa] beyond which a unit is wrong: gels begin at a few kilopascals, diamond ends at 1e12."""
+"""Range of moduli at rest [Pa] outside of which a unit is wrong: gels have a few kilopascals, diamond has 1e12 Pa."""
 LARGEST_STRAIN = 15.0
-"""Engineering strain beyond which it was meant in percent: no rubber is stretched sixteenfold."""
+"""Engineering strain above which the values are probably percentages: no rubber is stretched sixteenfold."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TensileFit:
-    """A law and how well it agrees with the test.
+    """A law, and its agreement with the test.
 
     Attributes:
-        material: the law; its Poisson's ratio was given, a tensile test does not tell it.
-        entry: what a scene says of it, for the key `materials`.
-        strain: of the test (k,), zero left out.
-        stress: nominal, of the test (k,) [Pa].
-        misfit: of each point (k,), over its stress (or ``FLOOR`` of the largest).
-        remarks: what is unstable about it; empty for a law that was accepted.
-        refused: unstable laws of the same kind that were tried.
+        material: the law; its Poisson's ratio was given, because a tensile test does not determine it.
+        entry: its entry for the key `materials` of a scene.
+        strain: engineering strains of the test (k,), without zeros.
+        stress: nominal stresses of the test (k,) [Pa].
+        misfit: misfit of each point (k,), over its stress (or ``FLOOR`` of the largest stress).
+        remarks: instabilities of the law; empty for a law that was accepted.
+        refused: messages about unstable laws of the same kind that were tried.
     """
 
     material: Material
@@ -58,7 +58,7 @@ class TensileFit:
 
     @property
     def largest(self) -> float:
-        """Largest misfit of a point."""
+        """Largest magnitude of a point's misfit."""
         return float(np.abs(self.misfit).max())
 
 
@@ -80,14 +80,14 @@ def fit_tensile(
         strain: engineering strains (k,); compression is negative.
         stress: nominal stresses (k,) [Pa].
         law: ``LINEAR``, ``NEO_HOOKEAN``, ``OGDEN`` or ``CURVE`` (a polynomial).
-        terms: of Ogden's law; None takes the fewest stable ones that miss no point by more than ``GOOD``, or else the
-            best stable ones.
-        degree: of the polynomial.
+        terms: number of terms of Ogden's law; None: the least number of a stable law whose misfit is below ``GOOD`` at
+            every point, or else that of the best stable law.
+        degree: degree of the polynomial.
         poisson: Poisson's ratio at rest, for the scene.
         density: mass density [kg/m^3], for the scene.
 
     Raises:
-        GdfeError: the columns make no test, a unit cannot be right, or the law that fits best is unstable.
+        GdfeError: the columns are not a tensile test, a unit is implausible, or the law that fits best is unstable.
 
     Example:
         >>> fit_tensile([0.1, 0.5, 1.0], [11.1e3, 53.0e3, 113.0e3], law=Law.NEO_HOOKEAN).material.young > 1e5
@@ -111,7 +111,7 @@ def fit_tensile(
 
 
 def _checked(strain: ArrayLike, stress: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the points that say something, or refuse the columns."""
+    """Return the points with nonzero strain; raise GdfeError if the columns are not a tensile test."""
     e, s = np.asarray(strain, dtype=np.float64), np.asarray(stress, dtype=np.float64)
     if e.ndim != 1 or e.shape != s.shape or not (np.isfinite(e).all() and np.isfinite(s).all()):
         raise GdfeError(f"strain and stress must be finite columns of equal length, got {e.shape} and {s.shape}")
@@ -132,7 +132,7 @@ def _weights(stress: NDArray[np.float64]) -> NDArray[np.float64]:
 def _linear_in_parameters(
     e: NDArray[np.float64], s: NDArray[np.float64], law: Law, degree: int, common: Mapping[str, Any]
 ) -> tuple[Material, dict[str, Any]]:
-    """Fit a law whose stress is linear in its parameters."""
+    """Return a law whose stress is linear in its parameters, and these parameters, by linear least squares."""
     kinds = {Law.LINEAR: Linear, Law.NEO_HOOKEAN: NeoHookean}
     if law is Law.CURVE:
         if not 1 <= degree <= e.size:
@@ -155,7 +155,7 @@ def _linear_in_parameters(
 
 
 def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, common: Mapping[str, Any]) -> TensileFit:
-    """Fit so many terms, or the fewest stable ones that are good, or else the best stable ones."""
+    """Fit ``terms`` terms; None: the fewest of a stable law with a misfit below `GOOD`, else the best stable law."""
     most = min(MOST_TERMS, e.size // 2)
     if terms is not None:
         if not 1 <= terms <= most:
@@ -178,7 +178,7 @@ def _ogden(e: NDArray[np.float64], s: NDArray[np.float64], terms: int | None, co
 def _ogden_terms(
     e: NDArray[np.float64], s: NDArray[np.float64], count: int, common: Mapping[str, Any]
 ) -> tuple[Material, dict[str, Any]]:
-    """Fit exponents by a trust region, and for each trial the moduli, in which the stress is linear."""
+    """Fit the exponents by a trust-region method, and for each trial the moduli, in which the stress is linear."""
     weights = _weights(s)
 
     def moduli(alpha: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -200,19 +200,19 @@ def _ogden_terms(
 
 
 def _assess(e: NDArray[np.float64], s: NDArray[np.float64], found: tuple[Material, dict[str, Any]]) -> TensileFit:
-    """Say how well a law agrees with the points, and whether it is stable."""
+    """Return the fit of a law: its misfit at each point, and remarks on its stability."""
     material, parameters = found
     entry = {"law": material.law.name.lower(), **parameters, "poisson": material.poisson}
     entry |= {"density": material.density} if material.density is not None else {}
     misfit = (material.stress_at(e) - s) * _weights(s)
     remarks = material.remarks()
     if isinstance(material, Ogden) and sum(map(abs, material.mu)) > CANCELLED * sum(material.mu):
-        remarks = ["its terms cancel each other: the data tell fewer of them", *remarks]
+        remarks = ["its terms cancel each other, because the data determine fewer of them", *remarks]
     return TensileFit(material=material, entry=entry, strain=e, stress=s, misfit=misfit, remarks=tuple(remarks))
 
 
 def _refusal(fit: TensileFit) -> str:
-    """Say of an unstable law what it is and where it is unstable."""
+    """Return a message about an unstable law: its kind, its misfit, and its instabilities."""
     name = fit.entry["law"]
     if isinstance(fit.material, Ogden):
         count = len(fit.material.mu)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A law that was fitted to a tensile test: in words, as an entry of a scene, as a picture."""
+"""Results of a fit to a tensile test: as rows of text, as an entry of a scene, as a picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ACCEPTABLE = 0.05
 
 
 def tensile_rows(fit: TensileFit) -> list[tuple[str, str]]:
-    """Return what was found, name and value."""
+    """Return the results as pairs of name and value."""
     parameters = {key: value for key, value in fit.entry.items() if key not in ("law", "poisson", "density")}
     rows = [("law", str(fit.entry["law"]))]
     for name, value in parameters.items():
@@ -33,11 +33,11 @@ def tensile_rows(fit: TensileFit) -> list[tuple[str, str]]:
 
 
 def tensile_remarks(fit: TensileFit) -> list[str]:
-    """Return what is to be known of the fit; empty where nothing is."""
+    """Return remarks on laws that were refused and on a large misfit; empty if there are none."""
     notes = list(fit.refused)
     if fit.largest > ACCEPTABLE:
         text = f"no stable law of this kind has a largest misfit below {100.0 * fit.largest:.2g} %"
-        notes.append(f"{text}; remedy: law: curve with the measured table (csv), which goes through every point")
+        notes.append(f"{text}; remedy: law: curve with the measured table (csv), which passes through every point")
     return notes
 
 
@@ -47,7 +47,7 @@ def material_text(fit: TensileFit, name: str) -> str:
 
 
 def draw_tensile(path: Path, fit: TensileFit, *, title: str) -> None:
-    """Draw test and law: nominal stress over strain, and the misfit of each point.
+    """Draw the test and the law: nominal stress over strain, and the misfit of each point.
 
     Raises:
         OSError: the picture cannot be written.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded commands, and what a simulation is told when."""
+"""Recorded commands over time, and the schedule of a simulation that follows them."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ class Track:
     """Commands of one actuator, load or handle over time.
 
     Attributes:
-        name: of it.
+        name: name of the actuator, load or handle.
         times: (m,) [s], ascending.
-        values: (m, 1) of an actuator or load, (m, 3) translation or (m, 6) with rotation vector of a handle, SI.
-        held: a command stays until the next one, as messages do; else it changes linearly, as samples do.
+        values: in SI units, (m, 1) of an actuator or load; of a handle (m, 3) translations or (m, 6), with rotation
+            vectors.
+        held: whether a command is constant until the next one, as for messages; else it is interpolated linearly.
     """
 
     name: str
@@ -34,22 +35,22 @@ class Track:
     held: bool = False
 
     def at(self, time: float) -> NDArray[np.float64]:
-        """Return the command in force (d,)."""
+        """Return the command (d,) at a ``time`` [s]."""
         if self.held:
             return self.values[max(int(np.searchsorted(self.times, time + 1e-12, side="right")) - 1, 0)]
         return np.array([np.interp(time, self.times, column) for column in self.values.T])
 
 
 def constant(name: str, value: float) -> Track:
-    """Return the track of a command that does not change."""
+    """Return the track of a constant command."""
     return Track(name, np.zeros(1), np.full((1, 1), value))
 
 
 def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None:
-    """Refuse commands that the scene does not take.
+    """Raise an error for commands that the scene does not accept.
 
     Raises:
-        GdfeError: a name is unknown, or the numbers are not as many as it takes.
+        GdfeError: a name is unknown, a command has the wrong number of components, or one is missing.
     """
     drives = [*(item.name for item in scene.actuators), *(item.name for item in scene.loads)]
     movers = [handle.name for handle in scene.handles if not handle.fixed]
@@ -59,7 +60,7 @@ def require_commanded(tracks: Sequence[Track], scene: Scene, where: str) -> None
             raise GdfeError(f"{where}: scene {scene.name!r} takes no command {track.name!r}; it takes {known}")
         counts = (3, 6) if track.name in movers else (1,)
         if track.values.shape[1] not in counts:
-            text = f"{track.values.shape[1]} numbers command {track.name!r}, which takes {counts[0]}"
+            text = f"a command of {track.name!r} has {track.values.shape[1]} numbers; allowed: {counts[0]}"
             raise GdfeError(
                 f"{where}: {text}; remedy: `columns: {{x: ..., y: ..., z: ...}}` for a handle, else `column`"
             )
@@ -71,10 +72,10 @@ def make_schedule(tracks: Sequence[Track], scene: Scene, moments: NDArray[np.flo
     """Return the steps of a simulation that follows tracks.
 
     Args:
-        tracks: what is commanded.
-        scene: that follows them.
-        moments: times [s] up to which it is compared; without dynamics each is an equilibrium, with dynamics the steps
-            are as long as the scene's internal ones.
+        tracks: recorded commands.
+        scene: the scene to simulate.
+        moments: times [s] at which it is compared. Without dynamics each of them is an equilibrium. With dynamics the
+            steps are as long as the scene's internal ones and reach the last of these times.
     """
     if scene.dynamics is None:
         times = np.unique(moments)

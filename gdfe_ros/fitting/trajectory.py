@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation that follows a recording's commands, and what it gives of what was measured."""
+"""Simulation of a recording: its commands in, the measured quantities out."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from gdfe_ros.scene import scene_from_text
 from gdfe_ros.simulation import Simulation
 
 EQUILIBRIA, MOTION = 1e-6, 1e-5
-"""Largest solver tolerances of a fit, whose differences of simulations they disturb: at 1e-5 by 1.5 % in a swing."""
+"""Largest solver tolerances of a fit, in equilibrium and in motion. Larger ones disturb the finite differences of
+simulations: 1e-5 by 1.5 % in an oscillation."""
 
 
 class NotSimulatedError(GdfeError):
-    """A simulation of a recording that came to no end: the values of the parameters make no sense."""
+    """A recording that cannot be simulated with the given values of the parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """What a simulation gives of each measured quantity.
+    """Simulated values of each measured quantity.
 
     Attributes:
         times: (k,) on the simulation's clock [s]; with dynamics the first is 0.
-        outputs: (k, d) of each series, in the recording's order.
+        outputs: (k, d) values of each series, in the recording's order.
         not_converged: number of steps that did not converge.
     """
 
@@ -38,7 +39,7 @@ class Trajectory:
     not_converged: int = 0
 
     def moved(self, change: Trajectory, length: float) -> Trajectory:
-        """Return this trajectory plus so much of a change."""
+        """Return this trajectory plus ``length`` times a change."""
         pairs = zip(self.outputs, change.outputs, strict=True)
         return Trajectory(self.times, tuple(own + length * other for own, other in pairs), self.not_converged)
 
@@ -47,13 +48,13 @@ def simulate(text: str, values: Mapping[str, float], recording: Recording, *, ho
     """Simulate a recording.
 
     Args:
-        text: of the scene, which needs no other file.
-        values: of the parameters, by key.
-        recording: what is commanded and compared.
-        horizon: time [s] from which on nothing is simulated.
+        text: YAML text of the scene, which needs no other file.
+        values: values of the parameters, by key.
+        recording: its commands are simulated and its series compared.
+        horizon: time [s] after which nothing is simulated.
 
     Raises:
-        NotSimulatedError: the scene makes no sense with these values, or its elements are turned inside out.
+        NotSimulatedError: the scene is invalid with these values, or its elements are inverted.
     """
     try:
         simulation = _start(text, {**recording.overrides, **values}, recording)
@@ -90,7 +91,7 @@ def _run(simulation: Simulation, recording: Recording, horizon: float) -> Trajec
         if not np.isfinite(result.positions).all() or result.min_det <= 0.0:
             raise NotSimulatedError(f"elements are turned inside out at t = {end:g} s")
         failed += not result.converged
-        if times and end <= times[-1]:  # a command that took no time: its state replaces the one before
+        if times and end <= times[-1]:  # a step without duration: its state replaces the previous one
             for row in (times, *rows):
                 row.pop()
         times.append(float(end))

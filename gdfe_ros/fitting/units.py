@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units that measured columns come in, as factors to SI."""
+"""Units of measured columns, as factors to SI."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FACTORS = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9,
     "1": 1.0,
 }  # fmt: skip
-"""One of each unit in SI."""
+"""Value of each unit in SI."""
 Unit = Literal[
     "m", "cm", "mm", "um", "in", "N", "mN", "gf", "kgf", "Pa", "kPa", "MPa", "mbar", "bar", "psi", "m^3", "l", "ml",
     "s", "ms", "us", "ns", "1",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well each recording is met, and what is doubtful about a fit."""
+"""Agreement of a fit with each recording, and warnings about the fit."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ from gdfe_ros.fitting.problem import FitPoint, FitProblem
 from gdfe_ros.fitting.statistics import STRUCTURED, Confidence, autocorrelation
 
 WORSE = 1.5
-"""Misfit of a held-out recording over that of the fitted ones from which on the model does not predict it."""
+"""Misfit of a held-out recording, over that of the fitted ones, above which the model does not predict it."""
 SLIGHT = 0.02
-"""Misfit, over the range of the data, below which neither structure nor prediction is worth a warning."""
+"""Misfit, over the motion in the data, below which neither structure nor a bad prediction causes a warning."""
 
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """How well one series of a recording is met.
+    """Agreement of a fit with one series of a recording.
 
     Attributes:
-        recording: name.
-        series: name.
-        held_out: it was not fitted, but predicted.
-        count: of values.
+        recording: name of the recording.
+        series: name of the series.
+        held_out: whether it was predicted, not fitted.
+        count: number of compared values.
         rms: root mean square of simulated minus measured, SI.
-        relative: that over the root mean square of the measured values about their start, a range if displacements.
-        largest: absolute difference, SI.
-        autocorrelation: of the residuals with the next ones; NaN of too few.
-        residual: simulated minus measured, SI, shaped as measured (of a surface, distances).
+        relative: ``rms`` over the size of the motion: root mean square of displacements, or of the values about their
+            mean; for points on a surface, their largest extent.
+        largest: largest absolute difference, SI.
+        autocorrelation: correlation of successive residuals; NaN for too few of them.
+        residual: simulated minus measured, SI, in the shape of the values; distances for points on a surface.
     """
 
     recording: str
@@ -47,7 +48,7 @@ class Match:
 
 
 def matches(problem: FitProblem, point: FitPoint, *, held_out: bool = False) -> list[Match]:
-    """Return how well each series of each recording is met."""
+    """Return the agreement with each series of each recording."""
     found = []
     for recording, sigmas, parts in zip(
         problem.recordings, problem.sigmas, problem.series_residuals(point), strict=True
@@ -65,7 +66,7 @@ def matches(problem: FitProblem, point: FitPoint, *, held_out: bool = False) -> 
 
 
 def _size(values: NDArray[np.float64], *, displacement: bool) -> float:
-    """Return how large measured values are: root mean square of displacements, else of changes from their mean."""
+    """Return the size of the measured motion, as in `Match.relative`."""
     if values.ndim == 3:
         return float(np.nanmax(np.ptp(values.reshape(-1, 3), axis=0)))
     away = values if displacement else values - np.nanmean(values, axis=0)
@@ -75,13 +76,13 @@ def _size(values: NDArray[np.float64], *, displacement: bool) -> float:
 def warnings(
     fitted: Sequence[Match], held_out: Sequence[Match], known: Confidence, parameters: Sequence[FittedParameter]
 ) -> list[str]:
-    """Say what is doubtful about a fit."""
+    """Return warnings about a fit, one sentence each."""
     notes = list(known.loose)
     for estimate, parameter in zip(known.estimates, parameters, strict=True):
         if estimate.bound:
             end = getattr(parameter, estimate.bound)
-            text = f"{estimate.key} ends at its bound {end:g}: the data are fitted better by a value beyond it"
-            notes.append(f"{text}; remedy: wider bounds, or a model with the effect that is missing")
+            text = f"{estimate.key} ends at its bound {end:g}: a value beyond it fits the data better"
+            notes.append(f"{text}; remedy: wider bounds, or a model with the missing effect")
     for match in fitted:
         if match.autocorrelation > STRUCTURED and match.relative > SLIGHT:
             notes.append(

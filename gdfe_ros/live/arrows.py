@@ -21,10 +21,10 @@ class Arrows:
     """Arrows that end at the points of action of forces; their length is relative to the largest force so far.
 
     Args:
-        space: of the page.
+        space: 3-D space of the page.
         group: name of the parent scene node.
         colours: red, green and blue of each kind, 0 to 255.
-        size: of the body in the units of the view.
+        size: size of the body in the units of the view.
         thin: thickness over the usual one.
 
     Attributes:

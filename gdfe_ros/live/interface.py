@@ -67,19 +67,19 @@ class ShownRun(Protocol):
         """Record whether there are viewers."""
 
     def doing(self) -> tuple[str, bool]:
-        """Return a text about its activity and whether it is a problem; empty if the last steps show it."""
+        """Return a text about the run's activity and whether it is a problem; empty if the last steps show it."""
 
     def command(self, name: str, order: Order) -> None:
         """Queue an order for the next step.
 
         Raises:
-            GdfeError: it cannot be carried out.
+            GdfeError: the order cannot be carried out.
         """
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Carry out the request of a button, except for moduli; if it is paused or recording already, the opposite.
+        """Carry out the request of a button other than that of the moduli; pause and record switch on and off.
 
-        The answer is a text for the user, or raises a GdfeError; None if the page shows the effect.
+        Return a future text for the user, which may raise a GdfeError, or None if the page shows the effect.
         """
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[Any]:

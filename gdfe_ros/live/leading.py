@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A probe that a viewer drags: the actuators follow, by inverse control on the states that are shown."""
+"""Feedback control that moves a probe to where a viewer drags it, by the states that are shown."""
 
 from __future__ import annotations
 
@@ -15,26 +15,27 @@ from gdfe_ros.live.view import View
 from gdfe_ros.node.orders import ActuatorOrder
 
 STILL = 1e-6
-"""Relative change of the commands below which they have come to rest."""
+"""Relative change of the commands below which they count as constant."""
 INTERVAL = 0.02
-"""Time of a command [s], for actuators with rates."""
+"""Duration of a command [s], for the rate limits of actuators."""
 ENOUGH = 1e6
-"""Time [s] in which any rate lets the model come to the commands in force."""
+"""Duration of the model's step to the commands in force [s], so long that no rate limit matters."""
 SLEW = 1.0
-"""Least time [s] in which a command crosses its range; a node under the wall clock takes half a second."""
+"""Shortest time [s] in which a command crosses its range; for a node under the wall clock it is half a second."""
 LEARNING = 0.6
-"""Of the control, for equilibria; a body in motion may still swing when it is seen, and teaches nothing."""
+"""Parameter ``learning`` of the control without dynamics. With dynamics it is 0, because a body that still swings would
+correct the Jacobian wrongly."""
 
 
 class Leading:
-    """Turns goals of a probe into orders for the actuators, one for each state that is shown.
+    """Converts goals of a probe to orders for the actuators, one order for each state that is shown.
 
-    The model is solved once, in a thread of its own, when a viewer first drags the probe. A goal is followed until the
-    commands have come to rest, or until somebody else commands an actuator.
+    The model is solved once, in a separate thread, when a viewer first drags the probe. A goal is dropped when it is
+    reached, when the commands are constant, or when another source commands an actuator.
 
     Args:
         session: the run.
-        say: takes a text for the viewers.
+        say: receives a text for the viewers.
     """
 
     def __init__(self, session: ShownRun, say: Callable[[str], None]) -> None:
@@ -47,7 +48,7 @@ class Leading:
         self._own: list[dict[str, float]] = []
 
     def aim(self, probe: str, goal: NDArray[np.float64]) -> None:
-        """Lead a probe to a goal (3,) [m]."""
+        """Set the goal (3,) [m] of a probe, and send the first commands towards it."""
         with self._lock:
             self._goal, self._own = np.array(goal, dtype=np.float64), []
             if probe != self._probe:
@@ -58,14 +59,14 @@ class Leading:
         self.take(self._view)
 
     def take(self, view: View | None) -> None:
-        """Answer a state with the next commands."""
+        """Send the next commands, computed from a new state; None: from the last one."""
         with self._lock:
             self._view = view or self._view
             if self._goal is None or self._control is None or self._view is None:
                 return
             before = {name: self._session.commands[name] for name in self._control.names}
             if self._own and not any(_same(before, each) for each in self._own):
-                self._goal = None  # somebody else commands
+                self._goal = None  # another source commands the actuators
                 return
             place = self._session.scene.probes[self._probe].at(np.asarray(self._view.positions, dtype=np.float64))
             self._control.observe(place, before)
@@ -85,13 +86,13 @@ class Leading:
             self._say(str(error))
 
     def _make(self) -> None:
-        """Build the control of the probe in a thread, unless that is under way."""
+        """Start a thread that builds the control of the probe, unless one does so already."""
         if self._making != self._probe:
             self._making = self._probe
             threading.Thread(target=self._made, args=(self._probe,), name="model of a probe", daemon=True).start()
 
     def _made(self, probe: str) -> None:
-        # Needed here only: the page is there before the compiler is.
+        # Imported here, so that the page opens before the compiler is imported.
         from gdfe_ros.control import FeedbackControl, Target
         from gdfe_ros.scene.loader import scene_from_text
         from gdfe_ros.simulation import Command, Simulation
@@ -108,7 +109,7 @@ class Leading:
             given = {"tolerance": 1e-4 * scene.mesh.size, "learning": learning, "slew": SLEW}
             control = FeedbackControl(model, [Target(probe=probe)], **given)
         except GdfeError as error:
-            self._say(f"{probe} cannot be led: {error}")
+            self._say(f"{probe} cannot be dragged: {error}")
         with self._lock:
             self._making = ""
             if probe == self._probe:
@@ -117,5 +118,5 @@ class Leading:
 
 
 def _same(commands: Mapping[str, float], others: Mapping[str, float]) -> bool:
-    """Tell whether commands are the same up to the rounding of a slider."""
+    """Return whether commands are the same up to the rounding of a slider."""
     return all(abs(value - others[name]) <= STILL * max(abs(value), 1e-12) for name, value in commands.items())

@@ -43,7 +43,7 @@ class Messages:
 
         Args:
             kind: type of the message.
-            values: arrays by dotted path of the field, e.g. ``pose.position.x`` (1,); of a cloud by name of the column.
+            values: arrays by dotted path of the field, e.g. ``pose.position.x`` (1,); for a cloud by column.
             stamp: of the header [ns].
             frame_id: of the header.
         """

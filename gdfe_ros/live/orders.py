@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of viewers' orders at their entry, because a step in progress cannot be refused any more."""
+"""Checks of viewers' orders when they are received, because a step that has begun can no longer refuse them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 
 def require_order(name: str, order: Order, size: float) -> None:
-    """Raise an error unless a body of this size [m] can carry out an order of ``name``.
+    """Check that an order of ``name`` can be carried out by a body of this size [m].
 
     Raises:
-        Refusal: a number of it is not finite, or it leads too far away.
+        Refusal: a number is not finite, or a target is too far away.
     """
     match order:
         case PoseOrder() | TeleportOrder():

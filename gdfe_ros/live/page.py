@@ -46,19 +46,19 @@ _LONGEST_NOTE = 300
 class Page:
     """Draws a session in browsers and lets viewers command it.
 
-    The solver never waits for it: the drawing thread takes the last finished step, and slow viewers receive the newest
-    frame when they are ready.
+    The solver never waits for the page: the drawing thread takes the last finished step, and slow viewers receive the
+    newest frame when they are ready.
 
     Args:
         host: address of the server, e.g. ``127.0.0.1``.
         port: first port to try; if it is in use, the next ones are tried.
-        frames: most frames per second.
+        frames: largest number of frames per second.
 
     Raises:
-        GdfeError: the host is no address of this machine, or no port is free.
+        GdfeError: the host is not an address of this machine, or no port is free.
 
     Attributes:
-        port: of the server.
+        port: port of the server.
         drawn: frames drawn so far.
         failure: reason for an end of the drawing that was not requested, or None.
     """
@@ -211,18 +211,18 @@ class Page:
             if view is not None and (view is not self._seen or again):
                 self._seen, self._again = view, False
                 self._draw(view)
-                self._ending.wait(self._interval / 2)  # until the browser has read it
+                self._ending.wait(self._interval / 2)  # meanwhile the browser reads the frame
                 self._stage.turn()
                 self._server.flush()
                 self.drawn += 1
             if started - slow >= _SLOWLY:
                 slow = started
                 self._refresh(view)
-            due = max(due + self._interval, started)  # makes up for the time that it waited for a step
+            due = max(due + self._interval, started)  # compensates for the time spent waiting for a step
             self._ending.wait(max(0.0, due - monotonic()))
 
     def _draw(self, view: View) -> None:
-        """Send a frame at once: viser would delay it by a sixtieth of a second to join it with others."""
+        """Send a frame at once: viser would delay it by 1/60 s to send it together with others."""
         shares = None
         if self._colour.value != _PLAIN:
             field = self._fields[self._colour.value]
@@ -233,7 +233,7 @@ class Page:
         self._server.flush()
 
     def _refresh(self, view: View | None) -> None:
-        """Send the parts that are not updated in every frame; few of them before the first step."""
+        """Send the parts that are not updated in every frame; before the first step, only controls and status."""
         with self._server.atomic():
             self._panel.refresh(self._session.commands)
             self._state.content = self._status.text(view, largest=self._stage.largest(), viewers=self.viewers)
@@ -249,7 +249,7 @@ def _free_port(host: str, first: int) -> int:
     """Return the first free port.
 
     Raises:
-        GdfeError: the host is no address of this machine, or no port is free.
+        GdfeError: the host is not an address of this machine, or no port is free.
     """
     for port in range(first, _PORTS):
         try:
@@ -257,13 +257,13 @@ def _free_port(host: str, first: int) -> int:
                 return port
         except OSError as error:
             if error.errno != errno.EADDRINUSE:
-                text = f"port {port} of {host!r} cannot be listened at: {error.strerror}; allowed: an address of this "
+                text = f"port {port} of {host!r} cannot be opened: {error.strerror}; allowed: an address of this "
                 raise GdfeError(f"{text}machine, 127.0.0.1 for itself alone, 0.0.0.0 for its network") from error
     raise GdfeError(f"no port from {first} to {_PORTS - 1} is free")
 
 
 def _shorten_complaints() -> None:
-    """Log invalid connections in one line, without the traceback of a library."""
+    """Make libraries log invalid connections in one line, without a traceback."""
     for name in ("websockets.server", "asyncio"):
         logger = logging.getLogger(name)
         if not any(isinstance(each, _OneLine) for each in logger.filters):

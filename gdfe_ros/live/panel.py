@@ -18,7 +18,7 @@ from gdfe_ros.node.interface.parameters import MODULUS
 from gdfe_ros.node.orders import ActuatorOrder
 
 _TOUCHED = 1.0
-"""Time after a move during which a slider keeps the user's value [s]; then it shows the present command."""
+"""Time after a move for which a slider keeps the user's value [s]; then it shows the present command."""
 _LARGEST_FACTOR = 2.0
 """Value at the right end of a load's slider."""
 _STEPS = 1000
@@ -29,8 +29,8 @@ class Panel:
     """The controls of a run; viewers' actions are passed to the session's inbox.
 
     Args:
-        gui: of the page.
-        session: that is commanded.
+        gui: controls of the page.
+        session: commanded run.
         say: shows a text to every viewer.
         guarded: wraps an action that may raise a GdfeError, which is then shown.
     """
@@ -127,7 +127,7 @@ class Panel:
             self._add_button(Ability.MODULI, self._change_moduli)
 
     def _show_moduli(self) -> None:
-        """Show moduli that have changed since they were shown; values typed by a viewer stay until then."""
+        """Show moduli that have changed since they were last shown; until then, values typed by a viewer stay."""
         present = self._session.moduli
         for name, number in self._numbers.items():
             if present[name] != self._moduli[name]:

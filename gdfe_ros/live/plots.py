@@ -54,7 +54,7 @@ class _Plot:
         self._chart: viser.GuiUplotHandle | None = None
 
     def refresh(self) -> None:
-        """Draw the present curves; another selection makes another chart."""
+        """Draw the present curves; a new selection replaces the chart."""
         name = self._choice.value
         table = tuple(self._history.table(name))
         if name == self._drawn:

@@ -20,14 +20,14 @@ def pose_order(handle: str, pose: Pose) -> PoseOrder:
 
 
 class Programme:
-    """Plays a program from a given simulation time on, except for the names that others command meanwhile.
+    """Plays a program from a given simulation time on, except for names that another source commands meanwhile.
 
-    Another thread may call `leave` while this one calls `give`. Once `leave` returns, no more orders for those names
-    follow.
+    One thread may call `leave` while another calls `give`. After `leave` has returned, no more orders for its names
+    are sent.
 
     Args:
-        program: of the scene.
-        start: simulation time at which it begins [s].
+        program: program of the scene.
+        start: simulation time at which the program begins [s].
 
     Attributes:
         start: as given.
@@ -44,7 +44,7 @@ class Programme:
         return self._program.duration
 
     def leave(self, names: Iterable[str]) -> None:
-        """Stop commanding handles, actuators and loads, which others command now."""
+        """Stop commanding the named handles, actuators and loads, which another source commands now."""
         with self._giving:
             self._left.update(names)
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from gdfe_ros.live.bag import LiveBag
 
 _LONG = 0.3
-"""Duration of a solve from which on it is reported [s]."""
+"""Duration of a solve above which it is reported [s]."""
 
 
 class RestingPace(WallPace):
@@ -143,7 +143,7 @@ class LiveSession:
         """Do nothing: steps are always passed on, because plots show earlier ones."""
 
     def doing(self) -> tuple[str, bool]:
-        """Return a text about its activity and whether it is a problem; empty while it follows commands or rests."""
+        """Return a text about the activity and whether it is a problem; empty at rest and while following commands."""
         if self.stepper.failure:
             return f"paused: {self.stepper.failure}", True
         work, playing = self.stepper.work, self._programme
@@ -201,10 +201,10 @@ class LiveSession:
         self._inbox.put(name, order)
 
     def play(self) -> None:
-        """Play the scene's program from its beginning, from the present state on.
+        """Play the scene's program from its beginning, starting at the present state.
 
         Raises:
-            GdfeError: the scene has none.
+            GdfeError: the scene has no program.
         """
         program = self.scene.program
         if program is None:
@@ -235,17 +235,18 @@ class LiveSession:
         self.stepper.post(back, urgent=True)
 
     def record(self, path: Path | None) -> Future[str]:
-        """Begin a bag in a new directory, or with None complete the present one; the answer is a summary.
+        """Begin a bag in a new directory, or with None complete the present bag; return a future message about it.
 
-        The answer raises a GdfeError if it is so already, or the bag cannot be created.
+        The future raises a GdfeError if a bag is being written already, if there is none to complete, or if it cannot
+        be created.
         """
         return self.stepper.post(lambda: self._end_bag() if path is None else self._begin_bag(path))
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[None]:
         """Set Young's moduli [Pa] of materials; the body goes to its new equilibrium, or continues its motion.
 
-        The answer raises a GdfeError while a bag is written, because a replay could not follow, or for an invalid
-        value.
+        The future answer raises a GdfeError for an invalid value, or while a bag is written, because a replay could not
+        repeat the change.
         """
 
         def swap() -> None:

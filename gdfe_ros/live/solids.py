@@ -22,13 +22,13 @@ _SHEET = 4.0
 """Edge of the sheet that represents a plane, over the body's size."""
 _OBSTACLE, _BODY, _LINES = (140, 145, 155), (230, 140, 50), (110, 115, 125)
 _OBSTACLE_OPACITY, _BODY_OPACITY = 0.45, 0.8
-"""Opacities that let objects behind, and forces, be seen."""
+"""Opacities at which forces and objects behind remain visible."""
 
 
 class Solids:
     """Shapes of obstacles that are sent once; later only changed poses are sent.
 
-    A plane is a sheet with lines a tenth of the body's size apart, which stays below the body: it moves by whole line
+    A plane is drawn as a sheet with lines a tenth of the body's size apart. The sheet follows the body by whole line
     distances, so that the lines appear fixed.
 
     Args:

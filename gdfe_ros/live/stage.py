@@ -34,15 +34,15 @@ ARMS = "arms"
 CONTROL = 0.22
 """Length of the arrows of a handle's control, over the body's size."""
 GOAL = 0.14
-"""The same of the control at a probe."""
+"""Length of the arrows of a probe's control, over the body's size."""
 _EYE = np.array([-0.55, -1.15, 0.65])
 """Position of the camera relative to the body's centre, over its size."""
 _TRACE = 400
-"""Points of a probe's trace."""
+"""Largest number of points of a probe's trace."""
 _GRAIN = 2e-3
 """Least distance between two points of a trace, over the body's size."""
 _TOUCHED = 0.7
-"""Time after a drag during which a handle's control keeps the user's pose [s]."""
+"""Time after a drag for which a control keeps the user's pose [s]."""
 _ORANGE = (240, 140, 20)
 _HELD = {"arrows": (40, 80, 200)}
 _TOUCHES = {"sticks": (25, 180, 50), "slips": (230, 25, 25)}
@@ -59,7 +59,7 @@ class Stage:
         server: of the page.
         scene: of the simulation.
         dragged: called with the name and the order of a handle, obstacle or rigid body that a viewer drags.
-        aimed: called with the name of a probe and the place (3,) [m] to which a viewer drags it; its actuators follow.
+        aimed: called with the name of a probe and the position (3,) [m] to which a viewer drags it.
 
     Attributes:
         surface: of the body.
@@ -168,7 +168,7 @@ class Stage:
         return tuple(self._groups)
 
     def largest(self) -> dict[str, float]:
-        """Return the largest force so far [N] of each group of arrows, that of its longest arrow."""
+        """Return the largest force so far [N] of each group of arrows, the force of its longest arrow."""
         return {name: arrows.largest for name, arrows in self._arrows.items()}
 
     def show(self, group: str, wanted: bool) -> None:
@@ -204,7 +204,7 @@ class Stage:
         return control
 
     def _goal(self, name: str, place: NDArray[np.float64]) -> viser.TransformControlsHandle:
-        """Add a control at a probe, whose actuators follow where it is dragged."""
+        """Add a control at a probe; if a viewer drags it, the actuators move the probe there."""
         control = self._space.add_transform_controls(
             f"/probes/goals/{name}",
             scale=GOAL * self._size,
@@ -249,7 +249,7 @@ class Stage:
 
 
 def _goal_of(probe: str) -> str:
-    """Return the name of a probe's control, beside those of handles."""
+    """Return the name of a probe's control, which differs from the names of handles."""
     return f"goals/{probe}"
 
 
@@ -263,7 +263,7 @@ def scale_of(mesh: HexMesh) -> float:
 
 
 def first_view(mesh: HexMesh, arms: Sequence[Arm] = ()) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the initial target and position of the camera, (3,) in the units of the view; it sees arms as a whole."""
+    """Return the initial target and position of the camera, (3,) in the units of the view; whole arms are visible."""
     links = [frame.origin for arm in arms for frame in arm.rest.values()]
     corners = np.vstack([mesh.bounds, *links]) if links else mesh.bounds
     middle, extent = 0.5 * (corners.min(axis=0) + corners.max(axis=0)), np.ptp(corners, axis=0).max()

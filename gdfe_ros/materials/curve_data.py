@@ -97,7 +97,7 @@ class CurveData:
         return CurveData(coefficients, self.strain, tuple(factor * value for value in self.stress), self.strain_max)
 
     def remarks(self) -> list[str]:
-        """Return remarks on parts of the curve that no stable elastic material shows."""
+        """Return remarks on strains at which no stable elastic material has such a curve; empty if there are none."""
         grid = np.linspace(0.0, self.strain_max, _SAMPLES)
         tangent, stress = self._data_tangent(grid), self._data_stress(grid)
         notes = []
@@ -108,7 +108,7 @@ class CurveData:
         return notes
 
     def _continuation(self) -> tuple[float, float]:
-        """Return the end of the data and the slope beyond it."""
+        """Return the strain at which the straight continuation begins, and its slope [Pa]."""
         slope = float(self._data_tangent(np.array([self.strain_max]))[0])
         if slope > 0.0:
             return self.strain_max, slope

@@ -30,8 +30,8 @@ class Material:
     Attributes:
         poisson: Poisson's ratio at rest, -1 < nu <= 0.5; 0.5 is incompressible.
         density: mass density [kg/m^3], needed by gravity and dynamics only.
-        omega: a given shape factor for the ``relative`` policy, 0 < omega <= 1.
-        caveat: limitation of the source of the numbers; empty for none.
+        omega: shape factor for the ``relative`` policy, 0 < omega <= 1; None: the law's own.
+        caveat: limitation of the parameters' source; empty for none.
 
     Raises:
         ValueError: a parameter is out of range.
@@ -210,7 +210,7 @@ class Curve(Material):
 
     @property
     def shear0(self) -> float:
-        """Shear modulus at rest [Pa], E0 / 3: the deviatoric part takes nu = 0.5 in Eq. 5."""
+        """Shear modulus at rest [Pa], E0 / 3, because the deviatoric part uses nu = 0.5 in Eq. 5."""
         return self.data.initial_modulus / 3.0
 
     def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -222,7 +222,7 @@ class Curve(Material):
         return self.data.tangent_at(strain)
 
     def remarks(self) -> list[str]:
-        """Return remarks on where the measured curve softens or becomes negative."""
+        """Return remarks on the strains from which the measured curve softens or becomes negative."""
         return self.data.remarks()
 
 

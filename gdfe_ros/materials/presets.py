@@ -46,14 +46,14 @@ def preset(
 
     Args:
         name: one of ``PRESETS``.
-        law: ``Law.OGDEN`` or, through the measured curve, ``Law.CURVE``.
-        poisson: Poisson's ratio at rest; None: the preset's, which filaments do not have.
+        law: ``Law.OGDEN``, or ``Law.CURVE`` for the measured curve.
+        poisson: Poisson's ratio at rest; None: the preset's. Presets of filaments have none.
         density: mass density [kg/m^3]; None: the preset's, if it is known.
-        omega: a given shape factor for the ``relative`` policy.
+        omega: shape factor for the ``relative`` policy; None: the law's own.
         scale: factor on every stress, for a batch that is stiffer or softer than the measured one.
 
     Raises:
-        ValueError: the name or the law is unknown, or Poisson's ratio is given nowhere.
+        ValueError: the name or the law is unknown, or neither the preset nor the argument gives Poisson's ratio.
     """
     if name not in PRESETS or law not in (Law.OGDEN, Law.CURVE):
         raise ValueError(f"no preset {name!r} with law {law!r}; presets: {', '.join(PRESETS)}; laws: ogden, curve")

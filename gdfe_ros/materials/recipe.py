@@ -15,7 +15,7 @@ class Recipe:
     Attributes:
         mu: moduli of Ogden's law [Pa].
         alpha: exponents of Ogden's law.
-        curve: nominal stress over engineering strain; it ends with the data.
+        curve: nominal stress over engineering strain, up to the largest measured strain.
         source: authors and method of the measurement.
         poisson: Poisson's ratio at rest; None if the source does not give it.
         density: mass density [kg/m^3]; None if the source does not give it.

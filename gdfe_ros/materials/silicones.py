@@ -2,8 +2,8 @@
 """Common silicones, from tensile tests of the Soft Robotics Materials Database (Marechal et al. 2020, ODbL).
 
 The tests follow ASTM D412. Their strain is that of the machine's crosshead: the specimen slips and yields in its
-grips, so that measured moduli are too low. A beam of Dragon Skin 10 vibrates with 235 to 264 kPa (Dubied et al. 2022),
-its tensile test gives 129 kPa. The shape of a curve can be used; its scale is best fitted
+grips, so that measured moduli are too low. A vibrating beam of Dragon Skin 10 has a modulus of 235 to 264 kPa (Dubied
+et al. 2022); the tensile test gives 129 kPa. Use the shape of a curve, and fit its scale to your own robot
 (`gdfe fit --vary materials.skin.scale=...`).
 
 Ogden's constants are the best fit of one term to these points, each weighted by its stress
@@ -17,8 +17,8 @@ from gdfe_ros.materials.recipe import Recipe
 
 _SOURCE = "Marechal et al. 2020, Soft Robotics Materials Database (ODbL); ASTM D412, crosshead strain"
 _CAVEAT = (
-    "its tensile test took the crosshead's strain, which reads soft: Dragon Skin 10 gives 129 kPa there, 235 to 264 "
-    "kPa in a beam; remedy: scale: 1.9 for that batch, or fit the scale to your own robot with `gdfe fit`"
+    "its tensile test measured the crosshead's strain, so that moduli are too low: Dragon Skin 10 has 129 kPa there, "
+    "235 to 264 kPa in a beam; remedy: scale: 1.9 for that batch, or fit the scale to your own robot with `gdfe fit`"
 )
 _KILO = 1e3
 _STRAIN = (0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0)
@@ -54,4 +54,4 @@ SILICONES = {
     ),
     "mold_star_16": _silicone((20.1, 51.4, 94.7, 186.0, 433.0, 763.0), mu=74708.0, alpha=2.9628, misfit=0.0446),
 }
-"""Silicones by name. The sources give a density only for Dragon Skin 10; a scene sets that of the others if needed."""
+"""Silicones by name. The sources give a density only for Dragon Skin 10; give that of the others in the scene."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drucker's stability of incompressible laws in principal stretches: stress must increase with stretch."""
+"""Drucker's stability condition for incompressible laws in principal stretches: stress must increase with stretch."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ MODES: dict[str, Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], ...]
 
 
 def drucker_remarks(stiffness: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> list[str]:
-    """Return remarks on the stretches from which the tangent stiffness is not positive definite.
+    """Return remarks on the stretches from which the tangent stiffness is not positive definite; empty if stable.
 
     With d tau_i / d ln l_i = a_i, the Kirchhoff stresses of an incompressible body obey
-    d tau_1 = (a_1 + a_3) d ln l_1 + a_3 d ln l_2 and the same with 1 and 2 exchanged; it is stable while this
+    d tau_1 = (a_1 + a_3) d ln l_1 + a_3 d ln l_2 and the same with 1 and 2 exchanged. The law is stable while this
     2 x 2 matrix is positive definite.
 
     Args:
-        stiffness: a(l) [Pa] of stretches l, for a law of separate principal stretches.
+        stiffness: a(l) [Pa] of stretches l, for a law whose energy is a sum over the principal stretches.
     """
     notes = []
     for mode, stretches in MODES.items():
@@ -38,6 +38,6 @@ def drucker_remarks(stiffness: Callable[[NDArray[np.float64]], NDArray[np.float6
                 worst = lost.min() if what == "tension" else lost.max()
                 notes.append(
                     f"unstable in {mode} {what} from stretch {worst:.3g} on (Drucker); remedy: fit the constants with "
-                    "data of that deformation, or stay clear of it"
+                    "data of that deformation, or avoid it"
                 )
     return notes

@@ -23,7 +23,7 @@ LEAST_VOLUME = 0.1
 LEAST_STRETCH = 0.1
 """Principal stretch below which Ogden's law is extrapolated to second order (C1)."""
 CURVE_FACTOR = 1.5 / (1.5 * 1.5)
-"""3 / (2 (1 + nu)^2) with nu = 0.5."""
+"""3 / (2 (1 + nu)^2) with nu = 0.5: eps_eq^2 over |F - lam R|^2."""
 
 
 @inlined
@@ -35,7 +35,7 @@ def volumetric(j, pressure, kappa):
 
 @inlined
 def logarithmic_volume(j, lame):
-    """Return energy and slope of lambda/2 (ln J)^2, a parabola below the least volume (C2)."""
+    """Return energy and slope of lambda/2 (ln J)^2, which is continued by a parabola below the least volume (C2)."""
     least = max(j, LEAST_VOLUME)
     below, log = j - least, math.log(least)
     slope, curvature = lame * log / least, lame * (1.0 - log) / (least * least)
@@ -60,7 +60,7 @@ def corotated(f, r, lam, factor, slope, c):
 
 @inlined
 def linear_factor(table, k):
-    """Return E / (1 + nu) [Pa]; the energy is half of it times |F - lam R|^2."""
+    """Return E / (1 + nu) [Pa]; the deviatoric energy is half of this factor times |F - lam R|^2."""
     return table.parameters[k, YOUNG] / (1.0 + table.parameters[k, POISSON])
 
 
@@ -113,7 +113,7 @@ def ogden_powers(l0, l1, l2, table, k, term):
 
 @inlined
 def ogden_terms(l0, l1, l2, table, k):
-    """Return W and its derivatives by the three stretches."""
+    """Return W and its derivatives with respect to the three stretches."""
     w, t0, t1, t2 = 0.0, 0.0, 0.0, 0.0
     for term in range(int(table.parameters[k, TERMS])):
         mu, alpha, e0, e1, e2 = ogden_powers(l0, l1, l2, table, k, term)
@@ -144,7 +144,7 @@ def ogden_mixed(l0, l1, l2, d0, d1, d2, table, k):
 
 @inlined
 def ogden_continued(l0, l1, l2, table, k):
-    """Return W and its derivatives by the signed stretches, extrapolated below the least stretch.
+    """Return W and its derivatives with respect to the signed stretches, extrapolated below the least stretch.
 
     With d_i = min(l_i - l_min, 0) and the law at the clamped stretches it is W + sum_i W_i d_i + k/2 d_i^2.
     """

@@ -16,19 +16,19 @@ INTERVALS = 1024
 LARGEST_STRETCH = 11.0
 """End of the tabulated curves; beyond it Phi' continues as a straight line in eps_eq."""
 MODERATE_POISSON = 0.45
-"""Largest Poisson's ratio with the bulk modulus in the energy; beyond it a pressure per element keeps the volume."""
+"""Largest Poisson's ratio with the bulk modulus in the energy; above it a pressure per element keeps the volume."""
 SOFTENING_POISSON = 0.475
-"""Poisson's ratio of the bulk modulus beside that pressure for measured curves, whose tangent may fall far below the
-modulus at rest. Pressures converge only while this part is larger than the loss by softening. For other laws it is
-0.45."""
+"""Poisson's ratio from which the bulk modulus in the energy follows if pressures keep the volume of a measured curve.
+The curve's tangent may fall far below the modulus at rest, and pressures converge only while this bulk modulus is
+larger than the loss by softening. For other laws the ratio is 0.45."""
 
 SHEAR, YOUNG, POISSON, BULK, PENALTY, LAME, CARRIED, TERMS, OGDEN = range(9)
 """Columns of ``MaterialTable.parameters``; Ogden's mu_i and alpha_i alternate from column ``OGDEN`` on."""
 LOCAL = OGDEN + 12
-"""The column of the local share of the volume stiffness, see `with_local_share`."""
+"""Column of the local share of the volume stiffness, see `with_local_share`."""
 LOCAL_SHARE = 1.5
-"""Largest local share over the shear modulus; in a prototype 1 to 2.5 worked as well. Without it, laws of isochoric
-strain have motions without energy, and with all of it elements lock."""
+"""Largest local share over the shear modulus; in a prototype 1 to 2.5 worked as well. Without a local share, laws of
+isochoric strain have motions without energy; with the whole stiffness as local share, elements lock."""
 
 
 class MaterialTable(NamedTuple):
@@ -66,11 +66,11 @@ def pack(materials: Sequence[Material]) -> MaterialTable:
 
 
 def with_local_share(table: MaterialTable) -> MaterialTable:
-    """Return the materials with their volume stiffness divided: for elements with several integration points.
+    """Return the materials with their volume stiffness divided, for elements with several integration points.
 
     The local share, min(lambda, 1.5 mu) of a logarithmic volume energy and min(K, 1.5 mu) of the others, acts at the
-    points. ``BULK``, ``PENALTY`` and ``LAME`` keep the rest, which acts on an element's mean volume ratio. At a
-    homogeneous deformation both together are the law.
+    points. ``BULK``, ``PENALTY`` and ``LAME`` keep the rest, which acts on an element's mean volume ratio. For a
+    homogeneous deformation their sum is the law.
     """
     parameters = table.parameters.copy()
     log = table.law == Law.NEO_HOOKEAN
@@ -123,7 +123,7 @@ def _tabulate(material: Material) -> tuple[NDArray[np.float64], NDArray[np.float
 
 
 def _hermite(value: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cubic coefficients (i + 1, 4) on unit intervals; the last row continues as a straight line."""
+    """Return the cubic coefficients (i + 1, 4) on unit intervals; the last row is the straight continuation."""
     coefficients = np.zeros((len(value), 4))
     coefficients[:, 0], coefficients[:, 1] = value, slope
     rise = np.diff(value)

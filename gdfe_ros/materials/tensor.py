@@ -8,7 +8,9 @@ import math
 from gdfe_ros.compiled import inlined
 
 NEWTON_STEPS = 40
+"""Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
 DEGENERATE = 1e-9
+"""Share of the size: if two signed stretches cancel to this, a rotation is not unique."""
 SMALLEST = 1e-30
 """Added to a denominator so that the rotation of a collapsed element (F = 0) is finite."""
 
@@ -49,9 +51,9 @@ def squared_norm(f):
 def stretch_sum(first, second, jacobian):
     """Return s = tr(R^T F), the sum of the signed principal stretches.
 
-    s is the largest root of s^4 - 2 I s^2 - 8 J s + I^2 - 4 II with I = |F|^2, II = |cof F|^2, J = det F (the
-    characteristic polynomial of the quaternion form of the polar problem: Higham and Noferini 2016). It is convex to
-    the right of that root, so Newton's method from the upper bound sqrt(3 I) descends to it.
+    s is the largest root of s^4 - 2 I s^2 - 8 J s + I^2 - 4 II with I = |F|^2, II = |cof F|^2, J = det F. This is the
+    characteristic polynomial of the polar problem in quaternions (Higham and Noferini 2016). It is convex to the right
+    of that root, so Newton's method from the upper bound sqrt(3 I) descends to the root.
     """
     s, going = math.sqrt(3.0 * first), True
     for _ in range(NEWTON_STEPS):
@@ -74,10 +76,10 @@ def stretch_sum_step(s, first, second, jacobian):
 
 @inlined
 def rotation_from_stretch_sum(f, c, first, s, jacobian):
-    """Return the proper rotation R (det +1, stretches signed) as ds/dF, and a margin of its uniqueness.
+    """Return the proper rotation R = ds/dF (det +1, stretches signed), and a measure of its uniqueness.
 
     R = ((s^2 + I) F + 2 s cof F - 2 F F^T F) / (s^3 - I s - 2 J). The denominator is (l1 + l2)(l2 + l3)(l3 + l1): it
-    vanishes where two signed stretches cancel and the rotation is not unique. The margin is its ratio to I^(3/2).
+    vanishes where two signed stretches cancel and the rotation is not unique. The measure is its ratio to I^(3/2).
     """
     denominator = s * (s * s - first) - 2.0 * jacobian
     scale = first * math.sqrt(first) + 1e-300
@@ -106,7 +108,7 @@ def rotation_from_stretch_sum(f, c, first, s, jacobian):
 
 @inlined
 def rotation(f):
-    """Return the proper rotation of F, the margin of its uniqueness, and det F."""
+    """Return the proper rotation of F, the measure of its uniqueness (`rotation_from_stretch_sum`), and det F."""
     c = cofactor(f)
     j = determinant(f, c)
     first = squared_norm(f)
@@ -126,7 +128,7 @@ def off_diagonal(a):
 def jacobi_sweep(a, v):
     """Return a symmetric matrix (00, 01, 02, 11, 12, 22) and its eigenvectors (9, columns) after three rotations.
 
-    Nothing is rotated if `off_diagonal` is false: all lanes of a block sweep as often as the slowest needs.
+    Nothing is rotated if `off_diagonal` is false: all lanes of a block sweep as often as the slowest one needs.
     """
     a00, a01, a02, a11, a12, a22 = a
     v00, v01, v02, v10, v11, v12, v20, v21, v22 = v
@@ -154,7 +156,7 @@ def jacobi_sweep(a, v):
 
 @inlined
 def _jacobi(app, aqq, apq, going):
-    """Return cosine, sine and tangent of the rotation that zeroes apq (Golub and Van Loan), if it is ``going``."""
+    """Return cosine, sine and tangent of the rotation that zeroes apq (Golub and Van Loan), if ``going``."""
     theta = (aqq - app) / (2.0 * apq)
     t = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(1.0 + theta * theta))
     c = 1.0 / math.sqrt(1.0 + t * t)

@@ -18,7 +18,7 @@ def clipped(value, limit):
 
 @inlined
 def solved(a, b, c, gap):
-    """Return the solution of the 3 x 3 system with the columns a, b, c (Cramer's rule)."""
+    """Return the solution of the 3 x 3 system with the columns a, b, c and the right-hand side gap (Cramer's rule)."""
     n0, n1, n2 = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
     m0, m1, m2 = gap[1] * c[2] - gap[2] * c[1], gap[2] * c[0] - gap[0] * c[2], gap[0] * c[1] - gap[1] * c[0]
     k0, k1, k2 = b[1] * gap[2] - b[2] * gap[1], b[2] * gap[0] - b[0] * gap[2], b[0] * gap[1] - b[1] * gap[0]
@@ -52,20 +52,22 @@ def newton_step(place, point, modes):
 
 @kernel
 def find_carriers(points, near, modes, settings, best, place, beyond):
-    """Write the cell that carries each point: the one that contains it, else the nearest in its own coordinates.
+    """Write the cell that carries each point: the candidate that contains the point, or else the nearest one.
 
-    Of several that are equally near, as at a face between them, it is the one with the lowest number.
-    Each candidate's reference coordinates are found by Newton's method from its centre.
+    The nearest candidate is the one in which the point's largest reference coordinate is smallest. If several are
+    equally near, as at a common face, the one with the lowest number carries the point. The reference coordinates in
+    each candidate are found by Newton's method from its centre.
 
     Args:
         points: (k, 3) [m].
         near: (k, c) candidates, the most likely first.
         modes: (m, 8, 3) [m] coefficients of the cells' trilinear maps for 1, xi, eta, zeta, eta zeta, xi zeta, xi eta,
             xi eta zeta.
-        settings: limit of steps; last change of a coordinate; largest coordinate of a point that is surely inside.
+        settings: limit of Newton steps; change of a coordinate at which they end; largest coordinate of a point that is
+            certainly inside.
         best: (k,), is written.
         place: (k, 3) reference coordinates, is written.
-        beyond: (k,) the largest of them in magnitude, is written.
+        beyond: (k,) largest magnitude of each point's reference coordinates, is written.
     """
     steps, within, inside = settings
     for k in range(len(points)):
@@ -79,7 +81,7 @@ def find_carriers(points, near, modes, settings, best, place, beyond):
                 if not change > within:
                     break
             away = max(abs(here[0]), abs(here[1]), abs(here[2]))
-            alike = abs(away - beyond[k]) <= 1.0 - inside  # on a face between cells, whatever the rounding
+            alike = abs(away - beyond[k]) <= 1.0 - inside  # equal up to rounding, as on a common face
             if (alike and candidate < best[k]) or (not alike and away < beyond[k]):
                 best[k], beyond[k] = candidate, away
                 place[k, 0], place[k, 1], place[k, 2] = here

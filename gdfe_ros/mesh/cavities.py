@@ -37,8 +37,8 @@ class Cavity:
 def find_cavities(mesh: Mesh) -> list[Cavity]:
     """Return the cavities of a mesh, the largest first.
 
-    The boundary falls into closed pieces. With normals out of the material, the outer ones enclose a positive
-    volume and the cavities a negative one.
+    The boundary consists of closed pieces. With normals out of the material, the outer pieces enclose a positive volume
+    and the cavities a negative one.
     """
     quads, owners = mesh.boundary.quads, mesh.boundary.cells
     piece = surface_pieces(mesh.vertices, corners_of(quads))
@@ -88,9 +88,9 @@ def skin_cavities(mesh: Mesh) -> list[Cavity]:
 
 
 def open_edges(quads: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the edges at which a surface leaks, shape (k, 2), int32; empty for a closed, consistent surface.
+    """Return the edges at which a surface is not closed, shape (k, 2), int32; empty for a closed, consistent surface.
 
-    In a closed surface each edge occurs equally often in both directions.
+    In a closed surface with consistent normals each edge occurs equally often in both directions.
 
     Args:
         quads: vertex ids, shape (q, 3 or 4), oriented.
@@ -131,8 +131,9 @@ def _across_gaps(
 ) -> NDArray[np.int64]:
     """Pair the half edges on the two sides of each gap around an edge.
 
-    Seen along the edge, the material is on one side of a quad that runs along it, and on the other side of one that
-    runs against it. Around the edge, each gap thus begins with one kind and ends with the other.
+    A quad whose half edge has the direction of the edge has its material on one side, and a quad with the opposite
+    direction on the other side. Around the edge, each gap thus begins with a quad of one kind and ends with one of the
+    other kind.
     """
     size = quads.shape[1]
     quad, corner = half_edges // size, half_edges % size

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Integrals of the material in cubes along columns through a closed surface, compiled."""
+"""Compiled integrals of the material in each cube of a grid, along columns through a closed surface."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def height_at(corners, x, y):
 
 @internal
 def find_crossings(corners, size, column, height):
-    """Write column and height of each crossing; return their number, also of those that find no room."""
+    """Write column and height of each crossing that the arrays have room for; return the number of all crossings."""
     nx, ny, nz = size
     found = 0
     for t in range(len(corners)):

@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-#: Columns through a cube along an axis, on a lattice of two Fibonacci numbers: a wall perpendicular to one of the
-#: other axes never crosses two at once. Along a column the integrals are exact.
+#: Number of columns through a cube along an axis, and the generator of their Fibonacci lattice. No two columns have a
+#: coordinate in common, so that a wall perpendicular to another axis passes them one by one. Along a column the
+#: integrals are exact.
 COLUMNS, LATTICE = 144, 89
 #: Share of material below which a cube is no cell: its material is given to the fullest neighbouring cell.
 LEAST_SHARE = 0.1
@@ -43,7 +44,8 @@ def _along(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the moments (cubes, 7) by columns along an axis, and the number of columns that cross the surface.
 
-    The surface is closest to perpendicular to the axis with most crossings, and its position is exact along it.
+    The axis with most crossings is the one closest to the surface's normal. Along it the position of the surface is
+    exact.
     """
     from gdfe_ros.mesh.columns import integrate_columns  # scenes without cut cells load without numba
 
@@ -64,8 +66,8 @@ def gather_slivers(moments: NDArray[np.float64], count: tuple[int, int, int]) ->
     """Move the material of nearly empty cubes to the fullest cell across one of their faces; return new moments.
 
     Without this, slivers would have corners with a millionth of a cell's stiffness. Leaving them out would be an error
-    of first order. Their material moves with the extrapolated field of the cell that takes it. A sliver without such a
-    cell is left out.
+    of first order. Their material moves with the extrapolated displacement field of the receiving cell. A sliver
+    without such a cell is left out.
     """
     nx, ny, nz = count
     gathered = moments.copy()

@@ -24,7 +24,7 @@ def minus(a, b):
 
 @inlined
 def along(a, d, b, e):
-    """Return a d + b e of two triples and their factors."""
+    """Return a d + b e for the triples d, e and the factors a, b."""
     return a * d[0] + b * e[0], a * d[1] + b * e[1], a * d[2] + b * e[2]
 
 
@@ -55,9 +55,9 @@ def squared_distance(p, corners):
 
 @internal
 def nearest_ones(middle, reach, corners, among, away, out):
-    """Write to ``out`` those of ``among`` that may be nearest to a point; return their number.
+    """Write to ``out`` the triangles of ``among`` that may be the nearest to a point; return their number.
 
-    The point is up to ``reach`` [m] away from ``middle``; ``away`` is scratch.
+    The point is up to ``reach`` [m] away from ``middle``; ``away`` is scratch memory.
     """
     least = math.inf
     for m in range(len(among)):
@@ -79,7 +79,7 @@ def grid_distances(start, cell, corners, out):
     parent block that may be the nearest to one of its points.
 
     Args:
-        start: (3,) [m] of the first point.
+        start: (3,) position of the first point [m].
         cell: spacing [m].
         corners: (t, 3, 3) [m] of triangles with nonzero area.
         out: (a, b, c), is written.

@@ -54,7 +54,7 @@ def boundary_faces(cells: NDArray[np.int32]) -> Faces:
 
 
 def group_quads(quads: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Number the quads by their sets of vertices, in any order.
+    """Give the same number to quads with the same vertices in any order.
 
     Args:
         quads: vertex ids, shape (q, 4).
@@ -97,7 +97,7 @@ def turned(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def vertex_pieces(cells: NDArray[np.integer], count: int) -> NDArray[np.int32]:
-    """Return the connected piece of each of ``count`` vertices (n,) by cells or faces (m, c), numbered from 0."""
+    """Return the connected piece of each of ``count`` vertices (n,), from 0; cells or faces (m, c) connect them."""
     row, column = np.repeat(cells[:, 0], cells.shape[1] - 1), cells[:, 1:].ravel()
     graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int32)

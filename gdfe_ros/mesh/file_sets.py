@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import meshio
 
 Sets = dict[str, NDArray[np.int32]]
-#: Number of different values above which cell or point data are numbers of items and define no groups.
+#: Number of different values above which cell or point data count as numbers of items, which define no groups.
 MOST_GROUPS = 256
 
 _PHYSICAL = "gmsh:physical"
@@ -27,12 +27,12 @@ def named_sets(raw: meshio.Mesh, starts: dict[int, int], heading: str) -> tuple[
 
     Args:
         raw: mesh as read by meshio.
-        starts: index of the first cell of each block of hexahedra, by the index of the block.
+        starts: index of the first cell of each block of solid cells, by the index of the block.
         heading: name of the file in an error.
 
     Returns:
-        Cell ids (hexahedra only) and vertex ids by name. A group of faces, edges or points gives its vertices; data
-        ``name`` give the sets ``name_1``, ``name_2``, ... of their values, except zero.
+        Cell ids (of solid cells only) and vertex ids by name. A group of faces, edges or points becomes a set of its
+        vertices; data ``name`` become the sets ``name_1``, ``name_2``, ... of their values, except zero.
 
     Raises:
         MeshError: a set refers to blocks in an ambiguous manner.
@@ -53,7 +53,16 @@ def named_sets(raw: meshio.Mesh, starts: dict[int, int], heading: str) -> tuple[
 
 
 def _block_groups(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
-    """Yield name, block number and ids within the block."""
+    """Yield name, block number and ids within the block of each set and group of cells."""
+    yield from _set_blocks(raw, heading)
+    for key, per_block in raw.cell_data.items():
+        whole = np.concatenate([np.asarray(data).ravel() for data in per_block]) if per_block else np.zeros(0)
+        for value in [] if key == "gmsh:geometrical" else _groups(whole):
+            yield from _value_blocks(raw, key, value)
+
+
+def _set_blocks(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
+    """Yield name, block number and ids within the block of each set of cells."""
     for name, per_block in raw.cell_sets.items():
         if not name or name.startswith("gmsh:"):
             continue
@@ -62,17 +71,18 @@ def _block_groups(raw: meshio.Mesh, heading: str) -> Iterator[tuple[str, int, ND
         for block, ids in enumerate(per_block):
             if ids is not None and len(ids):
                 yield name, block, np.asarray(ids, dtype=np.int64)
+
+
+def _value_blocks(raw: meshio.Mesh, key: str, value: int) -> Iterator[tuple[str, int, NDArray[np.int64]]]:
+    """Yield name, block number and ids of the cells with a ``value`` of the cell data ``key``."""
     names = {(int(tag), int(dim)): name for name, (tag, dim) in raw.field_data.items()}
-    for key, per_block in raw.cell_data.items():
-        whole = np.concatenate([np.asarray(data).ravel() for data in per_block]) if per_block else np.zeros(0)
-        for value in [] if key == "gmsh:geometrical" else _groups(whole):
-            for block, data in enumerate(per_block):
-                name = f"{key}_{value}"
-                if key == _PHYSICAL:
-                    name = names.get((value, raw.cells[block].dim), f"physical_{value}")
-                ids = np.flatnonzero(np.asarray(data) == value)
-                if len(ids) and not (key == _PHYSICAL and name in raw.cell_sets):
-                    yield name, block, ids
+    for block, data in enumerate(raw.cell_data[key]):
+        name = f"{key}_{value}"
+        if key == _PHYSICAL:
+            name = names.get((value, raw.cells[block].dim), f"physical_{value}")
+        ids = np.flatnonzero(np.asarray(data) == value)
+        if len(ids) and not (key == _PHYSICAL and name in raw.cell_sets):
+            yield name, block, ids
 
 
 def _groups(data: NDArray[np.generic]) -> list[int]:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gdfe_ros.mesh.operators import CORNERS, trilinear_weights
+from gdfe_ros.mesh.trilinear import CORNERS, trilinear_weights
 
 
 @dataclass(frozen=True, eq=False)

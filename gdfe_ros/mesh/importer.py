@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 #: Suffixes that the tests cover; meshio reads more.
 SUFFIXES = (".msh", ".vtk", ".vtu", ".inp")
 
-_VOXELS = "fill its surface with `mesh: {tets: {surface: FILE.stl, size: SIZE}}`"
+_FILL = "fill its surface with `mesh: {tets: {surface: FILE.stl, size: SIZE}}`"
 _TETRAHEDRA = ("tetra", "tetra10")
 """meshio's names of tetrahedra of first and of second order."""
 #: Remedies for solid cells that are not supported, by the beginning of meshio's name for them.
 _REMEDIES = {
     "hexahedron": "mesh it in first order (Gmsh: -order 1, Abaqus: C3D8), or give `first_order: true`",
     "tetra": "mesh it with tetrahedra of first or second order (4 or 10 nodes)",
-    "wedge": f"mesh it with tetrahedra or hexahedra only, or {_VOXELS}",
-    "pyramid": f"mesh it with tetrahedra or hexahedra only, or {_VOXELS}",
-    "polyhedron": f"mesh it with tetrahedra or hexahedra only, or {_VOXELS}",
+    "wedge": f"mesh it with tetrahedra or hexahedra only, or {_FILL}",
+    "pyramid": f"mesh it with tetrahedra or hexahedra only, or {_FILL}",
+    "polyhedron": f"mesh it with tetrahedra or hexahedra only, or {_FILL}",
 }
 #: Order of the corners of a VTK voxel in a VTK hexahedron.
 _VOXEL_ORDER = [0, 1, 3, 2, 4, 5, 7, 6]
@@ -50,7 +50,7 @@ def read_mesh(path: str | Path, *, scale: float | None = None, merge: bool = Fal
     Tetrahedra of first order get a node in the middle of each edge (`TetMesh.linear`).
 
     Physical groups, element sets and whole-number cell data become `cell_sets`; node sets and groups of
-    faces, edges or points become `vertex_sets`. Vertices that no cell uses are dropped: ids count the others
+    faces, edges or points become `vertex_sets`. Vertices that no cell uses are dropped, and the others are numbered
     in the order of the file.
 
     Args:
@@ -75,7 +75,7 @@ def examine_mesh(
     """Read a mesh like `read_mesh`, and return it with its defects; the list is empty for a sound mesh.
 
     Raises:
-        MeshError: there is no mesh to return, with every reason.
+        MeshError: the file has no usable mesh; the error names every reason.
     """
     path = Path(path)
     heading = f"mesh {path}"
@@ -100,21 +100,21 @@ def _read(path: Path, heading: str) -> meshio.Mesh:
     except ImportError as error:
         raise MeshError(heading, ["meshio is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
     if not path.is_file():
-        raise MeshError(heading, ["there is no such file; paths in a scene start at the folder of the scene"])
+        raise MeshError(heading, ["there is no such file; paths in a scene are relative to the folder of the scene"])
     if path.suffix.lower() not in library.extension_to_filetypes:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
     said = StringIO()
     try:
         with redirect_stdout(said), redirect_stderr(said):
             return library.read(path)
-    except (Exception, SystemExit) as error:  # meshio's parsers raise anything, and exit, on a broken file
+    except (Exception, SystemExit) as error:  # on a broken file meshio's parsers raise any exception, or exit
         reason = " ".join(said.getvalue().split()) or f"{type(error).__name__}: {error}"
         remedy = "export it again, in ASCII if you can"
         raise MeshError(heading, [f"cannot be read as {path.suffix}: {reason}; remedy: {remedy}"]) from error
 
 
 def _counts(raw: meshio.Mesh, kinds: tuple[str, ...] = ()) -> dict[str, int]:
-    """Return the number of cells by kind, of all kinds or of those named."""
+    """Return the number of cells of each kind, or only of the given ``kinds``."""
     counts: dict[str, int] = {}
     for block in raw.cells:
         if len(block.data) and (not kinds or block.type in kinds):
@@ -123,30 +123,39 @@ def _counts(raw: meshio.Mesh, kinds: tuple[str, ...] = ()) -> dict[str, int]:
 
 
 def _unsuited(raw: meshio.Mesh, first_order: bool) -> list[str]:
-    counts = _counts(raw)
-    solid = {kind: n for kind, n in counts.items() if _remedy(kind)}
+    """Return a line for each reason why no mesh can be made of a file."""
+    return [*_wrong_kinds(raw, first_order), *_nothing_solid(raw), *_damaged(raw)]
+
+
+def _wrong_kinds(raw: meshio.Mesh, first_order: bool) -> Iterator[str]:
+    """Yield a line for each kind of cells that cannot be used, and one for kinds that cannot be used together."""
+    solid = {kind: n for kind, n in _counts(raw).items() if _remedy(kind)}
     tets, hexes = _counts(raw, _TETRAHEDRA), [kind for kind in solid if kind.startswith("hexahedron")]
     sound = {*_TETRAHEDRA, "hexahedron", *(hexes if first_order else ())}
-    defects = [
-        f"{n} cells of the kind {kind}; allowed: 8-vertex hexahedra, or tetrahedra with 4 or 10 nodes; "
-        f"remedy: {_remedy(kind)}"
-        for kind, n in solid.items()
-        if kind not in sound
-    ]
-    mixed = {kind: n for kind, n in solid.items() if kind in sound} if tets and (len(tets) > 1 or hexes) else {}
-    if mixed:
-        found = ", ".join(f"{n} {kind}" for kind, n in mixed.items())
-        defects.append(f"cells of several kinds: {found}; remedy: mesh it with one kind, or one file for each kind")
-    if not solid and not counts.get("voxel"):
+    for kind in (kind for kind in solid if kind not in sound):
+        allowed = "8-vertex hexahedra, or tetrahedra with 4 or 10 nodes"
+        yield f"{solid[kind]} cells of the kind {kind}; allowed: {allowed}; remedy: {_remedy(kind)}"
+    if tets and (len(tets) > 1 or hexes):
+        found = ", ".join(f"{n} {kind}" for kind, n in solid.items() if kind in sound)
+        yield f"cells of several kinds: {found}; remedy: mesh it with one kind, or one file for each kind"
+
+
+def _nothing_solid(raw: meshio.Mesh) -> Iterator[str]:
+    """Yield a line if a file has no solid cells."""
+    counts = _counts(raw)
+    if not counts.get("voxel") and not any(map(_remedy, counts)):
         found = ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "no cells at all"
-        remedy = _VOXELS if any(kind.startswith(("triangle", "quad", "polygon")) for kind in counts) else "mesh it"
-        defects.append(f"there are no hexahedra and no tetrahedra, only: {found}; remedy: {remedy}")
+        flat = any(kind.startswith(("triangle", "quad", "polygon")) for kind in counts)
+        yield f"there are no hexahedra and no tetrahedra, only: {found}; remedy: {_FILL if flat else 'mesh it'}"
+
+
+def _damaged(raw: meshio.Mesh) -> Iterator[str]:
+    """Yield a line for each array of a file that has too few columns."""
     least = {i: 8 for i, _ in _hex_blocks(raw)} | {i: int(block.type[5:] or 4) for i, block in _tet_blocks(raw)}
     if any(np.ndim(raw.cells[i].data) != 2 or np.shape(raw.cells[i].data)[1] < count for i, count in least.items()):
-        defects.append("a cell has fewer vertices than its kind; remedy: the file seems cut off, export it again")
+        yield "a cell has fewer vertices than its kind needs: the file seems cut off; remedy: export it again"
     if raw.points.ndim != 2 or raw.points.shape[1] != 3:
-        defects.append(f"the points have {raw.points.shape[-1]} coordinates; allowed: 3")
-    return defects
+        yield f"the points have {raw.points.shape[-1]} coordinates; allowed: 3"
 
 
 def _remedy(kind: str) -> str | None:

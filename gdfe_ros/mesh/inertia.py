@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ALIKE = 1e-6
-"""Relative difference of second moments below which they count as equal: their principal axes are noise."""
+"""Off-diagonal second moments, over the trace, below which the given axes count as principal axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +18,7 @@ class SolidIntegrals:
 
     Attributes:
         volume: [m^3].
-        centre: (3,) of mass [m].
+        centre: (3,) centre of mass [m].
         axes: (3, 3) principal axes as columns, a rotation, each near the axis x, y or z in this order.
         moments: (3,) mean squares of the distances along these axes from the centre [m^2].
     """
@@ -51,7 +51,7 @@ def inertia_of(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> S
 
 
 def _principal_axes(spread: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the principal axes of a symmetric matrix; the given axes where they are principal ones already."""
+    """Return the principal axes of a symmetric matrix as columns; the unit matrix if it is diagonal already."""
     beside = np.abs(spread - np.diag(np.diag(spread))).max()
     if beside <= ALIKE * np.trace(spread):
         return np.eye(3)

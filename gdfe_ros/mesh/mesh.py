@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,7 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.outside import Outside
-
-if TYPE_CHECKING:
-    from gdfe_ros.mesh.assembly import MeshPart
-    from gdfe_ros.mesh.touching import Touching
+from gdfe_ros.mesh.touching import Touching
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,7 +61,7 @@ class Mesh:
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             defects.append(f"vertices have the shape {vertices.shape}; allowed: (n, 3), positions in metres")
         if cells.ndim != 2 or cells.shape[1] != self.nodes:
-            allowed = f"(m, {self.nodes}), {self.nodes} vertex ids a cell, which are {self.noun}"
+            allowed = f"(m, {self.nodes}), {self.nodes} vertex ids for each cell ({self.noun})"
             defects.append(f"cells have the shape {cells.shape}; allowed: {allowed}")
         if not np.issubdtype(cells.dtype, np.integer):
             defects.append(f"cells have the type {cells.dtype}; allowed: integers (vertex ids from 0)")
@@ -128,3 +125,31 @@ class Mesh:
     def surface(self) -> NDArray[np.int32]:
         """Boundary faces, shape (q, 4) or (q, 6), int32, as in `Faces`, normals out of the material."""
         return self.boundary.quads
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A mesh among others.
+
+    Attributes:
+        mesh: the mesh in its own frame.
+        at: origin of that frame [m], shape (3,).
+        rotation: axes of that frame as columns, shape (3, 3).
+        first_vertex: index of its first vertex among all; the others follow in their order.
+        first_cell: index of its first cell among all.
+    """
+
+    mesh: Mesh
+    at: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    first_vertex: int = 0
+    first_cell: int = 0
+
+    def placed(self) -> Mesh:
+        """Return the mesh at its place; a part that is neither rotated nor moved keeps its coordinates bit by bit."""
+        vertices = self.mesh.vertices
+        if not np.array_equal(self.rotation, np.eye(3)):
+            vertices = vertices @ self.rotation.T
+        if self.at.any():
+            vertices = vertices + self.at
+        return replace(self.mesh, vertices=vertices)

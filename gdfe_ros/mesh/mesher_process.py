@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshers in a process of their own: ``python mesher_process.py KIND REQUEST.npz RESULT.npz``.
 
-gmsh's licence (GPL) asks for a separate process, and a mesher that crashes or hangs does not take the simulator with
-it. This file imports nothing of the package. Arrays of the result: ``vertices`` (n, 3) [m], ``cells`` (m, 4) or
-(m, 10) in VTK's order, ``cell:NAME`` and ``vertex:NAME`` for sets; or ``defect``, a text.
+gmsh's licence (GPL) requires a separate process, and a mesher that crashes or hangs does not stop the simulator. This
+file imports nothing of the package. Arrays of the result: ``vertices`` (n, 3) [m], ``cells`` (m, 4) or (m, 10) in VTK's
+order, ``cell:NAME`` and ``vertex:NAME`` for sets; or ``defect``, a text.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 MOST_CELLS = 2_000_000
 """Limit of the expected number of tetrahedra; more need tens of gigabytes."""
 FINEST = 0.2
-"""Least edge at curved surfaces, over the size asked for."""
+"""Least edge at curved surfaces, over the requested size."""
 AROUND = 12
 """Edges around a full circle of a curved surface. Quadratic edges follow it to 1e-4 of its radius."""
 _GMSH_TET10, _VTK_ORDER = 11, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
 
 
 def expected_cells(volume: float, size: float) -> float:
-    """Return the expected number of tetrahedra with edges ``size`` [m] in a ``volume`` [m^3]: regular ones."""
+    """Return the number of regular tetrahedra with edges ``size`` [m] that have the ``volume`` [m^3] together."""
     return volume / (2.0**0.5 / 12.0 * size**3)
 
 
@@ -110,13 +110,13 @@ def _gmsh_cells(gmsh) -> dict[str, np.ndarray]:
 
 
 def _name(gmsh, dimension: int, entity: int, noun: str) -> str:
-    """Return the name of an entity in the file, its last part; or its noun and number."""
+    """Return the last part of a surface's name in the file; for solids and unnamed surfaces, the noun and number."""
     given = gmsh.model.getEntityName(dimension, entity).rpartition("/")[2].strip()
     return given if given and dimension == 2 else f"{noun}_{entity}"
 
 
 def from_surface(request: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return linear tetrahedra inside any triangles, whether or not these are closed or intersect (fTetWild)."""
+    """Return linear tetrahedra inside a surface of triangles, which may be open or intersect itself (fTetWild)."""
     import pytetwild
 
     vertices, cells = pytetwild.tetrahedralize(

@@ -13,8 +13,8 @@ from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.outside import Outside
 
 ACROSS = {8: np.array([1, 0, 3, 2, 5, 4, 7, 6]), 10: np.array([0, 2, 1, 3, 6, 5, 4, 7, 9, 8])}
-"""Order of the nodes of a reflected cell, by their number: a hexahedron's with the opposite xi, a tetrahedron's with
-its second and third corner exchanged. A reflected cell has a positive volume again."""
+"""Order of the nodes of a reflected cell, by the number of nodes. A hexahedron is reversed in xi; in a tetrahedron the
+second and the third corner are exchanged. The reflected cell then has a positive volume."""
 _BACK = np.array([-1.0, 1.0, 1.0])
 
 
@@ -22,7 +22,7 @@ def mirrored(mesh: Mesh, axis: int) -> Mesh:
     """Return a mesh reflected at the plane through the origin that is perpendicular to an axis.
 
     Vertices, cells and sets keep their numbers. The nodes of each cell, and of each face of its skin, change their
-    order, so that cells are not inverted and faces look out of the material.
+    order, so that cells are not inverted and the normals of faces point out of the material.
 
     Args:
         mesh: of one piece, not assembled of parts.

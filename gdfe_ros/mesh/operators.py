@@ -3,34 +3,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.filling import Filling
+from gdfe_ros.mesh.trilinear import CORNERS, MODES
 
-CORNERS = np.array(
-    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
-    dtype=np.float64,
-)
-"""Reference coordinates (xi, eta, zeta) of the corners in VTK order."""
-
-MODES = np.stack(
-    [
-        CORNERS[:, 1] * CORNERS[:, 2],
-        CORNERS[:, 0] * CORNERS[:, 2],
-        CORNERS[:, 0] * CORNERS[:, 1],
-        CORNERS.prod(axis=1),
-    ]
-)
-"""Corner values (4, 8) of the fields eta zeta, xi zeta, xi eta and xi eta zeta: mode i < 3 lacks axis i."""
-
-NEWTON_STEPS = 25
-"""Limit of Newton steps for a point's reference coordinates; on a parallelepiped the first step is exact."""
-SETTLED = 1e-8
-"""Last change of a point's reference coordinates: the error is its square, below double precision."""
 PARALLEL = 1e-9
 """Largest hourglass amplitude, over the shortest edge, of an element that counts as a parallelepiped."""
 
@@ -51,7 +31,8 @@ class ShapeOperators(NamedTuple):
         corner_ratio: (m, 8) float64 [1/m^3], one over the triple product of the three edges at each corner.
         cut: (m,) bool, the element is a box inside its cell, and the corners of `corner_ratio` are the box's.
         box: (m, 3, 2) float64, ends of that box along each edge of its cell, 0 .. 1 in whole cells.
-        across: (m,) int32 cells across the section with which the element twists; 1 if it twists alone.
+        across: (m,) int32 number of cells across the section of which the element is a part in torsion; 1 if it is a
+            section of its own.
     """
 
     cells: NDArray[np.int32]
@@ -66,37 +47,6 @@ class ShapeOperators(NamedTuple):
     cut: NDArray[np.bool_]
     box: NDArray[np.float64]
     across: NDArray[np.int32]
-
-
-def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the weights (..., 8) of a cell's corners at reference coordinates (..., 3)."""
-    return 0.125 * np.prod(1.0 + reference[..., None, :] * CORNERS, axis=-1)
-
-
-def reference_coordinates(
-    points: NDArray[np.float64], corners: NDArray[np.float64], *, within: float = SETTLED
-) -> NDArray[np.float64]:
-    """Invert the trilinear map of cells (k, 8, 3) at points (k, 3), or at one (3,), by Newton's method.
-
-    The iteration ends for a point when none of its coordinates changes by more than ``within``.
-
-    Returns:
-        Reference coordinates (k, 3), within -3 .. 3.
-    """
-    reference, sought = np.zeros((len(corners), 3)), np.arange(len(corners))
-    points = np.broadcast_to(points, reference.shape)
-    for _ in range(NEWTON_STEPS):
-        last, nodes = reference[sought], corners[sought]
-        xi, eta, zeta = np.moveaxis(1.0 + last[:, None, :] * CORNERS, 2, 0)
-        slopes = CORNERS * np.stack([eta * zeta, xi * zeta, xi * eta], axis=2)
-        gap = points[sought] - np.einsum("ka,kai->ki", 0.125 * xi * eta * zeta, nodes)
-        jacobian = nodes.transpose(0, 2, 1) @ (0.125 * slopes)
-        moved = last + np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
-        reference[sought] = np.clip(moved, -3.0, 3.0)
-        sought = sought[np.abs(reference[sought] - last).max(axis=1) > within]
-        if len(sought) == 0:
-            break
-    return reference
 
 
 def shape_operators(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surface by which a body is drawn: the outer faces of its cells, or a skin that they carry."""
+"""Surface that is drawn for a body: the outer faces of its cells, or a skin that they carry."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.faces import Faces
-from gdfe_ros.mesh.operators import CORNERS, MODES, NEWTON_STEPS, SETTLED, trilinear_weights
 from gdfe_ros.mesh.refinement import refine
 from gdfe_ros.mesh.tet_faces import facets
+from gdfe_ros.mesh.trilinear import CORNERS, MODES, NEWTON_STEPS, SETTLED, trilinear_weights
 
 NEAR = 12
 """Number of cells nearest to a skin point among which its carrier is searched."""
@@ -57,9 +57,9 @@ class Outside:
         """Return several surfaces as one, of triangles between points that cells carry.
 
         Args:
-            outsides: of meshes that become one.
-            vertices: index of each mesh' first vertex among all.
-            cells: index of each mesh' first cell among all.
+            outsides: surfaces of the meshes that become one.
+            vertices: index of each mesh's first vertex among all.
+            cells: index of each mesh's first cell among all.
         """
         found, points = [], 0
         for each, first_vertex, first_cell in zip(outsides, vertices, cells, strict=False):

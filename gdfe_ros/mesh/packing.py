@@ -42,12 +42,12 @@ def mesh_arrays(mesh: Mesh) -> dict[str, NDArray]:
 
 
 def pack_surface(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> str:
-    """Return a surface of triangles in the same format."""
+    """Return a surface of triangles as text in the format of `pack_mesh`."""
     return _pack({"vertices": vertices, "triangles": triangles})
 
 
 def pack_robot(text: str, surfaces: Mapping[str, tuple[NDArray[np.float64], NDArray[np.int64]]]) -> str:
-    """Return a robot's URDF and the surfaces of its meshes, by URI, in the same format."""
+    """Return a robot's URDF and the surfaces of its meshes, by URI, as text in the format of `pack_mesh`."""
     arrays = {"urdf": np.frombuffer(text.encode(), dtype=np.uint8)}
     for uri, (vertices, triangles) in surfaces.items():
         arrays |= {_VERTICES + uri: vertices, _TRIANGLES + uri: triangles}
@@ -116,7 +116,7 @@ def _unpack(text: str) -> dict[str, NDArray]:
 
 @contextmanager
 def _undamaged(what: str) -> Iterator[None]:
-    """Raise MeshError for any error in a damaged text."""
+    """Raise MeshError for any error that a damaged text causes."""
     try:
         yield
     except (
@@ -130,5 +130,5 @@ def _undamaged(what: str) -> Iterator[None]:
         zipfile.BadZipFile,
         zlib.error,
     ) as error:
-        text = f"damaged: {error}; remedy: take the scene from its file or bag again"
+        text = f"damaged: {error}; remedy: read the scene from its file or bag again"
         raise MeshError(f"the embedded {what}", [text]) from error

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+import gdfe_ros.mesh.shape as hex_shape
+import gdfe_ros.mesh.tet_shape as tet_shape
 from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh import shape, tet_shape
 from gdfe_ros.mesh.faces import vertex_pieces
 from gdfe_ros.mesh.hexmesh import HexMesh
 from gdfe_ros.mesh.mesh import Mesh
@@ -67,7 +68,7 @@ def check_mesh(mesh: Mesh) -> QualityReport:
         mesh: the mesh.
 
     Returns:
-        The report; pieces that share no vertex are counted there and are no defect.
+        The report. It counts pieces that share no vertex, which are not a defect.
     """
     defects = _broken_indices(mesh)
     if defects:
@@ -76,9 +77,9 @@ def check_mesh(mesh: Mesh) -> QualityReport:
     finite = np.isfinite(mesh.vertices).all(axis=1)
     defects += _named("vertices with a coordinate that is not finite", ~finite, "repair the file")
     repeated = (np.diff(np.sort(mesh.cells, axis=1), axis=1) == 0).any(axis=1)
-    defects += _named("cells that name a vertex twice", repeated, "degenerate cells need re-meshing")
+    defects += _named("cells that name a vertex twice", repeated, "re-mesh there, such cells are degenerate")
     with np.errstate(invalid="ignore", over="ignore"):
-        measures = shape if isinstance(mesh, HexMesh) else tet_shape
+        measures = hex_shape if isinstance(mesh, HexMesh) else tet_shape
         jacobian, aspect = measures.scaled_jacobians(mesh), measures.aspect_ratios(mesh)
         volumes = measures.cell_volumes(mesh)
     if not defects:
@@ -104,7 +105,7 @@ def require_sound(mesh: Mesh, where: str = "mesh") -> QualityReport:
 
 
 def list_ids(ids: NDArray[np.integer]) -> str:
-    """Return ``1, 2, 3 and 7 more``: the first ids and how many follow."""
+    """Return the first ids and the number of the others as text, e.g. ``1, 2, 3 and 7 more``."""
     more = f" and {len(ids) - LISTED} more" if len(ids) > LISTED else ""
     return ", ".join(map(str, ids[:LISTED])) + more
 

@@ -108,7 +108,7 @@ def ring(radius: float, section: Sequence[float], cells: Sequence[int], *, angle
 
 
 def sphere(inner: float, outer: float, cells: Sequence[int]) -> HexMesh:
-    """Mesh a hollow sphere about the origin: six faces of a cube blown up at equal angles.
+    """Mesh a hollow sphere about the origin: the six faces of a cube, divided at equal angles and mapped to the sphere.
 
     Args:
         inner: inner radius [m], > 0.

@@ -6,17 +6,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cavities import corners_of
-from gdfe_ros.mesh.mesh import Mesh
-
-if TYPE_CHECKING:
-    from gdfe_ros.mesh.assembly import MeshPart
+from gdfe_ros.mesh.mesh import Mesh, MeshPart
 
 #: Points this close to a box or sphere still count as inside, as a share of the mesh size: coordinates such
 #: as 0.1 * 3 are not exact.
@@ -91,7 +87,7 @@ class Within:
 
 @dataclass(frozen=True)
 class AnyOf:
-    """What at least one of several selections selects."""
+    """Items that belong to at least one of several selections."""
 
     places: tuple[Where, ...]
 
@@ -174,7 +170,9 @@ def select_cells(mesh: Mesh, where: Where) -> NDArray[np.int32]:
 
 
 def select_faces(mesh: Mesh, where: Where) -> NDArray[np.int32]:
-    """Return the boundary faces whose corners are all selected, by one selection of several (perhaps none).
+    """Return the boundary faces whose corners are all selected (perhaps none).
+
+    Of several selections (`AnyOf`), a single one must select all corners of a face.
 
     Args:
         mesh: the mesh.
@@ -265,7 +263,7 @@ def _on_side(mesh: Mesh, side: Side) -> NDArray[np.bool_]:
 
 
 def _at_end(points: NDArray[np.float64], side: Side, slack: float) -> NDArray[np.bool_]:
-    """Return which points lie on a side of their bounding box."""
+    """Return for each point whether it lies on a side of the bounding box of all points."""
     coordinate = points[:, "xyz".index(side.value[0])]
     if side.value[1] == "-":
         return coordinate <= coordinate.min() + slack
@@ -310,7 +308,7 @@ def _cells_within(mesh: Mesh, vertices: NDArray[np.int32]) -> NDArray[np.int32]:
 def _of_cells() -> MeshError:
     return MeshError(
         "the selection does not fit the skin",
-        ["ids, sets and meshes by name are those of cells, not of a skin; allowed: face, box, sphere"],
+        ["ids, sets and names of meshes are those of cells, not of a skin; allowed: face, box, sphere"],
     )
 
 

@@ -62,18 +62,18 @@ def shells(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Shell
 
 
 def shell_numbers(n: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Number the connected pieces of a surface between ``n`` vertices, (t,); in the order of `Shells`."""
+    """Return the shell (t,) to which each triangle between ``n`` vertices belongs, in the order of `Shells`."""
     return np.unique(vertex_pieces(triangles, n)[triangles[:, 0]], return_inverse=True)[1]
 
 
 def points_inside(
     vertices: NDArray[np.float64], triangles: NDArray[np.int64], count: tuple[int, int, int]
 ) -> NDArray[np.bool_]:
-    """Return which of the points (i, j, k) lie inside a closed surface.
+    """Return for each point (i, j, k) whether it lies inside a closed surface.
 
-    Each triangle toggles the points above it in the columns along z that pierce it. An edge of two triangles
-    is evaluated identically in both and belongs to one side of it, so that a column through an edge or a corner
-    crosses the surface once.
+    Each triangle toggles the points above it in the columns along z that pierce it. A common edge is evaluated
+    identically in both triangles and belongs to only one of them, so that a column through an edge or a corner crosses
+    the surface once.
 
     Args:
         vertices: positions in units of the point spacing, shape (n, 3).
@@ -93,7 +93,7 @@ def points_inside(
 def inside(
     points: NDArray[np.float64], vertices: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """Return which points (k, 3) lie inside a closed surface by the even-odd rule, whatever its orientation.
+    """Return (k,) whether points (k, 3) lie inside a closed surface of any orientation, by the even-odd rule.
 
     The shells that wind around a point are counted by their solid angles (van Oosterom and Strackee 1983).
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choice of the skin points that touch: for each boundary vertex of the cells, the point with its largest weight."""
+"""Choice of the contact points of a skin: for each boundary vertex, the skin point with its largest weight."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ if TYPE_CHECKING:
     from gdfe_ros.mesh.hexmesh import HexMesh
 
 FINE, SMALL = 0.25, 0.1
-"""Longest edge of a refined skin's triangles, over a quantile of the sizes of boundary cells, and that quantile."""
+"""Longest edge of a refined skin's triangles, over a quantile of the sizes of boundary cells; and the probability of
+that quantile."""
 CREASE = np.cos(np.radians(30.0))
 """Cosine between the normals of neighbouring triangles below which their common edge is a crease."""
 FARTHEST = np.array([0.5, 0.75, 1.0])
-"""Distance to the nearest chosen point, over the size of its cell, beyond which a corner, a crease point, and any other
-point of a skin is chosen too."""
+"""Distance to the nearest chosen point, over the size of the carrying cell, beyond which a further point is chosen: for
+a corner, a crease point, and any other point of a skin."""
 NEAR = 8
 """Number of nearest chosen points searched for one on the same side of a wall."""
 ALIKE = -1e-9
-"""Cosine between two directions above which they count as on the same side of a wall; perpendicular ones do."""
+"""Cosine between two normals above which they count as on the same side of a wall; perpendicular normals do."""
 PLACE = 1e-12
 """Tolerance of reference coordinates in cells."""
 
@@ -69,9 +70,9 @@ class SkinPoints:
     def touching(self, mesh: HexMesh) -> NDArray[np.intp]:
         """Return the indices (p,) of the contact points.
 
-        A boundary vertex without a contact point would be held only by the material of its cells, which may be little,
-        and would pull the skin into the obstacle. If the cells are too coarse for the surface, points far from the
-        chosen ones are added.
+        A boundary vertex without a contact point would be held only by the material of its cells. If that is little,
+        the vertex would pull the skin into the obstacle. If the cells are too coarse for the surface, points far from
+        the chosen ones are added.
         """
         vertices, normals = _boundary(mesh)
         own = np.full(mesh.n_vertices, -1)
@@ -85,7 +86,7 @@ class SkinPoints:
         return self._completed(self._cornered(np.unique(point[first])))
 
     def _cornered(self, chosen: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the chosen points, with each nearby corner instead of the chosen point nearest to it."""
+        """Return the chosen points; a corner near one of them replaces the chosen point nearest to it."""
         tree, found = cKDTree(self.places[chosen]), chosen.copy()
         for corner in np.setdiff1d(np.flatnonzero(self.kinds == 0), chosen):
             limit = FARTHEST[0] * self.sizes[corner]

@@ -49,7 +49,7 @@ class Solid:
 
 
 def read_solid(surface: str | Path, *, scale: float | None = None, cell: float | None = None) -> Solid:
-    """Read a closed surface.
+    """Return the solid inside the closed surface of a file.
 
     Args:
         surface: an STL, OBJ, PLY or OFF file; nested shells are cavities.

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results kept on disk by the content from which they were computed, beside the cache of the kernels.
+"""Disk cache of results, by the content from which they were computed, beside the cache of the kernels.
 
-A file is written whole under another name and then renamed, so that processes that run at once never see a part of
-one. It starts with the digest of the rest: one that a power cut or a full disk has truncated is computed again. A key
-contains the sources of this package, numpy's version and the machine, so that another version never reads it.
+A file is first written under a temporary name and then renamed, so that concurrent processes never see an incomplete
+file. It starts with the digest of its content: if a power cut or a full disk has truncated it, the result is computed
+again. A key contains the sources of this package, numpy's version and the machine, so that another version never reads
+the file.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _DIGEST = 32
 
 
 def key_of(*parts: bytes) -> str:
-    """Return the key of results that depend on these contents, and on the code that computes them."""
+    """Return the key of results that depend on these contents and on the code."""
     digest = hashlib.sha256(_code())
     for part in parts:
         digest.update(len(part).to_bytes(8, "little") + part)
@@ -49,7 +50,7 @@ def recall(key: str) -> dict[str, NDArray] | None:
 
 
 def keep(key: str, arrays: Mapping[str, NDArray]) -> None:
-    """Keep arrays under a key; a disk that is full or read-only is no error, the next process computes again."""
+    """Keep arrays under a key; on a full or read-only disk nothing is kept, and no error is raised."""
     buffer = BytesIO()
     np.savez(buffer, **arrays)
     content, folder = buffer.getvalue(), _folder()
@@ -67,7 +68,7 @@ def keep(key: str, arrays: Mapping[str, NDArray]) -> None:
 
 
 def _tidy(folder: Path) -> None:
-    """Delete the files used least recently while all together are too large."""
+    """Delete the files used least recently until the total size is at most `MOST_BYTES`."""
     files = sorted(((item.stat().st_mtime, item.stat().st_size, item) for item in folder.iterdir()), reverse=True)
     total = 0
     for _, size, path in files:
@@ -77,7 +78,7 @@ def _tidy(folder: Path) -> None:
 
 
 def _folder() -> Path:
-    """Return the folder of the files: where numba keeps the kernels."""
+    """Return the folder of the files, in the place where numba keeps the kernels."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         return Path(chosen) / "gdfe_ros_bodies"
@@ -89,7 +90,7 @@ def _folder() -> Path:
 
 @lru_cache(maxsize=1)
 def _code() -> bytes:
-    """Return a digest of the sources that compute what is kept, and of what they compute with."""
+    """Return a digest of this package's sources, of numpy's version and of the machine."""
     digest = hashlib.sha256(f"{np.__version__} {platform.machine()}".encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())

@@ -17,7 +17,7 @@ from gdfe_ros.mesh.mesh import Mesh
 from gdfe_ros.mesh.quality import COINCIDENT, coincident_pairs
 
 _BARE: Mapping[str, Any] = {"skin": None, "touching": None, "parts": {}}
-"""Fields of a mesh that its parts do not keep."""
+"""Values of the fields that a mesh loses if cells or vertices are removed, merged or joined."""
 
 
 def keep_cells(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:

@@ -35,7 +35,7 @@ def flat_quads(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 def node_areas(points: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return int N_a dA of the nodes of six-node faces at ``points`` (n, 3) [m], as (q, 6) [m^2].
 
-    On a flat face the corners have none, and each node on an edge has a third.
+    On a flat face the integral is zero for the corners, and a third of the area for each node on an edge.
     """
     nodes, areas = points[faces], np.zeros(faces.shape)
     for place, weight in zip(*triangle_rule(4), strict=True):

@@ -20,7 +20,8 @@ from gdfe_ros.mesh.tetrahedra import EDGES
 SIX_OF_A_HEXAHEDRON = np.array(
     [[0, 1, 2, 6], [0, 5, 1, 6], [0, 2, 3, 6], [0, 4, 5, 6], [0, 3, 7, 6], [0, 7, 4, 6]], dtype=np.int32
 )
-"""Corners of the six tetrahedra about the diagonal 0-6 of a hexahedron (Kuhn): those of neighbours in a grid fit."""
+"""Corners of the six tetrahedra about the diagonal 0-6 of a hexahedron (Kuhn); neighbours in a grid match at their
+common faces."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -80,7 +81,7 @@ def raised(
 
 
 def divided(mesh: HexMesh) -> TetMesh:
-    """Return each hexahedron of a mesh as six tetrahedra; those of a structured grid fit at their faces."""
+    """Return each hexahedron of a mesh as six tetrahedra; in a structured grid they match at their common faces."""
     corners = mesh.cells[:, SIX_OF_A_HEXAHEDRON].reshape(-1, 4)
     cells = {name: (6 * ids[:, None] + np.arange(6)).ravel() for name, ids in mesh.cell_sets.items()}
     return raised(mesh.vertices, corners, cells, mesh.vertex_sets)

@@ -26,8 +26,9 @@ quadratic polynomials."""
 CORNER_SLOPES = np.array([[-1.0, -1.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 """dL_i/dxi_k (4, 3) with xi = (L_1, L_2, L_3)."""
 NEWTON_STEPS = 25
+"""Limit of a Newton iteration for a scalar or a point; it usually takes three to five steps."""
 SETTLED = 1e-10
-"""Last change of a point's barycentric coordinates."""
+"""Change of a point's barycentric coordinates at which Newton's method ends."""
 
 
 def quadratic_weights(place: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -68,8 +69,8 @@ def barycentric(points: NDArray[np.float64], corners: NDArray[np.float64]) -> ND
 def simplex_rule(order: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return barycentric points (q, 4) and weights (q,), which sum to one, exact for polynomials of degree 2 order - 1.
 
-    They are Gauss-Jacobi points on a collapsed cube (Stroud 1971): more than the least number, all inside, all
-    weights positive.
+    They are Gauss-Jacobi points on a collapsed cube (Stroud 1971). Their number is not minimal, but all points lie
+    inside and all weights are positive.
     """
     from scipy.special import roots_jacobi
 

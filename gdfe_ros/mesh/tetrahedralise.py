@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.contact_skin import is_closed, out_of_material
 from gdfe_ros.mesh.mesher_process import too_many
 from gdfe_ros.mesh.packing import mesh_arrays, mesh_of
 from gdfe_ros.mesh.shells import shells
@@ -21,14 +22,13 @@ from gdfe_ros.mesh.subset import keep_cells
 from gdfe_ros.mesh.tet_shape import scaled_jacobians
 from gdfe_ros.mesh.tetmesh import TetMesh, raised
 from gdfe_ros.mesh.tetrahedra import EDGES
-from gdfe_ros.mesh.touching import is_closed, out_of_material
 from gdfe_ros.mesh.voxels import examine_surface
 
 STEP_SUFFIXES = (".step", ".stp")
 ENVELOPE = 1e-3
 """Distance that fTetWild may leave between its surface and the file's, over the diagonal."""
 NARROW = 0.1
-"""The same, over the size of the cells: the smaller of the two counts."""
+"""The same distance over the size of the cells; the smaller of the two limits applies."""
 STRAIGHTENED = 0.1
 """Scaled Jacobian below which a cell's curved edges are straightened."""
 LONGEST_RUN = 1800.0
@@ -51,7 +51,7 @@ def from_step(path: str | Path, *, size: float) -> TetMesh:
     """
     path, heading = Path(path), f"step {path}"
     if not path.is_file():
-        raise MeshError(heading, ["there is no such file; paths in a scene start at the folder of the scene"])
+        raise MeshError(heading, ["there is no such file; paths in a scene are relative to the folder of the scene"])
     if path.suffix.lower() not in STEP_SUFFIXES:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(STEP_SUFFIXES)}"])
     key = key_of(b"step", path.read_bytes(), repr(size).encode())
@@ -102,7 +102,7 @@ def step_bounds(path: str | Path) -> NDArray[np.float64]:
 
 
 def step_facts(path: str | Path) -> list[tuple[str, str]]:
-    """Return what a STEP file contains, as (name, value) in words: solids, surfaces, volume, bounds in metres."""
+    """Return the contents of a STEP file as texts (name, value): solids, surfaces, volume, bounds in metres."""
     raw = _run("facts", {"path": str(Path(path).resolve())}, f"step {path}")
     low, high = raw["bounds"]
     spans = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
@@ -124,7 +124,7 @@ def _run(kind: str, request: dict, heading: str) -> dict[str, NDArray]:
         np.savez(asked, **request)
         command = [sys.executable, str(_SCRIPT), kind, str(asked), str(answer)]
         try:
-            # Meshers leave files where they run.
+            # Meshers write files into their working directory.
             options = {"cwd": folder, "capture_output": True, "text": True, "timeout": LONGEST_RUN}
             done = subprocess.run(command, **options, check=False)
         except subprocess.TimeoutExpired as error:

@@ -4,37 +4,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from gdfe_ros.errors import MeshError
-from gdfe_ros.mesh.cavities import open_edges
-from gdfe_ros.mesh.operators import trilinear_weights
 from gdfe_ros.mesh.outside import Outside
-from gdfe_ros.mesh.shells import inside, shell_numbers, shells
-from gdfe_ros.mesh.skin_points import SkinPoints
-
-if TYPE_CHECKING:
-    from gdfe_ros.mesh.hexmesh import HexMesh
-
-BARE, SHORT = 2.0 * 3.0**0.5, 1.0
-"""Distance of a boundary cell's material from the skin, over the cell's edge, above which the skin does not cover the
-cell: the first value for material inside the skin, as at a hole that the skin lacks, the second outside."""
 
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """The part of a body that touches by its skin.
+    """Contact points and surface of the meshes of a body that touch by their skins.
 
     Attributes:
         corners: (p, 8) int32 vertices of the cell that carries each contact point.
         weights: (p, 8) their weights, which sum to one.
-        vertices: (v,) int32 of the meshes with such a skin: their faces do not touch.
-        surface: these skins.
+        vertices: (v,) int32 vertices of the meshes with such a skin, whose faces do not touch.
+        surface: the skins of these meshes.
     """
 
     corners: NDArray[np.int32]
@@ -44,7 +30,7 @@ class Touching:
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[Touching, int, int]]) -> Touching:
-        """Return several as one; each with the indices of its mesh' first vertex and cell among all."""
+        """Return several as one; each comes with the indices of its mesh's first vertex and first cell among all."""
         each, vertices, cells = zip(*parts, strict=True)
         return cls(
             np.concatenate([one.corners + np.int32(first) for one, first in zip(each, vertices, strict=True)]),
@@ -61,7 +47,7 @@ class Touching:
 def outline(
     quads: NDArray[np.int32], touching: Touching | None, positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return the surface that touches for vertices at ``positions`` (n, 3) [m]: points [m], and quads of them.
+    """Return the contact surface for vertices at ``positions`` (n, 3) [m]: points [m], and quads between them.
 
     ``quads`` (q, 4) are the faces of all cells; a triangle of a skin repeats its last corner.
     """
@@ -70,78 +56,3 @@ def outline(
     bare = quads[~np.isin(quads[:, 0], touching.vertices)]
     lined = touching.surface.triangles[:, [0, 1, 2, 2]] + len(positions)
     return np.concatenate([positions, touching.surface.at(positions)]), np.concatenate([bare, lined]).astype(np.int32)
-
-
-def touch_by_skin(mesh: HexMesh, points: NDArray[np.float64], triangles: NDArray[np.int64]) -> HexMesh:
-    """Return a mesh whose skin touches instead of the faces of its cells.
-
-    There are as many contact points as the cells can resolve: for each boundary vertex, the skin point with its largest
-    weight. On a flat face this is the nearest point, at an edge a point of the edge.
-
-    Args:
-        mesh: with its skin.
-        points: of the original surface of the skin (k, 3) [m].
-        triangles: between these (t, 3).
-
-    Raises:
-        MeshError: the surface is open, or does not cover some boundary cells.
-    """
-    _require_closed(points, triangles)
-    lined = SkinPoints.of(mesh, points, out_of_material(points, triangles))
-    _require_covered(mesh, lined, points, triangles)
-    some = lined.touching(mesh)
-    corners, weights = np.ascontiguousarray(lined.corners[some], dtype=np.int32), lined.weights[some]
-    everything = np.arange(mesh.n_vertices, dtype=np.int32)
-    return replace(mesh, touching=Touching(corners, weights, everything, mesh.skin))
-
-
-def is_closed(triangles: NDArray[np.int64]) -> bool:
-    """Return whether each edge of a surface occurs equally often in both directions."""
-    return len(open_edges(triangles)) == 0
-
-
-def _require_closed(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
-    leaks = open_edges(triangles)
-    if len(leaks):
-        x, y, z = points[leaks[0]].mean(axis=0)
-        text = (
-            f"contact needs a closed skin. At {len(leaks)} edges of this skin the second triangle is missing or faces "
-            f"the other way, first at ({x:.4g}, {y:.4g}, {z:.4g}) m; remedy: close the holes "
-            "(MeshLab: Close Holes, Blender: 3D-Print toolbox), or set contact: false, then the skin is only drawn"
-        )
-        raise MeshError("skin", [text])
-
-
-def out_of_material(points: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the triangles of nested shells, oriented out of the material between the shells."""
-    a, b, c = (points[triangles[:, i]] - points.mean(axis=0) for i in range(3))
-    number = shell_numbers(len(points), triangles)
-    volumes = np.bincount(number, np.einsum("ti,ti->t", a, np.cross(b, c)))
-    inwards = (volumes < 0.0) != (np.array(shells(points, triangles).depths) % 2 == 1)
-    return np.where(inwards[number, None], triangles[:, ::-1], triangles)
-
-
-def _require_covered(
-    mesh: HexMesh, lined: SkinPoints, points: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> None:
-    """Raise MeshError if a skin leaves out cells at the boundary, which obstacles would penetrate."""
-    cells = np.unique(mesh.boundary.cells)
-    corners = mesh.vertices[mesh.cells[cells]]
-    centres = mesh.centroids[cells]
-    if mesh.filling is not None:
-        centres = np.einsum("ca,cai->ci", trilinear_weights(mesh.filling.centre[cells]), corners)
-    edges = np.linalg.norm(corners[:, 6] - corners[:, 0], axis=1) / 3.0**0.5
-    away = cKDTree(lined.places).query(centres)[0] / edges
-    missed = np.flatnonzero(away > SHORT)
-    missed = missed[(away[missed] > BARE) | ~inside(centres[missed], points, triangles)]
-    if len(missed):
-        worst = missed[np.argmax(away[missed])]
-        x, y, z = centres[worst]
-        text = (
-            f"{len(missed)} cells at the boundary are left outside of the skin, or are far from it, so that contact "
-            f"would not see them. The farthest cell, at ({x:.4g}, {y:.4g}, {z:.4g}) m, is "
-            f"{away[worst] * edges[worst]:.3g} m away; allowed: the length of its edges, {edges[worst]:.3g} m; "
-            "remedy: a skin of the whole body (check scale and place of the file), or contact: false, then the "
-            "skin is only drawn"
-        )
-        raise MeshError("skin", [text])

@@ -68,11 +68,11 @@ def examine_surface(
     """Read a surface file.
 
     Returns:
-        Vertices [m], shape (n, 3), triangles, shape (t, 3), and the defects that prevent filling it or, if it need not
-        be ``closed``, showing it.
+        Vertices [m], shape (n, 3), triangles, shape (t, 3), and the defects because of which it cannot be filled or,
+        with ``closed=False``, drawn.
 
     Raises:
-        MeshError: there is no surface to return, with the reason.
+        MeshError: the file has no usable surface; the error names the reason.
     """
     path = Path(surface)
     vertices, triangles = _read(path, f"surface {path}")
@@ -131,7 +131,7 @@ def _read(path: Path, heading: str) -> tuple[NDArray[np.float64], NDArray[np.int
     except ImportError as error:
         raise MeshError(heading, ["trimesh is not installed; remedy: pip install 'gdfe_ros[mesh]'"]) from error
     if not path.is_file():
-        raise MeshError(heading, ["there is no such file; paths in a scene start at the folder of the scene"])
+        raise MeshError(heading, ["there is no such file; paths in a scene are relative to the folder of the scene"])
     if path.suffix.lower() not in SUFFIXES:
         raise MeshError(heading, [f"unknown kind of file {path.suffix!r}; allowed: {', '.join(SUFFIXES)}"])
     try:

@@ -21,7 +21,7 @@ EFFORTS = (Mode.TENSION, Mode.PRESSURE)
 """Modes whose command is in ``effort`` of a JointState; those of other modes are in ``position``."""
 
 LATEST_START = 60.0
-"""Longest time [s] from now to the start of a trajectory. Until then an idle node must keep stepping."""
+"""Longest time [s] from now to the start of a trajectory, because an idle node keeps stepping until the start."""
 
 
 class ActuatorOrders:
@@ -30,7 +30,7 @@ class ActuatorOrders:
     Args:
         actuators: in the order of ``~/commands``.
         loads: names of the loads, which are commanded by a factor.
-        joints: of all arms, which are commanded by their position.
+        joints: joints of all arms, which are commanded by position.
     """
 
     def __init__(self, actuators: Iterable[Actuator], loads: Iterable[str] = (), joints: Iterable[Joint] = ()) -> None:
@@ -41,10 +41,10 @@ class ActuatorOrders:
     def from_joint_state(self, message: JointState) -> ActuatorOrder:
         """Return the commands by name: tension [N] and pressure [Pa] from ``effort``, all others from ``position``.
 
-        A load's ``position`` is the factor on it, a joint's its position [rad] or [m]. NaN commands nothing.
+        The ``position`` of a load is its factor [1], that of a joint is its position [rad] or [m]. NaN is no command.
 
         Raises:
-            Refusal: an unknown or repeated name, an array of the wrong size, a value infinite or out of range.
+            Refusal: a name is unknown or repeated, an array has the wrong size, or a value is infinite or out of range.
         """
         self._require_known(message.name)
         values = {}
@@ -77,19 +77,19 @@ class ActuatorOrders:
     def from_trajectory(
         self, message: JointTrajectory, *, now: float, convert: Callable[[int], float]
     ) -> TrajectoryOrder:
-        """Return the order of a trajectory; ``positions`` are in the unit of each mode, ``effort`` does not count.
+        """Return the order of a trajectory; ``positions`` are in the unit of each mode, ``effort`` is ignored.
 
-        Without points it ends the running trajectories of the named actuators and loads, or all if none is
-        named: they stay at their present commands, as with joint_trajectory_controller.
+        A trajectory without points ends the running trajectories of the named actuators, loads and joints, or of all if
+        none is named. They keep their present commands, as with joint_trajectory_controller.
 
         Args:
-            message: with a stamp of its start; 0: when it is consumed.
+            message: trajectory; its header's stamp is its start, and a stamp of 0 starts it when it is consumed.
             now: simulation time [s].
             convert: returns the simulation time [s] of a stamp [ns].
 
         Raises:
-            Refusal: an unknown or repeated name, a point of the wrong size, times that do not ascend, an
-                end in the past, a start too far ahead, or a value not finite or out of range.
+            Refusal: a name is unknown or repeated, a point has the wrong size, the times do not ascend, the end is in
+                the past, the start is too far ahead, or a value is not finite or out of range.
         """
         names = tuple(message.joint_names)
         if not message.points:
@@ -110,11 +110,12 @@ class ActuatorOrders:
         start = convert(stamp.sec * 10**9 + stamp.nanosec) if stamp.sec or stamp.nanosec else None
         if start is not None and start > now + LATEST_START:
             text = (
-                f"it starts at {start:.9g} s, and it is {now:.9g} s now; allowed: {LATEST_START:g} s ahead, or stamp 0"
+                f"the trajectory starts at {start:.9g} s, but the time is {now:.9g} s; allowed: {LATEST_START:g} s "
+                "ahead, or stamp 0"
             )
             raise Refusal(Reason.AHEAD, text)
         if start is not None and start + times[-1] < now:
-            raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s, and it is {now:.9g} s now")
+            raise Refusal(Reason.STALE, f"the trajectory ended at {start + times[-1]:.9g} s; the time is {now:.9g} s")
         slopes = _table(message, "velocities")
         bends = _table(message, "accelerations") if slopes is not None else None
         return TrajectoryOrder(names, start, times, np.array(rows), slopes, bends)
@@ -128,7 +129,7 @@ class ActuatorOrders:
             text = f"no actuator {', '.join(unknown) or 'is named'}; actuators: {known}{loads}"
             raise Refusal(Reason.UNKNOWN, text)
         if len(set(names)) != len(names):
-            raise Refusal(Reason.MALFORMED, f"names {list(names)} repeat one")
+            raise Refusal(Reason.MALFORMED, f"names {list(names)} contain a name twice")
 
     def _checked(self, name: str, value: float) -> float:
         if not math.isfinite(value):
@@ -155,10 +156,10 @@ class ActuatorOrders:
 
 
 def _table(message: JointTrajectory, field: str) -> NDArray[np.float64] | None:
-    """Return velocities or accelerations (k, n) of a trajectory; None unless all of its points have them.
+    """Return the velocities or accelerations (k, n) of a trajectory; None unless all of its points have them.
 
     Raises:
-        Refusal: a point has too many or too few, or one is not finite.
+        Refusal: a point has the wrong number of values, or a value is not finite.
     """
     rows = [list(getattr(point, field)) for point in message.points]
     if not all(rows):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bags of a session: begun, attached to every topic, finished."""
+"""Recording of a session's topics in bags."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Bags:
         outputs: recorded as published.
 
     Attributes:
-        recorder: of the bag in progress, or of the last one; None before the first.
+        recorder: recorder of the bag in progress, or of the last bag; None before the first.
         active: whether a bag is being written.
     """
 
@@ -39,7 +39,7 @@ class Bags:
         self.active = False
 
     def begin(self, *, state: bytes | None) -> str:
-        """Begin a bag at the parameter ``bag_path``, or at ``runs/<scene>_<time>``; return its path as a message.
+        """Begin a bag at the parameter ``bag_path``, or at ``runs/<scene>_<time>``; return a message with its path.
 
         Under the wall clock a slow disk causes dropped messages, which are counted; under other clocks it slows the
         steps.
@@ -67,7 +67,7 @@ class Bags:
         return text
 
     def finish(self) -> str:
-        """Finish the bag and return a summary; ``failed`` says whether it ended early."""
+        """Finish the bag and return a summary; ``failed`` then tells whether the recording ended early."""
         self._attach(None)
         status = self.recorder.close()
         text = _outcome(self.recorder, status)
@@ -80,7 +80,7 @@ class Bags:
 
     @property
     def failed(self) -> bool:
-        """Whether the bag in progress, or the last one, ended before it was finished."""
+        """Whether the recording of the bag in progress, or of the last bag, ended early because of an error."""
         return self.recorder is not None and self.recorder.error is not None
 
     def _say_failed(self, status: RecorderStatus) -> None:

@@ -30,17 +30,17 @@ class Channel:
     """A publisher and the recording of its topic.
 
     Args:
-        node: that publishes.
-        spec: of the topic.
+        node: publishing node.
+        spec: description of the topic.
         matched: called when a subscriber appears.
         own: number of subscriptions of this node itself, which do not count.
-        names: for the braces in the topic's name, e.g. ``handle="tip"``.
+        names: values for the braces in the topic's name, e.g. ``handle="tip"``.
 
     Attributes:
         latest: number of the step that was published last; -1 before the first.
         info: description of the topic for a bag.
         recorded: whether bags contain it.
-        recorder: of the bag in progress, or None.
+        recorder: recorder of the bag in progress, or None.
     """
 
     def __init__(
@@ -67,9 +67,9 @@ class Channel:
                     self._greet()
                     matched()
 
-            events = PublisherEventCallbacks(matched=node.guarded(tell, f"who listens to {topic}"))
+            events = PublisherEventCallbacks(matched=node.guarded(tell, f"subscriber events of {topic}"))
         self._publisher = make(interface_class(spec.type), topic, profile, event_callbacks=events)
-        # The handle stays entered, because each step counts subscribers: rclpy would enter and leave it in every call.
+        # The handle stays entered: rclpy would enter and leave it at each count, and each step counts subscribers.
         self._held, self._count = ExitStack(), self._publisher.get_subscription_count
         if matched is not None:
             self._held.enter_context(self._publisher.handle)
@@ -84,20 +84,20 @@ class Channel:
         return self.recorder is not None or self._count() > self._own
 
     def due(self, step: Step) -> bool:
-        """Return whether a step is to be published; a repeated one only if a new subscriber has not received it."""
+        """Return whether a step is to be published; a repeated step only if a new subscriber has not received it."""
         if step.again:
             untold = self._newcomers or self.latest < step.record.step
             return untold and self._count() > self._own
         return step.first or self.wanted
 
     def missed(self) -> bool:
-        """Search again for subscribers that the graph did not show at first; return whether there are new ones."""
+        """Read the graph again if it did not show all subscribers; return whether there are new volatile ones."""
         if self._unsure:
             self._greet()
         return self._newcomers
 
     def _greet(self) -> None:
-        """Record the present subscribers. The last message reaches them by itself, except volatile ones."""
+        """Note whether there are new volatile subscribers; DDS delivers the last message to all others by itself."""
         listeners = self._node.get_subscriptions_info_by_topic(self.info.name)
         self._unsure = len(listeners) < self._count()
         volatile = (each for each in listeners if each.qos_profile.durability is DurabilityPolicy.VOLATILE)
@@ -105,7 +105,7 @@ class Channel:
         self._newcomers |= bool(self._greeted - before)
 
     def send_step(self, step: Step, message: Any) -> None:
-        """Send a message of a step; a repeated one is not recorded again."""
+        """Send a message of a step; the message of a repeated step is not recorded again."""
         self._newcomers, self.latest = False, step.record.step
         self.send(message, step.log_time, recorded=not step.again)
 
@@ -147,7 +147,7 @@ class Courier:
         self._thread.start()
 
     def put(self, step: Step) -> None:
-        """Queue a step; blocks while two others wait."""
+        """Queue a step; block while two others wait."""
         self._steps.put(step)
 
     def flush(self) -> None:

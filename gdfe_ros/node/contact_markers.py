@@ -23,7 +23,7 @@ from gdfe_ros.scene.scene import Scene
 SHEET = (4.0, 0.005)
 """Edge and thickness of the sheet that represents a plane, over the body's size."""
 MOST_TRIANGLES = 4000
-"""Limit of a mesh's triangles in one message; in a finer mesh, close vertices are merged."""
+"""Largest number of triangles of a mesh in one message; in a finer mesh, close vertices are merged."""
 LONGEST = 0.3
 """Length of the arrow of the largest force so far, over the body's size."""
 _OBSTACLE, _BODY = (0.55, 0.57, 0.6, 0.6), (0.9, 0.55, 0.2, 1.0)
@@ -39,7 +39,7 @@ class ContactMarkers:
     sticking points are green, those of slipping points red.
 
     Args:
-        scene: whose obstacles and rigid bodies are shown.
+        scene: scene with the obstacles and rigid bodies.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -55,7 +55,7 @@ class ContactMarkers:
 
         Args:
             head: header of all markers, in the node's frame.
-            poses: of obstacles and rigid bodies, relative to rest.
+            poses: poses of obstacles and rigid bodies, relative to rest.
             points: contact points, as `gdfe_ros.contacts.POINT`.
         """
         # Delete all markers of the last message, including arrows of points that no longer touch.
@@ -73,7 +73,7 @@ class ContactMarkers:
         return MarkerArray(markers=[*markers, *self._arrows(head, points)])
 
     def _parts(self, thing: Obstacle, pose: Pose) -> Iterator[tuple[int, tuple[float, ...], NDArray[np.float64]]]:
-        """Yield kind, extent (3,) [m] and place in the obstacle's frame (3,) [m] of the markers of its shape."""
+        """Yield the kind, extent (3,) [m] and position in the obstacle's frame (3,) [m] of each marker of its shape."""
         match thing.form:
             case Sphere(radius):
                 yield Marker.SPHERE, (2.0 * radius,) * 3, np.zeros(3)
@@ -106,7 +106,7 @@ class ContactMarkers:
 
 
 def _corners(solid: Solid) -> list[Point]:
-    """Return the corners of a solid's triangles, three for each, of at most `MOST_TRIANGLES`."""
+    """Return the corners of a solid's triangles, three for each; the surface is coarsened to `MOST_TRIANGLES`."""
     corners, cell = solid.vertices[solid.triangles], solid.size / 512.0
     while len(corners) > MOST_TRIANGLES:
         near, place = np.unique(np.round(solid.vertices / cell), axis=0, return_inverse=True)

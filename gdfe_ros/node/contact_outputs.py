@@ -52,7 +52,7 @@ class ContactOutputs:
         return touch or any(channel.wanted for channel in self._wrenches.values())
 
     def publish_names(self, log_time: int) -> None:
-        """Publish the names of the contacts; ``log_time`` is for the bag [ns]."""
+        """Publish the names of the contacts; ``log_time`` is their log time in the bag [ns]."""
         if self._told is not None:
             self._told.send(String(data=json.dumps(self._names)), log_time)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""/diagnostics: status of the node, once a second, as a whole and by parts."""
+"""Status of the node and of its parts on /diagnostics, once a second."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from gdfe_ros.node.interface import topics
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.pace import ClockMode
 from gdfe_ros.node.refusals import RefusalLog
-from gdfe_ros.node.session import NodeSession
+from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.strays import Doubles
 
 _LONG = 0.5
-"""Duration from which on a task is reported [s]."""
+"""Duration above which a task is reported [s]."""
 _OK, _WARN, _ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Status of one part of the node; the reason belongs to the level."""
+    """Status of one part of the node; ``reason`` explains its level."""
 
     values: Mapping[str, object]
     level: bytes = _OK
@@ -45,7 +45,7 @@ class _Mark:
     late: float = 0.0
 
     @classmethod
-    def of(cls, session: NodeSession) -> _Mark:
+    def of(cls, session: SimulationSession) -> _Mark:
         stepper, courier = session.stepper, session.courier
         other = stepper.spent - stepper.solving + (courier.spent if courier else 0.0)
         pace = session.run.pace
@@ -56,7 +56,8 @@ class _Mark:
 class Diagnostics:
     """Publishes a status of the node and one of each part: solver, commands, recording, clock.
 
-    The first status has the worst level of all and its reason; nothing is built without a subscriber.
+    The first status has the worst level of all parts and the reason of that part. No message is built without a
+    subscriber.
 
     Args:
         node: the reporting node.
@@ -69,13 +70,13 @@ class Diagnostics:
         self._doubles = Doubles(node)
         self._mark, self._refused, self._faults = _Mark(), 0, 0
 
-    def publish(self, session: NodeSession | None, state: str, problem: str) -> None:
+    def publish(self, session: SimulationSession | None, state: str, problem: str) -> None:
         """Publish the statuses.
 
         Args:
             session: the running session, or None.
-            state: of the lifecycle.
-            problem: why configuring, activating or stepping failed last; empty: nothing did.
+            state: lifecycle state.
+            problem: why the last ``configure`` or ``activate`` failed; empty if it succeeded.
         """
         # Stamped before anything is read, so that no status is older than its stamp.
         now = self._node.get_clock().now()
@@ -104,14 +105,14 @@ class Diagnostics:
         array.header.stamp = now.to_msg()
         self._channel.send(array, now.nanoseconds)
 
-    def _whole(self, session: NodeSession | None, state: str) -> Mapping[str, object]:
+    def _whole(self, session: SimulationSession | None, state: str) -> Mapping[str, object]:
         values: dict[str, object] = {"state": state, topics.PROCESS: os.getpid()}
         if session is not None:
             values |= {"scene": session.scene.name, **_work(session)}
         values |= {"exceptions in callbacks": self._node.faults.count}
         return values | ({"last exception": self._node.faults.last} if self._node.faults.count else {})
 
-    def _parts(self, session: NodeSession | None) -> dict[str, _Part]:
+    def _parts(self, session: SimulationSession | None) -> dict[str, _Part]:
         parts = {"commands": self._commands(session)}
         if session is not None:
             last, self._mark = self._mark, _Mark.of(session)
@@ -122,7 +123,7 @@ class Diagnostics:
             parts["clock"] = _Part(values, _WARN, self._doubles.found)
         return parts
 
-    def _commands(self, session: NodeSession | None) -> _Part:
+    def _commands(self, session: SimulationSession | None) -> _Part:
         """Return the refusals and exceptions since the last report, and the inputs that a lockstep step waits for."""
         counts: dict[str, object] = dict(self._refusals.counts())
         refused, faults = int(counts["commands refused"]) - self._refused, self._node.faults.count - self._faults
@@ -148,28 +149,28 @@ class Diagnostics:
         if unheard:
             return _Part(counts, _WARN, f"commands are not heard of {unheard}")
         if short:
-            return _Part(counts, _WARN, f"commands stay short: {counts['on their way']}")
+            return _Part(counts, _WARN, f"commands stay short of their goals: {counts['on their way']}")
         if any("effort" in told for told in limited.values()):
             return _Part(counts, _WARN, f"an arm is at its limits: {counts['joints']}")
         return _Part(counts, _OK, reason)
 
 
-def _limited(session: NodeSession | None) -> dict[str, str]:
-    """Return which limits cut the motion of joints in the last step, or are exceeded by their efforts, by joint."""
+def _limited(session: SimulationSession | None) -> dict[str, str]:
+    """Return, by joint, a text about the limits that cut its motion in the last step or that its effort exceeds."""
     last = session.run.last if session is not None else None
     return {} if last is None else {name: joint.told for name, joint in last.joints.items() if joint.told}
 
 
-def _on_their_way(session: NodeSession) -> str:
-    """Return the commands that are followed at a limited rate, and the rate."""
+def _on_their_way(session: SimulationSession) -> str:
+    """Return a text about the commands that approach their goals at a limited rate, and about the rate."""
     slew, present = session.stepper.slew, session.simulation.commands
     goals = ", ".join(f"{name} at {present[name]:.4g} of {goal:.4g}" for name, goal in slew.goals.items())
     if slew.stopped:
-        return f"{goals}; no step farther converges within the deadline: command less, or allow more time"
+        return f"{goals}; no further step converges within the deadline; remedy: smaller commands, or a longer deadline"
     return f"{goals}; slowed down to {100.0 * slew.share:.3g} % of the range in slew_time, so that steps converge"
 
 
-def _work(session: NodeSession) -> dict[str, object]:
+def _work(session: SimulationSession) -> dict[str, object]:
     """Return a description of the present task if it takes long."""
     stepper, walk = session.stepper, session.walk
     work, rounds = stepper.work, stepper.rounds
@@ -179,7 +180,7 @@ def _work(session: NodeSession) -> dict[str, object]:
     return {"working on": f"~/step: {walk}"} if walk is not None and walk.going else {}
 
 
-def _solver(session: NodeSession, last: _Mark, mark: _Mark) -> _Part:
+def _solver(session: SimulationSession, last: _Mark, mark: _Mark) -> _Part:
     steps = mark.steps - last.steps
     values: dict[str, object] = {"steps": mark.steps, "steps failed": session.stepper.failures}
     if steps > 0:
@@ -204,7 +205,7 @@ def _solver(session: NodeSession, last: _Mark, mark: _Mark) -> _Part:
     return _Part(values, _WARN, f"not converged: {result.message or 'no step was solved there'}")
 
 
-def _recording(session: NodeSession) -> _Part:
+def _recording(session: SimulationSession) -> _Part:
     if session.bags.recorder is None:
         return _Part({}, _OK, "no bag")
     status = session.bags.recorder.status
@@ -221,7 +222,7 @@ def _recording(session: NodeSession) -> _Part:
     return _Part(values, _OK, "recording" if session.bags.active else "finished")
 
 
-def _clock(session: NodeSession, last: _Mark, mark: _Mark) -> _Part:
+def _clock(session: SimulationSession, last: _Mark, mark: _Mark) -> _Part:
     """Return the status of the pace; rates are over the time since the last report."""
     span, steps = max(mark.wall - last.wall, 1e-9), mark.steps - last.steps
     values: dict[str, object] = {
@@ -241,16 +242,16 @@ def _clock(session: NodeSession, last: _Mark, mark: _Mark) -> _Part:
     return _Part(values, _OK, str(values["clock"]))
 
 
-def _figures(session: NodeSession, last: _Mark, mark: _Mark) -> dict[str, str]:
+def _figures(session: SimulationSession, last: _Mark, mark: _Mark) -> dict[str, str]:
     """Return the requested rate, the achieved rate, and the delay per step.
 
-    Under the wall clock the achieved rate is that of steps in succession: an idle node makes none.
+    Under the wall clock the achieved rate of n steps is n / (n / rate + delay), so that idle time does not reduce it.
     """
     steps, late, span = max(0, mark.steps - last.steps), mark.late - last.late, max(mark.wall - last.wall, 1e-9)
     timing = session.run.timing()
     if session.mode is not ClockMode.WALL:
         asked = {
-            ClockMode.FAST: "as fast as it goes",
+            ClockMode.FAST: "as fast as possible",
             ClockMode.LOCKSTEP: "one step for each command set",
             ClockMode.EXTERNAL: f"{1.0 / timing.dt:.4g} a second of /clock",
         }

@@ -29,7 +29,7 @@ class CommandAssembler:
     A pose ends the velocity of its handle; a command of an actuator ends the trajectory of that actuator only.
 
     Args:
-        run: the run that is commanded.
+        run: owner of the commanded simulation.
     """
 
     def __init__(self, run: Host) -> None:
@@ -48,7 +48,7 @@ class CommandAssembler:
         self._resting = replace(resting, bodies={**resting.bodies, **bodies})
 
     def rest(self) -> None:
-        """Drop every velocity and trajectory; the next command goes back to rest, except for new orders."""
+        """Drop every velocity and trajectory; the next command is the rest command, changed only by new orders."""
         self.clear()
         self._resting = self._run.simulation.rest_command()
 
@@ -61,7 +61,7 @@ class CommandAssembler:
         """Return the command of a step.
 
         Args:
-            orders: new ones.
+            orders: orders since the last step.
             time: simulation time at the end of the step [s].
             dt: time over which velocities act [s].
         """
@@ -106,11 +106,14 @@ class CommandAssembler:
         )
 
     def _target(self, name: str, poses: Mapping[str, Pose]) -> Pose:
-        """Return the target of a handle before an order: the one of this step, or else the present one."""
+        """Return the target of a handle before an order: one ordered earlier in this step, else the present one."""
         return poses.get(name) or self._run.simulation.targets[name]
 
     def _moved(self, dt: float, last: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Return the targets moved by velocities. Each acts for its timeout, even if a body in motion lags behind."""
+        """Return the targets that velocities move by ``dt`` [s]; each velocity acts for the parameter's timeout.
+
+        A target moves even if the body lags behind it.
+        """
         poses = {}
         for name, (twist, left) in list(self._twists.items()):
             if twist.still or left - dt < -1e-9:
@@ -128,7 +131,7 @@ class CommandAssembler:
         return poses
 
     def _followed(self, time: float) -> dict[str, float]:
-        """Return the commands of the trajectories; a finished trajectory gives its last command once."""
+        """Return the commands of the trajectories at a time [s]; a finished one gives its last command once."""
         begun = {name: course for name, course in self._courses.items() if time >= course.start}
         for name, course in begun.items():
             if time - course.start >= course.order.times[-1]:
@@ -143,8 +146,8 @@ class _Course:
     Attributes:
         start: simulation time of its time 0 [s].
         before: command at that time.
-        rate: velocity of a joint at that time, 0 of others.
-        order: that commands it alone.
+        rate: velocity of a joint at that time; 0 for actuators and loads.
+        order: the part of the trajectory that commands this name.
     """
 
     start: float
@@ -153,5 +156,5 @@ class _Course:
     order: TrajectoryOrder
 
     def at(self, time: float) -> float:
-        """Return the interpolated command; before the first point, interpolated from the command at the start."""
+        """Return the command interpolated at a time [s]; before the first point, from the command at the start."""
         return float(self.order.at(time - self.start, np.array([self.before]), np.array([self.rate]))[0])

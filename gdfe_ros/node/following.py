@@ -20,7 +20,7 @@ from gdfe_ros.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Leader:
-    """The leader of a handle: a topic or a frame; the other is empty."""
+    """The leader of a handle, which is a topic or a frame; the other attribute is empty."""
 
     handle: Handle
     topic: str = ""
@@ -36,15 +36,16 @@ class Leader:
 
 
 def leaders_of(entries: Iterable[str], scene: Scene, *, listening: bool) -> dict[str, Leader]:
-    """Return the leaders in the parameter ``follow``, by handle or obstacle.
+    """Return the leaders in the parameter ``follow``, by name of the handle or obstacle.
 
     Args:
-        entries: of the parameter.
-        scene: its handles and obstacles follow.
+        entries: entries of the parameter.
+        scene: scene with the handles and obstacles.
         listening: whether /tf is available.
 
     Raises:
-        GdfeError: an entry is malformed, names nothing movable, or a frame although tf2_msgs is not installed.
+        GdfeError: an entry is malformed, names no movable handle or obstacle, names one a second time, or names a
+            frame while tf2_msgs is not installed.
     """
     handles, found = {handle.name: handle for handle in scene.handles}, {}
     for entry in entries:
@@ -79,7 +80,7 @@ def refuse_followed(message: object, leader: Leader) -> PoseOrder:
 
 
 def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames: Frames) -> PoseOrder:
-    """Return the order for a handle by a message on its leader's topic; ``size`` is that of the body [m].
+    """Return the order for a handle from a message on its leader's topic; ``size`` is that of the body [m].
 
     Raises:
         Refusal: no transforms lead to the header's frame, a number is not finite, the quaternion is not of unit
@@ -92,14 +93,14 @@ def followed_order(message: PoseStamped, leader: Leader, *, size: float, frames:
 
 
 class Followers:
-    """Moves handles with their frames on /tf.
+    """Commands handles that follow a frame on /tf.
 
     Args:
-        leaders: frames, of the handles.
-        size: of the body [m].
-        frames: finds them.
-        put: receives an order of an input.
-        refuse: receives the refusal of one.
+        leaders: leaders that are frames.
+        size: size of the body [m].
+        frames: provides the places of the frames.
+        put: receives the key of an input and its order.
+        refuse: receives the key of an input and the refusal of its order.
     """
 
     def __init__(

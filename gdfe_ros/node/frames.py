@@ -23,13 +23,13 @@ from gdfe_ros.solver.motion.imu import ImuReading
 class Frames:
     """The frames of a body, and transforms from other frames to them.
 
-    All except the node's own begin with the part of its name before the last slash, so that frames of several robots
-    differ: ``left/base_link`` has the handle ``left/tip``.
+    The name of every frame begins with the part of ``frame_id`` before its last slash, so that frames of several robots
+    differ: with ``left/base_link`` the handle ``tip`` has the frame ``left/tip``.
 
     Args:
         frame_id: the node's own frame, that of the rest shape.
-        scene: of the body; None if only names are needed.
-        transforms: of other frames; None: none are known.
+        scene: scene of the body; None if only names are needed.
+        transforms: transforms of other frames; None: none are known.
 
     Attributes:
         frame_id: as given.
@@ -44,11 +44,11 @@ class Frames:
         self.poses: Callable[[], Mapping[str, Pose]] = dict
 
     def rest(self, handle: str) -> str:
-        """Return the name of the frame at the rest centre of a handle or obstacle, of its pose and target."""
+        """Return the name of the frame at the rest centre of a handle or obstacle: the frame of its pose and target."""
         return f"{self._prefix}{handle}_rest"
 
     def centre(self, handle: str) -> str:
-        """Return the name of the frame at the present centre of a handle, with the node's axes: that of its wrench."""
+        """Return the name of the frame of a handle's wrench: at its present centre, with the node's axes."""
         return f"{self._prefix}{handle}_centre"
 
     def handle(self, handle: str) -> str:
@@ -100,10 +100,10 @@ class Frames:
         """Return the places of the moving frames.
 
         Args:
-            poses: of handles and obstacles, relative to rest.
-            probes: of the material points.
-            units: readings of the inertial units at these; empty without dynamics.
-            positions: of the vertices (n, 3) [m].
+            poses: poses of handles and obstacles, relative to rest.
+            probes: poses of the material points.
+            units: readings of the inertial units at the material points; empty without dynamics.
+            positions: positions of the vertices (n, 3) [m].
             links: frames of the links of arms.
         """
         found = []
@@ -117,16 +117,16 @@ class Frames:
         return found + [Placement(frame.origin, Rotation.from_matrix(frame.axes)) for frame in links.values()]
 
     def place(self, frame: str) -> Placement | None:
-        """Return the place of any frame in the node's; None if no transforms lead there."""
+        """Return the place of any frame in the node's frame; None if no transforms connect them."""
         if frame in ("", self.frame_id):
             return Placement()
         return self.transforms and self.transforms.find(frame, self.frame_id, self._own())
 
     def relative(self, frame: str, handle: str) -> Placement | None:
-        """Return the place of a command's frame in a handle's rest frame; None if it is the same, or an alias.
+        """Return the place of a command's frame in a handle's rest frame; None if a command needs no transform.
 
         Raises:
-            Refusal: no transforms lead there.
+            Refusal: no transforms connect the two frames.
         """
         rest = self.rest(handle)
         if frame in ("", self.frame_id, rest):
@@ -147,7 +147,7 @@ class Frames:
         return found
 
     def _own(self) -> dict[str, tuple[str, Placement]]:
-        """Return the frames that the node computes itself; those of handles rotate as their vertices did."""
+        """Return the frames that the node computes itself; a handle's frame has the rotation that fits its vertices."""
         now, poses = self.positions(), self.poses()
         own = {name: (self.frame_id, place) for name, place in self.rests().items()}
         for handle in self._framed:

@@ -24,10 +24,10 @@ class Freshness:
         """Check a stamp and store it.
 
         Args:
-            sources: the commanded items, with their topic.
-            stamp: of the command.
+            sources: the commanded items, each with its topic.
+            stamp: stamp of the command.
             now: time on the clock of the stamps [ns].
-            max_age: of a command [s]; 0: any.
+            max_age: largest age of a command [s]; 0: no limit.
             max_lead: how far ahead a stamp may be [s].
 
         Raises:

@@ -15,9 +15,9 @@ from gdfe_ros.node.orders import FARTHEST, PoseOrder, TeleportOrder, TwistOrder,
 from gdfe_ros.node.refusals import Reason, Refusal
 
 UNIT_SLACK = 1e-3
-"""Largest difference of a quaternion's length from 1."""
+"""Largest allowed difference of a quaternion's length from 1."""
 FASTEST_TURN = 1e3
-"""Fastest turn [rad/s]."""
+"""Largest allowed angular velocity [rad/s]."""
 Vector, Quaternion = tuple[float, float, float], tuple[float, float, float, float]
 
 
@@ -25,10 +25,10 @@ def pose_order(message: PoseStamped, handle: Handle, *, size: float, frames: Fra
     """Return the order of a target message.
 
     Args:
-        message: of the handle.
+        message: target pose.
         handle: the commanded handle.
-        size: of the body [m].
-        frames: of the body; a target in another frame is a place for the handle's own frame.
+        size: size of the body [m].
+        frames: frames of the body; a target in any other frame is the pose of the handle's own frame in it.
 
     Raises:
         Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, the quaternion
@@ -51,7 +51,7 @@ def placed_order(handle: Handle, place: Placement, *, size: float, frames: Frame
     """Return the order that moves a handle to a place in the node's frame; ``size`` is that of the body [m].
 
     Raises:
-        Refusal: it is farther away than ten times the body's size.
+        Refusal: the place is farther from rest than ten times the body's size.
     """
     rest = frames.rests()[frames.rest(handle.name)]
     return PoseOrder(handle.name, *_near(rest.inverse() @ place, size))
@@ -82,13 +82,13 @@ def _checked(pose: PoseMessage) -> tuple[Vector, Quaternion]:
 
 
 def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: Frames) -> TwistOrder:
-    """Return the order of a velocity message; only the axes of the header's frame count.
+    """Return the order of a velocity message, whose vectors are in the axes of the header's frame.
 
     Arguments are as for ``pose_order``.
 
     Raises:
-        Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, or the velocity
-            is out of all proportion.
+        Refusal: the handle is fixed, no transforms lead to the header's frame, a number is not finite, the velocity
+            exceeds ten body sizes a second, or the angular velocity exceeds `FASTEST_TURN`.
     """
     _require_movable(handle)
     place = frames.relative(message.header.frame_id, handle.name)
@@ -106,7 +106,7 @@ def twist_order(message: TwistStamped, handle: Handle, *, size: float, frames: F
 
 
 def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) -> tuple[Vector, Quaternion]:
-    """Return translation from rest and quaternion of a message; exactly its own if its frame is the rest frame."""
+    """Return translation from rest and quaternion of a message, bitwise those of the message without a transform."""
     place = frames.relative(message.header.frame_id, handle.name)
     if place is not None:
         return _near(place @ require_pose(message.pose), size)
@@ -116,7 +116,7 @@ def _given(message: PoseStamped, handle: Handle, size: float, frames: Frames) ->
 
 
 def _near(place: Placement, size: float) -> tuple[Vector, Quaternion]:
-    """Return translation and quaternion of a place relative to rest, if it is within reach."""
+    """Return translation and quaternion of a place relative to rest; raise a ``Refusal`` if it is too far away."""
     translation = tuple(place.origin.tolist())
     require_near(translation, size)
     return translation, tuple(place.turn.as_quat().tolist())

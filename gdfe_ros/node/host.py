@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interface of the owner of a simulation to the stepper and the drive: the node's run, or a live view's."""
+"""Interface of the owner of a simulation, a node's run or a live session, for the stepper and the drive."""
 
 from __future__ import annotations
 

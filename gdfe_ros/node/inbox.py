@@ -16,9 +16,9 @@ _LIMIT = 10_000
 class Inbox:
     """Commands that wait for their step.
 
-    In lockstep none is dropped: those of one input are queued in the order received, and a step consumes one of each
-    (or, without a command set, one). Under the other clocks the latest command of each handle and of each actuator
-    counts, whatever its sender and topic.
+    In lockstep no command is dropped: the commands of each input are queued in the order received, and a step consumes
+    one command of each input, or a single command without a command set. Under the other clocks only the latest
+    command of each handle and of each actuator is kept, whatever its sender and topic.
 
     Args:
         changed: notified when a command arrives; its lock guards the inbox.
@@ -58,7 +58,7 @@ class Inbox:
         self._count += 1
 
     def ready(self) -> bool:
-        """Return whether a step has something to consume: in lockstep, a whole command set. Needs the lock."""
+        """Return whether commands for a step have arrived, in lockstep a whole command set. Needs the lock."""
         if self._queued and self._set:
             return not self.missing()
         return self._count > 0 or bool(self._latest)
@@ -79,7 +79,7 @@ class Inbox:
         return [queue.popleft()[1] for queue in queues]
 
     def clear(self) -> None:
-        """Drop everything, e.g. at a reset."""
+        """Drop all waiting commands, e.g. at a reset."""
         with self._changed:
             self._waiting.clear()
             self._latest.clear()

@@ -60,12 +60,12 @@ class Inputs:
 
     Args:
         run: the run that is commanded.
-        leaders: of followers, by handle or obstacle.
+        leaders: leader of each follower, by name of the handle or obstacle.
 
     Attributes:
         inbox: receives the commands; None while the node is not active.
-        recorder: of the bag in progress, or None.
-        freshness: of the commands' stamps.
+        recorder: recorder of the bag in progress, or None.
+        freshness: check of the commands' stamps.
     """
 
     def __init__(self, run: Run, leaders: Mapping[str, Leader]) -> None:
@@ -87,12 +87,12 @@ class Inputs:
         return [*self._inputs, *(leader.key for leader in self._leaders.values() if leader.frame)]
 
     def led(self) -> dict[str, str]:
-        """Return the leaders of handles and obstacles by name, and whether they were heard."""
+        """Return a text about each follower's leader, by follower; it tells whether the leader was heard."""
         leaders = self._leaders.items()
         return {name: f"{each}{'' if each.key in self._heard else ', not heard yet'}" for name, each in leaders}
 
     def unheard(self) -> list[str]:
-        """Return inputs with best-effort publishers, whose commands never arrive: the node requires reliable ones."""
+        """Return a text about each topic with best-effort publishers, whose commands do not reach the node."""
         found = []
         for topic in sorted(self._unheard):
             publishers = self._run.node.get_publishers_info_by_topic(topic)
@@ -167,7 +167,7 @@ class Inputs:
         kind = interface_class(item.spec.type)
         receive = partial(self._receive, item, topic, kind)
         node = self._run.node
-        tell = node.guarded(lambda status: self._unheard.add(topic), f"who publishes on {topic}")
+        tell = node.guarded(lambda status: self._unheard.add(topic), f"publisher events of {topic}")
         events = SubscriptionEventCallbacks(incompatible_qos=tell)
         profile = qos_profile(item.spec.delivery)
         return node.create_subscription(kind, topic, receive, profile, raw=True, event_callbacks=events)
@@ -187,8 +187,8 @@ class Inputs:
             raise Refusal(Reason.INACTIVE, "the node is not active; it takes commands after `activate`")
         try:
             message = deserialize_message(data, kind)
-        except Exception as error:  # the exceptions of rclpy are not documented here
-            raise Refusal(Reason.MALFORMED, f"the bytes are no {item.spec.type}: {error!r}") from error
+        except Exception as error:  # rclpy does not document the exceptions
+            raise Refusal(Reason.MALFORMED, f"the bytes are not a valid {item.spec.type}: {error!r}") from error
         order = item.check(message)
         if item.stamped:
             run, values = self._run, self._run.parameters
@@ -211,9 +211,9 @@ class Inputs:
 
 
 def _inputs(run: Run, leaders: Mapping[str, Leader]) -> Iterator[Input]:
-    """Yield the inputs of a scene, also of fixed handles and followers, which refuse commands with a reason."""
+    """Yield the inputs of a scene, including those of fixed handles and followers, which refuse all commands."""
     scene, frames, size = run.scene, run.frames, run.scene.mesh.size
-    # First, so that in lockstep a body teleported before a command set is complete is teleported in its step.
+    # First: in lockstep, a teleport that arrives before the command set is complete belongs to the same step.
     for handle in scene.handles:
         if spec := topics.MOVED[handle.section].put:
             topic = spec.name.format(**{handle.noun: handle.name})

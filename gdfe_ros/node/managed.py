@@ -28,7 +28,7 @@ _PRIMARY = ("unconfigured", "inactive", "active")
 
 
 class Faults:
-    """Counts exceptions in callbacks, and logs each place's with its cause at most once in five seconds.
+    """Counts exceptions in callbacks, and logs those of each place, with traceback, at most once in five seconds.
 
     Args:
         log: receives the text of an error.
@@ -103,7 +103,7 @@ class ManagedNode(LifecycleNode):
         return super().create_subscription(msg_type, topic, guarded, *more, **options)
 
     def destroy_later(self, subscription: Subscription) -> None:
-        """Destroy a subscription in a later cycle of the executor than publishers that are destroyed now.
+        """Destroy a subscription in a later cycle of the executor, after the publishers that are destroyed now.
 
         If it is matched with its own node's publisher, its end is an event of that publisher. If EventsExecutor removes
         both in one cycle, it frees that event without holding Python's lock, and the process dies by SIGSEGV.
@@ -157,7 +157,7 @@ class ManagedNode(LifecycleNode):
         return outliving
 
     def _shield(self, service: Service) -> None:
-        """Make a service answer exceptions of its callback, and send a later response when it is complete."""
+        """Make a service answer a failure if its callback raises, and send a ``Future`` response once it is set."""
         callback, send, place = service.callback, service.send_response, f"the service {service.srv_name}"
 
         def answer(request: Any, response: Any) -> Any:
@@ -223,7 +223,7 @@ class ManagedNode(LifecycleNode):
         return answer
 
     def _conclude(self, code: TransitionCallbackReturn, before: LifecycleState) -> TransitionCallbackReturn:
-        """End a transition, as rclpy does."""
+        """End a transition, as rclpy does, and return its code."""
         self._state_machine.trigger_transition_by_label(code.to_label(), True)
         if code is TransitionCallbackReturn.ERROR:
             self._state_machine.trigger_transition_by_label(self.on_error(before).to_label(), True)
@@ -251,7 +251,7 @@ class ManagedNode(LifecycleNode):
 
 
 def _failure(request: Any, response: Any, text: str) -> Any:
-    """Put the reason of a failure into any suitable field of a response."""
+    """Put the reason of a failure into every suitable field of a response, and return the response."""
     refused = SetParametersResult(successful=False, reason=text)
     if hasattr(response, "message"):
         response.message = text

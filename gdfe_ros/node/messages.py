@@ -111,7 +111,7 @@ def wrench_stamped(head: Header, reaction: NDArray[np.float64]) -> WrenchStamped
 
 
 def imu(head: Header, reading: ImuReading) -> Imu:
-    """Return the message of an inertial unit's reading; covariances of zeros only mean that they are unknown."""
+    """Return the message of an inertial unit's reading; all covariances are 0, which means unknown."""
     x, y, z, w = map(float, reading.orientation.as_quat())
     turn, felt = (map(float, each) for each in (reading.angular_velocity, reading.linear_acceleration))
     return Imu(
@@ -146,7 +146,7 @@ class ActuatorStates:
         self._last: tuple[float, NDArray[np.float64]] | None = None
 
     def message(self, head: Header, step: Step) -> JointState:
-        """Return the states of a step; velocities are over the time since the last call, 0 if none has passed."""
+        """Return the states of a step; actuators' velocities are averages since the last call, 0 if no time passed."""
         states = step.actuators.values()
         positions = self._readings.positions(step.actuators)
         velocities = np.zeros(len(positions))

@@ -24,7 +24,7 @@ class Moduli:
     Args:
         node: declares them.
         scene: with the materials.
-        bags: while one is written, no modulus can be changed, because a replay could not follow.
+        bags: while a bag is written, no modulus can be changed, because a replay could not repeat the change.
         changed: called with the new moduli [Pa] by material after a change.
     """
 
@@ -76,7 +76,8 @@ def given_moduli(node: LifecycleNode, scene: Scene) -> dict[str, float]:
     """
     given = {}
     for name in _materials(scene):
-        # Declared without a range, because rclpy's refusal does not name the allowed values. No value: none was given.
+        # Declared without a range, because rclpy's refusal does not name the allowed values. The value is None if the
+        # parameter was not given.
         value = node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True)).value
         node.undeclare_parameter(name)
         if value is not None:

@@ -9,7 +9,7 @@ from gdfe_ros.node.refusals import Reason, Refusal
 
 
 def require_finite(**vectors: tuple[float, ...]) -> None:
-    """Raise a `Refusal` that shows all vectors by name if a number of one is not finite."""
+    """Raise a `Refusal` that shows all vectors by name if any number in them is not finite."""
     if not all(math.isfinite(value) for vector in vectors.values() for value in vector):
         given = " and ".join(f"{name} {vector}" for name, vector in vectors.items())
         raise Refusal(Reason.NOT_FINITE, f"{given} must be finite numbers")

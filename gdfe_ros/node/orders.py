@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checked commands that wait for the step that consumes them.
+"""Orders: checked commands that wait for the step that consumes them.
 
 The method ``without`` returns the part of an order that remains valid after a later order, or None. Orders of different
 handles or actuators do not affect each other.
@@ -109,7 +109,7 @@ class ActuatorOrder:
     values: Mapping[str, float]
 
     def without(self, later: Order) -> ActuatorOrder | None:
-        """Return the commands that a later order does not replace; a trajectory begins at commands before it."""
+        """Return the commands that a later order does not replace; a trajectory replaces none, but starts from them."""
         if not isinstance(later, ActuatorOrder):
             return self
         values = {name: value for name, value in self.values.items() if name not in later.values}
@@ -121,12 +121,12 @@ class TrajectoryOrder:
     """Commands of actuators, loads and joints over time; without points they stay constant.
 
     Attributes:
-        names: of the actuators and loads.
-        start: simulation time of the time 0 [s]; None: the step that consumes it.
-        times: (k,) ascending, from the start [s].
-        values: (k, len(names)) in the units of the modes.
-        slopes: (k, len(names)) their velocities, for cubics between the points; None: linear.
-        bends: (k, len(names)) their accelerations, for quintics; None: cubics or linear.
+        names: names of the actuators, loads and joints.
+        start: simulation time at which it starts [s]; None: that of the step that consumes it.
+        times: (k,) ascending times after the start [s].
+        values: (k, len(names)) commands in the units of the modes.
+        slopes: (k, len(names)) velocities of the commands, for cubics between the points; None: linear.
+        bends: (k, len(names)) accelerations of the commands, for quintics; None: cubics or linear.
         begun: called with the start [s] and the commands and velocities at that time, once a step has consumed it.
     """
 
@@ -166,12 +166,12 @@ class TrajectoryOrder:
     def at(
         self, elapsed: float, before: NDArray[np.float64], rates: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Return the commands (k,) at a time [s] after the start.
+        """Return the commands (len(names),) at a time after the start.
 
         Args:
-            elapsed: the time.
-            before: commands (k,) at the start, from which the first point is approached.
-            rates: velocities (k,) at the start; None: at rest. They count for cubics and quintics.
+            elapsed: time since the start [s].
+            before: commands (len(names),) at the start, from which the first point is approached.
+            rates: velocities (len(names),) at the start, used by cubics and quintics; None: 0.
         """
         times, tables = self.times, [self.values, self.slopes, self.bends]
         if times[0] > 0.0:
@@ -188,10 +188,10 @@ Order = PoseOrder | TwistOrder | TeleportOrder | ActuatorOrder | TrajectoryOrder
 
 
 def require_near(translation: tuple[float, float, float], size: float) -> None:
-    """Raise an error unless a target is within reach of a body of this size [m].
+    """Check that a target is not too far from rest for a body of this size [m].
 
     Raises:
-        Refusal: it is not.
+        Refusal: the distance exceeds `FARTHEST` times the size.
     """
     distance = math.hypot(*translation)
     if not distance <= FARTHEST * size:

@@ -88,7 +88,7 @@ class TopicOutputs:
 
     def demand(self) -> Demand:
         """Return the outputs that are wanted from the next step."""
-        # Each channel is asked at most once: a count of subscribers is a call into the middleware.
+        # Each channel is asked at most once, because counting subscribers is a call into the middleware.
         fields = self._strain.wanted or self._marker_due()
         frames = self._tf is not None and self._tf.wanted
         poses = frames or _any_wanted(self._turning)
@@ -108,12 +108,12 @@ class TopicOutputs:
         return any([channel.missed() for channel in self.channels])
 
     def attach(self, recorder: Recorder | None) -> None:
-        """Record every topic that bags contain from now on; with None, no topic."""
+        """Record, from now on, every topic that bags contain; with None, end the recording."""
         for channel in self.channels:
             channel.recorder = recorder if channel.recorded else None
 
     def publish_scene(self, log_time: int) -> None:
-        """Publish the latched topics; ``log_time`` is for the bag [ns]."""
+        """Publish the latched topics; ``log_time`` is their log time in the bag [ns]."""
         self._topology.send(messages.topology(self._run.scene.mesh.cells), log_time)
         self._scene_text.send(String(data=self._run.scene.source), log_time)
         self._contacts.publish_names(log_time)

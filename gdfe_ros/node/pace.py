@@ -46,7 +46,7 @@ class Pace(Protocol):
         overruns: steps that should have begun while an earlier one was still running.
         late: total delay of the ends of steps [s].
         moment: time on an external clock at the end of the step that began last [ns]; 0 without such a clock.
-        behind: how far the external clock is ahead of it [s]; 0 without one.
+        behind: lead of the external clock over ``moment`` [s]; 0 without such a clock.
     """
 
     overruns: int
@@ -55,7 +55,12 @@ class Pace(Protocol):
     behind: float
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Return the wall time to wait [s]: 0 to step now, None to wait for an event."""
+        """Return the wall time to wait [s]: 0 to step now, None to wait for an event.
+
+        Args:
+            pending: whether orders for a step are waiting.
+            settled: whether the state stays constant without new orders.
+        """
 
     def begin(self) -> float:
         """Record that a step begins now and return the simulation time that it covers [s]."""
@@ -73,9 +78,9 @@ class _OwnPace:
 class WallPace(_OwnPace):
     """Steps at a rate of wall time; while idle, only heartbeats.
 
-    A pause of n periods becomes one step of n dt, so that simulation time keeps up with wall time. A step that takes
-    longer than its period is late, whatever comes after it: the missed periods are overruns, and simulation
-    time falls behind by them.
+    An idle time of n periods becomes one step of n dt, so that simulation time keeps up with wall time. A step that
+    ends one or more periods too late is an overrun of so many periods, even if the node is idle after it; simulation
+    time then stays behind by the missed periods.
 
     Args:
         timing: returns the present values.
@@ -188,7 +193,7 @@ class ExternalPace:
     Args:
         timing: returns the present values.
         now: returns the time of the clock [ns]; 0 before it is known.
-        tell: receives the text about a jump.
+        tell: receives a message about each jump of the clock.
     """
 
     def __init__(
@@ -202,16 +207,16 @@ class ExternalPace:
 
     @property
     def behind(self) -> float:
-        """How far the clock is ahead of the end of the step that began last [s]."""
+        """Lead of the clock over the end of the step that began last [s]."""
         return 1e-9 * max(0, self._now() - self.moment - self._leapt) if self.moment else 0.0
 
     def jumped(self, ahead: int) -> None:
-        """Record a jump of the clock ahead [ns]; called in any thread."""
+        """Record that the clock jumped ahead by this time [ns]; safe from any thread."""
         if ahead > round(1e9 * FARTHEST_JUMP) and self.moment:
             self._leapt += ahead
 
     def delay(self, *, pending: bool, settled: bool) -> float | None:
-        """Return 0 if a dt, or the heartbeat while idle, is due; else None to wait for the clock."""
+        """Return 0 if a step of dt, or while idle a heartbeat, is due; else None, to wait for the clock."""
         timing, due = self._timing(), self._due()
         if pending or not settled or timing.ticking:
             return 0.0 if due else None
@@ -233,7 +238,7 @@ class ExternalPace:
         self.moment, self._leapt = self._now(), 0
 
     def _due(self) -> int:
-        """Return the number of whole dt that the clock is ahead."""
+        """Return the number of whole dt by which the clock is ahead of the steps; adopt its time after a jump."""
         now = self._now()
         back = now < self.moment - round(1e9 * self._timing().dt)
         if self.moment and (back or self._leapt):

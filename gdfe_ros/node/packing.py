@@ -39,7 +39,7 @@ class Template:
     """The serialised bytes of a message with a header.
 
     Args:
-        message: of the final size, with marker values where numbers will be written.
+        message: message of the final size, with marker values where numbers will be written.
     """
 
     def __init__(self, message: Any) -> None:
@@ -102,8 +102,8 @@ class StrainPacker:
     """Packs element fields into messages as by ``messages.strain_cloud``.
 
     Args:
-        fields: any of the body.
-        frame_id: of the centroids' coordinates.
+        fields: element fields of the body in any state.
+        frame_id: frame of the centroids' coordinates.
     """
 
     def __init__(self, fields: ElementFields, frame_id: str) -> None:

@@ -93,7 +93,7 @@ class NodeParameters:
 
 
 def require_allowed(spec: ParameterSpec, value: Any) -> None:
-    """Check choices and doubles, which rclpy does not; doubles may also be given as integers (rate:=100).
+    """Check choices and doubles, which rclpy does not check; doubles may also be given as integers (rate:=100).
 
     Raises:
         GdfeError: the value is not allowed.

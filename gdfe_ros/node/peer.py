@@ -47,7 +47,7 @@ class Peer:
 
         Args:
             topic: its name; its type comes from the subscribers.
-            values: fields of the message, as of `fill`.
+            values: fields of the message, as for `fill`.
 
         Raises:
             GdfeError: no node subscribes, a field is wrong, or a subscriber does not acknowledge.
@@ -79,7 +79,7 @@ class Peer:
         self._node.create_subscription(kind, topic, received.append, matching_qos(others, offered=False))
         self._wait(lambda: received, patience)
         self._wait(lambda: False, SETTLING)
-        del received[:-1]  # a late subscriber receives the last ten; the latest one is requested
+        del received[:-1]  # a late subscriber receives the last ten, but the caller wants the latest only
         while self._wait(lambda: received, patience):
             yield received.pop(0)
         raise GdfeError(f"no message on {topic} within {patience:g} s")
@@ -89,7 +89,7 @@ class Peer:
 
         Args:
             service: its name.
-            values: fields of the request, as of `fill`.
+            values: fields of the request, as for `fill`.
             patience: longest wait for the response [s].
 
         Raises:
@@ -119,11 +119,11 @@ class Peer:
         return found
 
     def _discover(self, look: Callable[[], Any], names: Callable[[], list[str]]) -> Any:
-        """Return what ``look`` finds in the graph; nothing if the graph is known and lacks it, or if patience is over.
+        """Return the entry that ``look`` finds in the graph; an empty value if a known graph does not have it.
 
         Args:
-            look: returns an entry of the graph, nothing as long as it is not discovered.
-            names: returns all names of its kind that other nodes have, as far as they are discovered.
+            look: returns an entry of the graph, or an empty value until it is discovered.
+            names: returns the discovered names of this kind that other nodes have.
         """
         known, since = list[str](), time.monotonic()
 
@@ -144,7 +144,7 @@ class Peer:
         Args:
             topic: its full name.
             look: returns the endpoints of a topic in the graph.
-            whose: verb for the error, e.g. ``publishes``.
+            whose: verb of the endpoints' nodes for the error, e.g. ``publishes``.
 
         Raises:
             GdfeError: there is no endpoint.
@@ -182,7 +182,7 @@ class Peer:
 
 @contextmanager
 def open_peer() -> Iterator[Peer]:
-    """Yield a peer in a context of its own."""
+    """Yield a peer in a ROS context of its own."""
     context = rclpy.Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     peer = Peer(context)
@@ -199,7 +199,7 @@ def full_name(name: str) -> str:
 
 
 def matching_qos(others: Sequence[TopicEndpointInfo], *, offered: bool) -> QoSProfile:
-    """Return a profile that matches all others: a publisher's if ``offered``, else a subscription's."""
+    """Return a QoS profile compatible with all ``others``: a publisher's if ``offered``, else a subscription's."""
     reliable = [other.qos_profile.reliability == ReliabilityPolicy.RELIABLE for other in others]
     kept = [other.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for other in others]
     enough = any if offered else all

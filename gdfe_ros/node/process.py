@@ -38,9 +38,9 @@ _START_ERRORS = (
 _PLACES = re.compile(r"\s*, at \S+:\d+")
 """Source location in rcl's error messages."""
 _MOST_FAULTS = 1000
-"""Successive exceptions without any work in between after which the executor counts as broken."""
+"""Number of successive exceptions, without other work in between, above which the executor counts as broken."""
 _INSIST = 2.0
-"""Time after the first signal [s] from which on another one ends the process at once."""
+"""Time after the first signal [s] after which another signal ends the process at once."""
 
 
 def make_executor(context: rclpy.Context | None = None) -> Executor:
@@ -155,10 +155,10 @@ def _spin(executor: Executor, nodes: Sequence[Any], stopping: threading.Event) -
 
 
 def _catch_signals(stopping: threading.Event) -> None:
-    """Make SIGINT and SIGTERM set an event; a later signal, if shutdown takes too long, ends the process at once.
+    """Make SIGINT and SIGTERM set an event; a signal more than `_INSIST` later ends the process at once.
 
-    Compilation of kernels or a long solve is not ended immediately. Signals in quick succession count as one: a
-    terminal sends SIGINT to every process of its group, and a launch may send it again.
+    The event does not end a compilation of kernels or a long solve immediately. Signals in quick succession count as
+    one: a terminal sends SIGINT to every process of its group, and a launch may send it again.
     """
     first: list[float] = []
 

@@ -27,12 +27,12 @@ class Code(IntEnum):
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Allowed deviations of the present commands from the trajectory's, by actuator or load; others are not checked.
+    """Allowed deviations of the present commands from those of a trajectory, by name; other names are not checked.
 
     Attributes:
-        path: before the end, in the unit of each mode.
-        goal: at the end.
-        time: after the end within which the goal's are to be met [s].
+        path: deviations before the end, in the unit of each mode.
+        goal: deviations at the end, in the unit of each mode.
+        time: time after the end within which ``goal`` must be met [s].
     """
 
     path: Mapping[str, float]
@@ -44,14 +44,14 @@ class Pursuit:
     """One trajectory in progress.
 
     Args:
-        order: that commands it.
-        tolerances: of it.
-        tell: called after every step with the time since its start [s], the trajectory's and the present commands,
-            (k,) each.
-        finish: called once with its result.
+        order: order of the trajectory.
+        tolerances: allowed deviations from it.
+        tell: called after every step with the time since the start [s], the trajectory's commands (k,) and the present
+            ones (k,).
+        finish: called once with the result and its reason.
 
     Attributes:
-        going: whether it has not ended.
+        going: whether the trajectory has not ended.
     """
 
     def __init__(
@@ -68,18 +68,18 @@ class Pursuit:
         self._lock = threading.Lock()
 
     def begin(self, start: float, before: Collection[float], rates: Collection[float]) -> None:
-        """Record its start [s], and the commands and velocities (k,) at that time."""
+        """Record the start of the trajectory [s], and the commands and velocities (k,) at that time."""
         self._start, self._before, self._rates = start, np.array(before), np.array(rates)
 
     def end(self, code: Code, reason: str) -> None:
-        """End it, unless it has ended already."""
+        """End the trajectory, unless it has ended already."""
         with self._lock:
             going, self.going = self.going, False
         if going:
             self._finish(code, reason)
 
     def displace(self, later: Order) -> None:
-        """End it if a later order commands one of its actuators or loads."""
+        """End the trajectory if a later order commands one of its names."""
         names = later.values if isinstance(later, ActuatorOrder) else getattr(later, "names", ())
         if taken := sorted(set(names) & set(self.order.names)):
             self.end(Code.INVALID_GOAL, f"a later command of {', '.join(taken)} took its place")
@@ -89,7 +89,8 @@ class Pursuit:
 
         Args:
             time: simulation time [s].
-            present: present commands by name, which a rate limit may hold back; of joints their positions.
+            present: commands of actuators and loads in force, which a rate limit may hold back, and positions of
+                joints, by name.
         """
         if not self.going or not len(self._before) or time < self._start:
             return

@@ -28,7 +28,7 @@ _PROFILES = {
 
 
 def qos_profile(delivery: Delivery) -> QoSProfile:
-    """Return the profile of a purpose."""
+    """Return the QoS profile of a delivery."""
     reliability, durability, depth = _PROFILES[delivery]
     return QoSProfile(reliability=reliability, durability=durability, history=HistoryPolicy.KEEP_LAST, depth=depth)
 
@@ -42,8 +42,8 @@ def interface_class(type_name: str) -> type[Any]:
 def installed(type_name: str) -> bool:
     """Return whether the package of a ROS type, ``package/msg/Name``, is installed.
 
-    A folder of that name, e.g. the package's sources in the working directory, does not count, though Python imports
-    it.
+    A folder of that name, e.g. the package's sources in the working directory, does not count, although Python can
+    import it.
     """
     package, kind, _ = type_name.split("/")
     try:

@@ -86,7 +86,7 @@ class RefusalLog:
 
 
 def shortened(text: str) -> str:
-    """Return a text without its middle, because a message may have made it arbitrarily long."""
+    """Return a text, a long one without its middle; parts of a message may make it arbitrarily long."""
     if len(text) <= _LONGEST:
         return text
     half = _LONGEST // 2

@@ -13,7 +13,7 @@ from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.motion.carry import carried
 
 _LONG = 1e9
-"""Duration [s] for which no rate limit restricts a command."""
+"""Duration of a step [s] so long that no rate limit restricts a command."""
 
 
 def moduli_of(scene: Scene) -> dict[str, float]:
@@ -39,7 +39,7 @@ def with_moduli(
     """Return a simulation at the present commands with other moduli; a body with mass continues its motion.
 
     Args:
-        old: stays usable.
+        old: present simulation; it is not changed.
         moduli: Young's modulus [Pa] of each material that changes.
         interrupted: as in ``Simulation.step``, during the solve for the new equilibrium.
     """

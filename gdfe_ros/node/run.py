@@ -29,19 +29,19 @@ class Run:
 
     Args:
         node: owns the topics.
-        parameters: of the node.
+        parameters: parameters of the node.
         simulation: ready to step.
         refusals: counts refused commands.
         ending: set when the process is asked to end; multi-step requests then stop early.
-        transforms: of other frames; None: none are known.
+        transforms: transforms of other frames; None: none are known.
 
     Attributes:
         node: as given, as are ``parameters``, ``refusals`` and ``ending``.
-        simulation: used by the stepper's thread only while active; replaced after a change of moduli.
-        frames: of the body.
+        simulation: while the node is active, used by the stepper's thread only; replaced after a change of moduli.
+        frames: frames of the body.
         last: the last step, or None.
-        log_time: of that step, for the bag [ns]; it never goes back.
-        pace: of the steps; None while not active.
+        log_time: log time of that step for the bag [ns]; it never goes back.
+        pace: pace of the steps; None while not active.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Run:
         return Timing(values["rate"], values["dt"], values["heartbeat"], values["publish_clock"])
 
     def clock(self) -> int:
-        """Return the time on the node's clock [ns]; with ``use_sim_time`` 0 before the first /clock."""
+        """Return the time on the node's clock [ns]; with ``use_sim_time`` it is 0 before the first /clock message."""
         return self.node.get_clock().now().nanoseconds
 
     def now(self) -> int:
@@ -90,7 +90,7 @@ class Run:
 
         Args:
             ending: simulation time at its end [s].
-            early: time from its end to that of an external clock, if one is followed [s].
+            early: time from the end of the step to the present time of an external clock [s], if one is followed.
         """
         if self.parameters["publish_clock"]:
             return to_nanoseconds(ending)
@@ -109,7 +109,7 @@ class Run:
             GdfeError: the clock is not external.
         """
         if not self.node.get_parameter("use_sim_time").value or self.parameters["publish_clock"]:
-            raise GdfeError("clock external follows another's /clock: set use_sim_time true and publish_clock false")
+            raise GdfeError("clock external needs another node's /clock: set use_sim_time true and publish_clock false")
         any_jump = JumpThreshold(
             min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1), on_clock_change=True
         )

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node's services: each is executed between two steps and answers with its outcome.
 
-None blocks the node's other callbacks: an answer that has to wait for a step is sent when it is complete.
+No service blocks the node's other callbacks: an answer that has to wait for a step is sent when it is complete.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.qos import interface_class
-from gdfe_ros.node.session import NodeSession
+from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.recording.step_record import Begin
 
 
@@ -33,7 +33,7 @@ class Services:
     """
 
     def __init__(
-        self, node: ManagedNode, parameters: NodeParameters, session: Callable[[], NodeSession | None]
+        self, node: ManagedNode, parameters: NodeParameters, session: Callable[[], SimulationSession | None]
     ) -> None:
         self._node, self._parameters, self._find = node, parameters, session
         actions = {
@@ -51,13 +51,13 @@ class Services:
         for spec, action in actions.items():
             node.offer(interface_class(spec.type), spec.name, self._answer(spec.name, action))
 
-    def _session(self) -> NodeSession:
+    def _session(self) -> SimulationSession:
         session = self._find()
         if session is None:
             raise GdfeError("the node is unconfigured; call the transition `configure` first")
         return session
 
-    def _active(self) -> NodeSession:
+    def _active(self) -> SimulationSession:
         session = self._session()
         if not session.stepper.running:
             raise GdfeError("the node is not active; call the transition `activate` first")

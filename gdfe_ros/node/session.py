@@ -39,10 +39,10 @@ from gdfe_ros.scene.scene import Scene
 from gdfe_ros.simulation import Simulation
 
 _LATE = 1.0
-"""Lag behind an external clock from which on a warning is logged [s]."""
+"""Lag behind an external clock above which a warning is logged [s]."""
 
 
-class NodeSession:
+class SimulationSession:
     """A configured simulation with its topics; `start` and `stop` serve the transitions activate and deactivate.
 
     Args:
@@ -106,7 +106,8 @@ class NodeSession:
         """Start the threads; the present state is published at once.
 
         Raises:
-            GdfeError: the bag cannot be created, or ``command_set`` names something that cannot be commanded.
+            GdfeError: the bag cannot be created, ``command_set`` names an unknown input, or the external clock is not
+                set up.
         """
         self._telling = False
         self.mode, command_set = ClockMode(self.run.parameters["clock"]), self._command_set()
@@ -117,7 +118,7 @@ class NodeSession:
         pace = self.run.pace = make_pace(self.mode, self.run.timing, self.run.clock, self._warn)
         inbox = Inbox(self.stepper.changed, queued=self.mode is ClockMode.LOCKSTEP, command_set=command_set)
         self.courier = Courier(self.run.node.guarded(self.outputs.publish_step, "publishing a step"))
-        # Before the first state is published, because a client that has received it may command.
+        # Before the first state is published, because a client may send commands as soon as it has received it.
         self.inputs.inbox = inbox
         self.stepper.start(pace, inbox)
         self.inputs.followers.look(anew=True)
@@ -152,15 +153,16 @@ class NodeSession:
             self._tell_again()
 
     def waiting(self) -> str:
-        """Return the inputs that a lockstep step waits for."""
+        """Return a text with the inputs that a lockstep step waits for."""
         with self.stepper.changed:
             missing = self.inputs.inbox.missing() if self.inputs.inbox is not None else []
         return ", ".join(f"~/{key}" for key in missing) or "any command"
 
     def arrived(self) -> bool:
-        """Return whether the last step is within its tolerance, with every handle where it was commanded.
+        """Return whether the last step's error estimate is within the tolerance and every handle is at its target.
 
-        A deadline may cut a solve that has converged but not yet verified it.
+        This can be true although the step is not marked as converged: a deadline may end a solve between its
+        convergence and the check of it.
         """
         result, solver, mesh = self.run.last.result, self.scene.solver, self.scene.mesh
         reach, targets = solver.tolerance * mesh.size, self.simulation.targets
@@ -168,7 +170,7 @@ class NodeSession:
         return result.error_estimate <= solver.tolerance and max(off, default=0.0) <= reach
 
     def interrupt(self, why: str) -> None:
-        """End the steps of a request of ~/step."""
+        """End the request of ~/step in progress, if any."""
         if self.walk is not None:
             self.walk.interrupt(why)
 
@@ -176,16 +178,16 @@ class NodeSession:
         """Resume the stepping.
 
         Raises:
-            GdfeError: steps are being made on request, with which the clock's own would interfere.
+            GdfeError: a request of ~/step is in progress, with which the clock's own steps would interfere.
         """
         if self.walk is not None and self.walk.going:
             raise GdfeError(
-                f"a call is at {self.walk}; cancel it, or end it with ~/pause true or ~/reset, and try again"
+                f"a request has made {self.walk}; cancel it, or end it with ~/pause true or ~/reset, and try again"
             )
         self.stepper.pause(False)
 
     def reset(self) -> None:
-        """Go back, between steps, to rest at time 0; followers go to their leaders."""
+        """Go back to rest at time 0; followers go to their leaders. Called between steps."""
         self.stepper.reset()
         self.inputs.give_up("the simulation was reset")
         self.inputs.freshness.reset()
@@ -193,17 +195,17 @@ class NodeSession:
         self.flush()
 
     def reset_commands(self) -> None:
-        """Go back, between steps, to the commands of rest; followers stay with their leaders."""
+        """Go back to the rest commands; followers stay with their leaders. Called between steps."""
         self.stepper.rest()
         self.inputs.give_up("the commands were reset")
         self.inputs.freshness.reset()
         self.inputs.followers.look(anew=True)
 
     def reset_bodies(self) -> str:
-        """Return every rigid body to its rest pose with the next step, and return a message with their names.
+        """Put every rigid body back to its rest pose with the next step, and return a message with their names.
 
         Raises:
-            GdfeError: the scene has none.
+            GdfeError: the scene has no rigid bodies.
         """
         names = [handle.name for handle in self.scene.handles if isinstance(handle, RigidBody)]
         if not names:
@@ -212,7 +214,7 @@ class NodeSession:
         return f"the next step puts back {', '.join(names)}"
 
     def reset_shape(self) -> None:
-        """Go back, between steps, to the rest shape and the commands of rest; time and rigid bodies stay.
+        """Go back to the rest shape and the rest commands; time and rigid bodies' poses stay. Called between steps.
 
         Raises:
             GdfeError: a bag is being written, or a rigid body overlaps the rest shape.
@@ -233,15 +235,15 @@ class NodeSession:
 
         Args:
             count: number of steps.
-            told: called after each with the number of steps made.
+            told: called after each step with the number of steps made.
 
         Raises:
-            GdfeError: the clock makes steps by itself, or steps are being made on request already.
+            GdfeError: the clock makes steps by itself, or another request is in progress.
         """
         if self.mode is not ClockMode.LOCKSTEP and not self.stepper.paused:
             raise GdfeError(f"clock {self.mode.value} is running; pause it with ~/pause, or use clock lockstep")
         if self.walk is not None and self.walk.going:
-            raise GdfeError(f"a call is at {self.walk}; ~/pause or ~/reset ends it")
+            raise GdfeError(f"a request has made {self.walk}; ~/pause or ~/reset ends it")
         self.walk = Walk(self.run, self.stepper, self.flush, count, told)
         return self.walk.begin()
 
@@ -251,10 +253,10 @@ class NodeSession:
             self.courier.flush()
 
     def record(self, wanted: bool) -> str:
-        """Begin or finish, between steps, a bag while active, and return its path or outcome.
+        """Begin or finish a bag, and return a message with its path or summary. Called between steps, while active.
 
         Raises:
-            GdfeError: it is so already, or the bag cannot be created.
+            GdfeError: a bag is being written already, or none is; it cannot be created; or its recording ended early.
         """
         if wanted == self.bags.active:
             raise GdfeError(f"the node is {'recording' if wanted else 'not recording'} already")
@@ -272,18 +274,18 @@ class NodeSession:
         self.run.node.get_logger().warning(text)
 
     def _look_at_clock(self) -> None:
-        """Warn if the simulation lags far behind an external clock."""
+        """Warn if the simulation is more than `_LATE` behind an external clock."""
         behind = self.run.pace.behind if self.run.pace is not None else 0.0
         if behind > _LATE and (more := self._lateness.due("behind")) is not None:
             text = f"the simulation, at {self.simulation.time:.9g} s, is {behind:.3f} s behind the clock it follows"
             self._warn(f"{text}: its steps take longer than dt{more}")
 
     def _lead(self) -> None:
-        """Move followers to their frames on /tf."""
+        """Command the followers of frames to the present places on /tf."""
         self.inputs.followers.look()
 
     def _begin_bag(self) -> str:
-        """Begin a bag between two steps; unless the state is rest, the bag contains it."""
+        """Begin a bag between two steps and return a message; the bag contains the state, unless that is rest."""
         state = None if self.stepper.begin is Begin.REST else save_state(self.simulation)
         text = self.bags.begin(state=state)
         if state is not None:
@@ -300,7 +302,7 @@ class NodeSession:
         """Publish the present state to new subscribers if no step will do so soon."""
         if self.stepper.running and not self._telling:
             self._telling = True
-            self.stepper.post(self.run.node.guarded(self._deliver_again, "publishing to who came late"))
+            self.stepper.post(self.run.node.guarded(self._deliver_again, "publishing to late subscribers"))
 
     def _deliver_again(self) -> None:
         self._telling = False
@@ -308,14 +310,14 @@ class NodeSession:
         self.courier.put(replace(self.run.last, first=False, again=True, **again))
 
     def _change_moduli(self, moduli: Mapping[str, float]) -> None:
-        """Replace the simulation by one with other moduli at the present commands; a motion continues."""
+        """Replace the simulation by one with other moduli at the present commands; a body in motion keeps moving."""
 
         def swap() -> None:
             self.run.simulation = with_moduli(self.simulation, moduli, interrupted=self.stepper.must_end)
             self.outputs.publish_scene(self.run.log_time)
             self.stepper.resume()
 
-        # Later commands are consumed after the change: the steps wait, the node's other callbacks do not.
+        # Later commands are consumed after the change. The steps wait for it, but the node's other callbacks do not.
         parameters = ", ".join(f"{MODULUS.name.format(material=name)}={young:g}" for name, young in moduli.items())
         what = f"going to the equilibrium with {parameters}"
         self.stepper.post(self.run.node.guarded(swap, "a change of moduli"), what)

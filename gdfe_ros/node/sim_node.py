@@ -22,7 +22,7 @@ from gdfe_ros.node.parameters import NodeParameters
 from gdfe_ros.node.preparation import prepare
 from gdfe_ros.node.refusals import Refusal, RefusalLog
 from gdfe_ros.node.services import Services
-from gdfe_ros.node.session import NodeSession
+from gdfe_ros.node.session import SimulationSession
 from gdfe_ros.node.standard import StandardServices
 from gdfe_ros.node.trajectory_action import TrajectoryAction
 from gdfe_ros.simulation import Simulation
@@ -33,12 +33,12 @@ _DIAGNOSTICS_PERIOD = 1.0
 class SimNode(ManagedNode):
     """A soft-robot simulation on topics.
 
-    Add it to any executor of rclpy; a multi-threaded one runs its callbacks one at a time. ``close`` before
-    ``destroy_node`` finishes a bag.
+    It can be added to any executor of rclpy; a multi-threaded one runs its callbacks one at a time. Call ``close``
+    before ``destroy_node``, to finish a bag.
 
     Args:
         interrupted: set when the process is asked to end, so that a long service stops early.
-        options: of ``rclpy.node.Node``: ``namespace``, ``context``, ``parameter_overrides``, ...
+        options: options of ``rclpy.node.Node``: ``namespace``, ``context``, ``parameter_overrides``, ...
 
     Raises:
         GdfeError: a parameter has a value that is not allowed.
@@ -46,7 +46,7 @@ class SimNode(ManagedNode):
 
     def __init__(self, interrupted: threading.Event | None = None, **options: Any) -> None:
         super().__init__(NODE_NAME, **options)
-        self._session: NodeSession | None = None
+        self._session: SimulationSession | None = None
         self._problem = ""
         self._prepared: Simulation | Exception | None = None
         self._settings = NodeParameters(self)
@@ -78,7 +78,7 @@ class SimNode(ManagedNode):
         return outcome
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop stepping and finish the bag; the state stays."""
+        """Stop stepping and finish the bag; the simulation keeps its state."""
         self._session.stop()
         return super().on_deactivate(state)
 
@@ -123,7 +123,7 @@ class SimNode(ManagedNode):
         prepared, self._prepared = self._prepared or self._try_to_prepare(), None
         if isinstance(prepared, Exception):
             raise prepared
-        self._session = NodeSession(self, self._settings, prepared, self._refusals, ending=self._interrupted)
+        self._session = SimulationSession(self, self._settings, prepared, self._refusals, ending=self._interrupted)
         scene = self._session.scene
         named: dict[str, list[str]] = {"handles": []}
         for handle in scene.handles:
@@ -140,7 +140,7 @@ class SimNode(ManagedNode):
         self.get_logger().info(f"active, clock {self._session.mode.value}; takes commands on {inputs or 'no topic'}")
 
     def _attempt(self, name: str, action: Callable[[], None]) -> TransitionCallbackReturn:
-        """Execute a transition; rclpy swallows exceptions, so they are logged here."""
+        """Execute a transition and return its code; exceptions are logged here, because rclpy does not show them."""
         self._problem = ""
         try:
             action()
@@ -165,7 +165,7 @@ class SimNode(ManagedNode):
     def _activate_after(self, configured: TransitionCallbackReturn) -> None:
         if configured is not TransitionCallbackReturn.SUCCESS:
             self.get_logger().error(
-                "autostart failed; the node stays up, unconfigured. Set the parameters right, then: "
+                "autostart failed; the node keeps running, unconfigured. Correct the parameters, then: "
                 f"ros2 lifecycle set {self.get_fully_qualified_name()} configure (and activate)"
             )
         elif self.trigger_activate() is not TransitionCallbackReturn.SUCCESS:

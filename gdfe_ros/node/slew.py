@@ -14,11 +14,11 @@ from gdfe_ros.simulation import Command
 _SLOWEST = 1.0 / 32.0
 """Smallest share of the full rate."""
 _SLOWER, _FASTER = 0.5, 1.2
-"""Factors of the share after a change that needed more than its step, and after one that did not."""
+"""Factors of the share after a change that did not converge in its step, and after one that did."""
 _HELD, _BACK = 200, 2000
-"""Iterations after which a held change, and a change back, is given up; a change that converges needs 5 to 150."""
+"""Iterations after which holding a command, or going back, is given up; a change that converges needs 5 to 150."""
 _LEAST = 4
-"""Iterations that a step counts for at least, because near a limit of stability other work dominates."""
+"""Least number of iterations counted for a step, because near a limit of stability other work dominates."""
 
 
 class _Phase(Enum):
@@ -36,12 +36,12 @@ class Slew:
 
     In a step an actuator's command changes by at most share * range / slew_time * dt. The share is 1 until a deadline
     cuts a step before it converges. Then the share is halved, and the command is held until a later step, which
-    continues the solve, has converged. If none does within 200 iterations, the command goes back to the last one that
-    converged, and the next change is half as large. If the smallest change fails too, each next change is twice as
-    large, to pass limits of stability. If even the change to the goal fails, the command stays at the last one that
-    converged until another goal is given. If that one does not converge either, the command is not the cause, and only
-    ``slew_time`` limits it. The share grows by a fifth with each step that converges. Step records contain the
-    resulting commands, so replays need none of this.
+    continues the solve, has converged. If no step converges within 200 iterations, the command goes back to the last
+    converged one, and the next change is half as large. If the smallest change fails too, each next change is twice as
+    large, to pass a limit of stability. If even the change to the goal fails, the command stays at the last converged
+    one until another goal is given. If the step back to the last converged command does not converge within 2000
+    iterations, the command is not the cause, and only ``slew_time`` limits it. The share grows by a fifth with each
+    step that converges. Step records contain the limited commands, so that replays do not depend on this limit.
 
     Args:
         actuators: of the scene; those without a finite range are not limited.
@@ -67,7 +67,7 @@ class Slew:
 
     @property
     def stopped(self) -> bool:
-        """Whether commands stay short of their goals, because no further step has converged in its time."""
+        """Whether commands stay short of their goals, because no further step has converged within its deadline."""
         return self._phase is _Phase.STOP
 
     @property
@@ -84,10 +84,10 @@ class Slew:
         """Return the limited command of a step.
 
         Args:
-            command: of this step.
+            command: command of this step.
             present: present commands, by name.
             dt: duration of their change [s].
-            slew_time: in which an actuator crosses its range [s]; 0: any change is made at once.
+            slew_time: time in which an actuator's command crosses its range [s]; 0: any change is made at once.
         """
         if not self._goals and not command.actuators:
             self._given = {}
@@ -137,6 +137,6 @@ class Slew:
             self._phase, self._share, self._leaping = _Phase.FREE, 1.0, False
 
     def _try_again(self) -> None:
-        """Continue from the last converged command: by a smaller change, a larger one past a limit, or not at all."""
+        """Continue from the last converged command by a smaller change, past a limit by a larger one, or not at all."""
         self._phase = _Phase.STOP if self._leaping and self._missed else _Phase.GO
         self._share *= 2.0 if self._leaping else 1.0

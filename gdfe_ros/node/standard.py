@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The services of ``simulation_interfaces``, as in Gazebo and Isaac Sim, if that package is installed.
 
-They have the effects of the node's own services; their names are those of the interfaces, below the node's.
+They have the same effects as the node's own services. Their names are those of the interfaces, below the node's name.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from gdfe_ros.errors import GdfeError
 from gdfe_ros.node.interface import services
 from gdfe_ros.node.managed import ManagedNode
 from gdfe_ros.node.qos import installed, interface_class
-from gdfe_ros.node.session import NodeSession
+from gdfe_ros.node.session import SimulationSession
 
 
 class _Result(IntEnum):
@@ -58,7 +58,7 @@ class StandardServices:
     """
 
     def __init__(
-        self, node: ManagedNode, session: Callable[[], NodeSession | None], quit: threading.Event | None
+        self, node: ManagedNode, session: Callable[[], SimulationSession | None], quit: threading.Event | None
     ) -> None:
         self._node, self._session, self._quit = node, session, quit
         self._at_start = False
@@ -123,7 +123,7 @@ class StandardServices:
             else _done(response)
         )
 
-    def _play(self, session: NodeSession, response: Any) -> Any:
+    def _play(self, session: SimulationSession, response: Any) -> Any:
         try:
             session.play()
         except GdfeError as error:

@@ -59,10 +59,10 @@ class Step:
         again: whether it was published before, and is repeated for new subscribers.
         wanted: whether any part of it is to be published or recorded.
         fields: evaluates the element fields, in the publishing thread; None if they are not wanted.
-        obstacles: pose of each, whether wanted or not, because commands may be given in their frames.
-        poses: pose of each handle and obstacle; empty if they are not wanted, like the following.
-        actuators: states by name.
-        joints: states of the joints of arms, by name; wanted or not, because diagnostics tell of their limits.
+        obstacles: pose of each obstacle; always given, because commands may be in the obstacles' frames.
+        poses: pose of each handle and obstacle; empty if poses are not wanted.
+        actuators: states of the actuators, by name; empty if they are not wanted.
+        joints: states of the joints of arms, by name; always given, because diagnostics report their limits.
         links: frames of the links of arms, by name; empty if poses are not wanted.
         imus: evaluates the readings of inertial units, in the publishing thread; None if they are not wanted, and
             without dynamics.

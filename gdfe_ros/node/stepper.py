@@ -35,13 +35,14 @@ _Value = TypeVar("_Value")
 
 
 class StepFailure(GdfeError):
-    """A failed step; the stepping is paused in the state before it."""
+    """A failed step; the stepping is paused in the state before this step."""
 
 
 _GRACE = 0.5
 """Time after which a solve is ended on request [s]; a shorter one is completed."""
 _MOST_RETRIES = 20
-"""Steps without a new command that continue from a state that did not converge, deadlines excepted."""
+"""Largest number of steps without a new command that continue from a state that did not converge; steps that a deadline
+cut are not counted."""
 
 
 class SteppingThread:
@@ -61,7 +62,7 @@ class SteppingThread:
         slew: limits the rate of commands under the wall clock or a deadline.
         solving: wall time spent in solves so far [s].
         spent: wall time spent on steps so far, solves included [s].
-        failure: why the last step failed, after which the stepping is paused; empty once it is resumed.
+        failure: why the last step failed, after which the stepping is paused; empty after it is resumed.
         failures: number of failed steps.
     """
 
@@ -131,10 +132,10 @@ class SteppingThread:
         return self.post(function).result()
 
     def post(self, function: Callable[[], _Value], what: str = "", *, urgent: bool = False) -> Future[_Value]:
-        """Queue a function to run between two steps; without the thread it runs at once.
+        """Queue a function to run between two steps and return its future result; without the thread it runs at once.
 
-        While it runs, ``work`` contains its description ``what`` for diagnostics. An urgent one cuts a solve that takes
-        long.
+        While it runs, ``work`` contains its description ``what`` for diagnostics. An urgent function ends a solve that
+        takes longer than `_GRACE`.
         """
         future: Future = Future()
         if urgent:
@@ -160,7 +161,7 @@ class SteppingThread:
         return future
 
     def must_end(self) -> bool:
-        """Return whether the solve in progress, which asks after each round of iterations, is requested to end."""
+        """Return whether the solve in progress must end; the solver calls this after each round of iterations."""
         self.rounds += 1
         return bool(self._stopping or self._urgent) and time.monotonic() - self.work[1] > _GRACE
 
@@ -174,7 +175,7 @@ class SteppingThread:
             self.changed.notify_all()
 
     def advance(self) -> None:
-        """Make one more step, between steps, regardless of pace and pause; it consumes the waiting orders.
+        """Make one more step, regardless of pace and pause; it consumes the waiting orders. Called between steps.
 
         Raises:
             GdfeError: the step failed.
@@ -185,9 +186,9 @@ class SteppingThread:
         self._step(orders, dt=self._run.parameters["dt"])
 
     def reset(self) -> None:
-        """Go back, between steps, to rest at time 0 and, if the thread runs, deliver that state.
+        """Go back to rest at time 0, drop waiting orders and, if the thread runs, deliver that state.
 
-        Waiting orders are dropped.
+        Called between steps.
         """
         self._simulation.reset()
         self.restart(Begin.REST)
@@ -197,22 +198,22 @@ class SteppingThread:
         self._drive.place(bodies)
 
     def rest(self) -> None:
-        """Drop, between steps, waiting orders, velocities and trajectories; the next step has the rest command."""
+        """Drop waiting orders, velocities and trajectories; the next command is that of rest. Called between steps."""
         self._drive.rest()
         self.slew.clear()
         if self._thread is not None:
             self._inbox.clear()
 
     def resume(self) -> None:
-        """Continue, between steps, with the run's new simulation, and deliver its state."""
+        """Continue with the run's new simulation, and deliver its state. Called between steps."""
         self.begin = Begin.LOADED
         if self._thread is not None:
             self.repeat(self.begin)
 
     def restart(self, begin: Begin) -> None:
-        """Record, between steps, that the state or its time was changed externally, and deliver it.
+        """Continue from a state that was changed from outside, and deliver it. Called between steps.
 
-        Waiting orders, velocities and trajectories are dropped.
+        Waiting orders, velocities and trajectories are dropped. ``begin`` is the kind of the state.
         """
         self.begin, self.failure = begin, ""
         self._drive.clear()
@@ -224,7 +225,7 @@ class SteppingThread:
             self.repeat(begin)
 
     def repeat(self, begin: Begin) -> None:
-        """Deliver, between steps, the present state again, as the initial state of the next step."""
+        """Deliver the present state again, as an initial state of the kind ``begin``. Called between steps."""
         self.begin = begin
         self._step((), dt=0.0, first=True)
 
@@ -237,7 +238,7 @@ class SteppingThread:
             except StepFailure:
                 pass  # it was reported, and the stepping is paused
             except Exception as error:
-                self._hold("what comes between steps", error)
+                self._hold("the work between steps", error)
             action = self._await()
         with self.changed:
             self._stopping = True
@@ -245,7 +246,7 @@ class SteppingThread:
                 self._jobs.popleft()[1].set_exception(GdfeError("the stepping has ended"))
 
     def _await(self) -> Callable[[], None] | None:
-        """Wait for the next task, as `_next`; if that fails, the stepping is paused and waits for jobs."""
+        """Return the next task as `_next` does; if that fails, pause the stepping and wait for jobs."""
         try:
             return self._next()
         except Exception as error:
@@ -253,7 +254,7 @@ class SteppingThread:
             return self._next()
 
     def _next(self) -> Callable[[], None] | None:
-        """Wait for the next task; None ends the thread."""
+        """Wait for the next task and return it; None ends the thread."""
         with self.changed:
             while not self._stopping:
                 if self._jobs:
@@ -262,7 +263,7 @@ class SteppingThread:
                 delay = None
                 if not self._paused:
                     pending = self._inbox.ready()
-                    # With an order a step is due, whether the state is settled or not.
+                    # An order makes a step due, whether the state is settled or not.
                     delay = self._pace.delay(pending=pending, settled=not pending and self._settled())
                 if delay == 0.0:
                     return self._turn
@@ -270,7 +271,7 @@ class SteppingThread:
         return None
 
     def _turn(self) -> None:
-        """Make the step that is due; a body with mass first simulates the time that it rested, then obeys an order."""
+        """Make the step that is due; with dynamics, a step over the idle time comes before the step with new orders."""
         with self.changed:
             orders, dt = self._inbox.take(), self._pace.begin()
         last = self._run.parameters["dt"]
@@ -280,7 +281,7 @@ class SteppingThread:
         self._step(orders, dt=dt)
 
     def _hold(self, what: str, error: Exception) -> StepFailure:
-        """Pause after a failed step, in the last good state without active commands; return the exception to raise."""
+        """Pause in the last good state after a failure, drop velocities and trajectories, and return the exception."""
         trace = "" if isinstance(error, GdfeError) else "".join(traceback.format_exception(error))
         self.failures += 1
         self.failure = f"{what} failed: {str(error) if isinstance(error, GdfeError) else repr(error)}"
@@ -306,10 +307,10 @@ class SteppingThread:
         return simulation.settled or (not simulation.scene.dynamics and self._retries >= _MOST_RETRIES)
 
     def _step(self, orders: Iterable[Order], *, dt: float, first: bool = False, early: float = 0.0) -> None:
-        """Make one step and deliver it; ``early`` is the time [s] from its end to that of the clock.
+        """Make one step and deliver it; ``early`` is the time [s] from its end to the present time of the clock.
 
         Raises:
-            StepFailure: it failed for any reason; the state is the one before it, and the stepping is paused.
+            StepFailure: the step failed for any reason; the state before it is restored, and the stepping is paused.
         """
         before, text = self._simulation.snapshot(), f"step {self.count} to {self._simulation.time + dt:.9g} s"
         result = self._simulation.result
@@ -363,7 +364,7 @@ class SteppingThread:
         return step
 
     def _command(self, orders: Iterable[Order], dt: float) -> Command:
-        """Return the command of a step; if wall time matters, commands of actuators change at a limited rate."""
+        """Return the command of a step; under the wall clock or a deadline, the slew limits actuators' commands."""
         simulation, values, acting = self._simulation, self._run.parameters, min(dt, self._run.parameters["dt"])
         command = self._drive.command(orders, time=simulation.time + dt, dt=acting)
         hurried = isinstance(self._pace, WallPace) or values["deadline"] > 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Problems that only the graph shows: commands to unknown names, a second node or clock of the same name."""
+"""Problems that only the ROS graph shows: commands to unknown names, a second node of the same name, a second clock."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from gdfe_ros.spelling import did_you_mean
 
 
 class UnmatchedTopics:
-    """Searches for publishers on command topics of unknown handles, obstacles and bodies; each is reported once.
+    """Searches for publishers on command topics of unknown handles, obstacles and bodies; each topic is reported once.
 
     Args:
-        node: whose topics are examined.
-        handles: of the scene, including obstacles and rigid bodies.
-        refusals: counts and warns.
+        node: node whose topics are examined.
+        handles: handles of the scene, including obstacles and rigid bodies.
+        refusals: receives the reports as refused commands.
     """
 
     def __init__(self, node: LifecycleNode, handles: Collection[Handle], refusals: RefusalLog) -> None:
@@ -55,7 +55,7 @@ class UnmatchedTopics:
 
 
 def namesakes(node: Node, name: str) -> int:
-    """Return how many nodes of a full name are known to ``node``."""
+    """Return the number of nodes with a full name in the graph, as ``node`` knows it."""
     namespace, _, base = name.rpartition("/")
     return node.get_node_names_and_namespaces().count((base, namespace or "/"))
 
@@ -64,10 +64,10 @@ class Doubles:
     """Searches for a second node of this node's name, and for a second publisher of /clock; reports each once.
 
     Args:
-        node: that should be the only one.
+        node: node whose name and clock should be unique.
 
     Attributes:
-        found: the duplicates; empty if there are none.
+        found: text about the duplicates; empty if there are none.
     """
 
     def __init__(self, node: LifecycleNode) -> None:

@@ -17,7 +17,7 @@ from gdfe_ros.node.messages import header
 from gdfe_ros.node.pursuit import Code, Pursuit, Tolerances
 from gdfe_ros.node.qos import installed, interface_class
 from gdfe_ros.node.refusals import Reason, Refusal
-from gdfe_ros.node.session import NodeSession
+from gdfe_ros.node.session import SimulationSession
 
 _CODES = {Reason.UNKNOWN: Code.INVALID_JOINTS, Reason.STALE: Code.OLD_HEADER_TIMESTAMP}
 
@@ -26,11 +26,11 @@ class TrajectoryAction:
     """Accepts trajectories as goals: each is an order as on ``~/trajectory``, with feedback and a result.
 
     Args:
-        node: offers it.
+        node: offers the action.
         session: returns the running session, or None.
     """
 
-    def __init__(self, node: ManagedNode, session: Callable[[], NodeSession | None]) -> None:
+    def __init__(self, node: ManagedNode, session: Callable[[], SimulationSession | None]) -> None:
         self._node, self._session = node, session
         if not installed(FOLLOW_TRAJECTORY.type):
             return
@@ -87,15 +87,18 @@ class TrajectoryAction:
 
 
 def _tolerances(request: Any) -> Tolerances:
-    """Return the tolerances of a goal. Only those of positions count, which are commands here; 0 and -1 set none.
+    """Return the tolerances of a goal for positions, which are commands here; 0 and -1 set none.
+
+    Tolerances of velocities and accelerations are ignored.
 
     Raises:
-        Refusal: a tolerance is invalid, or of a quantity that no actuator has.
+        Refusal: the goal has a trajectory of several degrees of freedom or no points, or a tolerance is not finite or
+            for a name that the trajectory does not command.
     """
     if request.multi_dof_trajectory.joint_names or request.multi_dof_trajectory.points:
         raise Refusal(
             Reason.MALFORMED,
-            "multi_dof_trajectory is not empty; it must be: commands of actuators and loads belong into trajectory",
+            "multi_dof_trajectory is not empty; remedy: put commands of actuators and loads into trajectory",
         )
     if not request.trajectory.points:
         raise Refusal(Reason.WRONG_SIZE, "the trajectory has no points; cancel a goal to end it")
@@ -113,7 +116,7 @@ def _tolerances(request: Any) -> Tolerances:
 
 
 def _feedback(
-    goal: Any, kind: Any, names: tuple[str, ...], session: NodeSession
+    goal: Any, kind: Any, names: tuple[str, ...], session: SimulationSession
 ) -> Callable[[float, NDArray[np.float64], NDArray[np.float64]], None]:
     """Return a function that sends feedback about each step to a goal's client."""
 

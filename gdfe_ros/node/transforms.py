@@ -20,7 +20,8 @@ from gdfe_ros.node.qos import installed, interface_class, qos_profile
 from gdfe_ros.node.refusals import Reason, Refusal
 
 _UNREAD = 2000
-"""Limit of unread messages of /tf; a moving frame is republished long before as many other messages arrive."""
+"""Largest number of unread messages of /tf. Older ones are dropped: long before so many messages arrive, a moving frame
+is published again."""
 _DEEPEST = 1000
 """Number of parents of a frame beyond which they must form a cycle."""
 _UNIT_SLACK = 1e-2
@@ -28,7 +29,7 @@ _UNIT_SLACK = 1e-2
 
 
 class Transforms:
-    """Subscribes to /tf and /tf_static; for each frame the transform with the latest stamp counts.
+    """Subscribes to /tf and /tf_static; for each frame the transform with the latest stamp is used.
 
     A transform with a number that is not finite, a quaternion that is not of unit length, or a stamp that is older or
     farther ahead than allowed for a command is ignored and counted as a refused command.
@@ -78,12 +79,12 @@ class Transforms:
             return sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
 
     def find(self, source: str, target: str, own: Mapping[str, tuple[str, Placement]]) -> Placement | None:
-        """Return the place of ``source`` in ``target``; None if no transforms lead there.
+        """Return the place of the frame ``source`` in the frame ``target``; None if no transforms connect them.
 
         Args:
-            source: frame.
-            target: frame.
-            own: frames that the node itself knows: frame -> its parent and its place there.
+            source: name of the frame to place.
+            target: name of the reference frame.
+            own: frames that the node computes itself: name -> parent and place in the parent.
         """
         with self._lock:
             self._own = own.keys()
@@ -123,7 +124,7 @@ class Transforms:
                             self._refuse(f"{spec.name}, frame {each.child_frame_id!r},", refusal)
 
     def _take(self, told: Any, arrived: int, *, moving: bool) -> None:
-        """Keep a transform that arrived at a time [ns]; the stamp of a moving one is checked.
+        """Store a transform that arrived at a time [ns]; the stamp of a moving frame is checked.
 
         Raises:
             Refusal: a number is not finite, the quaternion not of unit length, the stamp too old, ahead, or before the

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several steps on request, which leave room for other tasks and can be ended."""
+"""Several steps on request; other tasks can run between them, and the request can be ended early."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Walk:
     Args:
         run: with the simulation.
         stepper: makes the steps.
-        flush: waits until they are published.
-        count: of the steps.
+        flush: waits until the steps are published.
+        count: number of steps.
         told: called after each step with the number of steps made; None: not called.
 
     Attributes:
@@ -47,17 +47,17 @@ class Walk:
         return not self._future.done()
 
     def begin(self) -> Future[str]:
-        """Begin, and return the future answer with the simulation's progress."""
+        """Queue the first step, and return the future answer: a message with the steps made and the simulation time."""
         self._post()
         return self._future
 
     def end(self, reason: BaseException) -> None:
-        """End it after the step in progress, unless it is over already."""
+        """End the request after the step in progress, unless it has ended already; the answer raises ``reason``."""
         with suppress(InvalidStateError):  # it had ended already
             self._future.set_exception(reason)
 
     def interrupt(self, why: str) -> None:
-        """End it on request."""
+        """End the request early; the answer raises a GdfeError that begins with ``why``."""
         self.end(GdfeError(f"{why}; {self} were made"))
 
     def _post(self) -> None:

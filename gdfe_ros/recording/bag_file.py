@@ -23,12 +23,12 @@ ROLE_KEY = "gdfe_ros_role"
 # index entry in the summary, by channel), a topic (schema and channel records, its part of rosbag2's
 # record) and a file (header, footer, statistics, texts of our own records).
 _PER_MESSAGE, _PER_CHUNK, _PER_CHUNK_CHANNEL, _PER_TOPIC, _PER_FILE = 64, 256, 48, 4096, 65536
-# lz4 and zstd may lengthen incompressible data, by less than one part in this many.
+# lz4 and zstd may lengthen incompressible data, by less than 1 / _EXPANSION of its length.
 _EXPANSION = 64
 
 
 class Compression(Enum):
-    """Compression of chunks: lz4 is fast, zstd is smaller at twice the time, none is for SSDs."""
+    """Compression of chunks: ``LZ4`` is fast, ``ZSTD`` gives smaller files in twice the time, ``NONE`` suits SSDs."""
 
     NONE = "none"
     LZ4 = "lz4"
@@ -39,10 +39,10 @@ class BagFile:
     """Writes one file; a method that fails leaves the file in a state that can be finished.
 
     Args:
-        path: of the file, which must not exist.
-        topics: with definition and hash filled in.
-        run: written first, so that a truncated file still has its origin.
-        compression: of the chunks.
+        path: path of the file, which must not exist.
+        topics: topics with definition and hash filled in.
+        run: origin of the run; written first, so that a truncated file still has it.
+        compression: compression of the chunks.
         chunk_size: a chunk is compressed and written when it holds this many bytes [B].
 
     Raises:
@@ -92,7 +92,7 @@ class BagFile:
 
     @property
     def size(self) -> int:
-        """Bytes written, plus an upper bound of those waiting in the chunk."""
+        """Bytes written, plus an upper bound of the bytes waiting in the chunk."""
         return self._written + self._buffered
 
     def add_topic(self, topic: TopicInfo) -> None:

@@ -17,7 +17,7 @@ from gdfe_ros.recording.topic import TopicInfo
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
 IN_RUN = "bag"
-"""Name of the bag's folder in a run's folder, which also has the table and the picture."""
+"""Name of the bag's folder in the folder of a run, which also has the picture."""
 
 
 def bag_directory(path: Path) -> Path:
@@ -58,7 +58,7 @@ class FileCounts:
         self.messages[topic] += 1
 
     def to_rosbag2(self) -> dict[str, Any]:
-        """Return the file's entry of the list ``files``."""
+        """Return the file's entry in rosbag2's list ``files``."""
         return {
             "path": self.name,
             "starting_time": {"nanoseconds_since_epoch": self.start},

@@ -47,9 +47,9 @@ def array_decoder(topics: Iterable[TopicInfo]) -> Decoder:
     def decode(type_name: str, data: bytes) -> Any:
         try:
             return store.deserialize_cdr(data, type_name)
-        except Exception as error:  # nor are those for invalid bytes
+        except Exception as error:  # the exceptions for invalid bytes are not documented either
             raise RecordingError(
-                f"{len(data)} bytes are no {type_name} as the bag defines it: {_line(error)}"
+                f"{len(data)} bytes do not match the bag's definition of {type_name}: {_line(error)}"
             ) from error
 
     return decode

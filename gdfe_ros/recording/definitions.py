@@ -32,8 +32,8 @@ def message_definition(type_name: str) -> str:
         type_name: e.g. ``sensor_msgs/msg/PointCloud2``.
 
     Returns:
-        The type's own text, then, sorted by name and each after a line of 80 ``=`` and ``MSG: pkg/Name``,
-        those of its parts.
+        The text of the type, then the texts of the types that it contains, sorted by name. Each of these follows a line
+        of 80 ``=`` and a line ``MSG: pkg/Name``.
 
     Raises:
         RecordingError: not a message type, or its package is not installed.

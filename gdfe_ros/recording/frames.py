@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading of a truncated or damaged MCAP file's records; after each damage the next sound record is searched."""
+"""Reading of the records of a truncated or damaged MCAP file; after damage, it continues at the next intact record."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Damage:
 
 
 def require_sound_summary(data: mmap) -> int:
-    """Check the index at the end of a file against its checksum, which mcap's readers do not.
+    """Check the index at the end of a file against its checksum, which mcap's readers do not check.
 
     Returns:
         Offset of the summary.
@@ -103,13 +103,13 @@ def declarations(data: mmap) -> list[McapRecord]:
 
 
 def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
-    """Yield the records of the data section, those inside chunks included, up to its end or the file's.
+    """Yield the records of the data section, including those inside chunks, up to the end of the section or the file.
 
-    If a record's length is implausible, the next chunk, attachment or metadata record is searched.
+    After a record of implausible length, reading continues at the next intact chunk, attachment or metadata record.
 
     Args:
         data: the file.
-        damage: is filled in.
+        damage: receives the damage that is found.
     """
     place = len(MAGIC)
     while True:
@@ -131,7 +131,7 @@ def records(data: mmap, damage: Damage) -> Iterator[McapRecord]:
 
 
 def _end(data: mmap, place: int) -> int | None:
-    """Return the end of the record that begins here; None if there is none, or it does not fit into the file."""
+    """Return the end of the record that begins at ``place``; None if no record begins there or the file ends before."""
     if place + _HEAD.size > len(data):
         return None
     opcode, length = _HEAD.unpack(data[place : place + _HEAD.size])

@@ -66,7 +66,7 @@ class RunInfo:
         """Return the origin from the results of ``to_metadata`` and ``attachments``.
 
         Raises:
-            KeyError: the metadata record is not one of ours.
+            KeyError: the metadata record was not written by this package.
             ValueError: the scene or a file differs from its checksum.
         """
         files = dict(attachments)

@@ -39,7 +39,7 @@ class BagMessage(NamedTuple):
 
 
 class BagReader:
-    """A finished bag, ours or one of ``ros2 bag record --storage mcap``.
+    """A finished bag, written by this package or by ``ros2 bag record --storage mcap``.
 
     Args:
         path: directory of the bag or of its run, or one of the bag's MCAP files.
@@ -48,14 +48,14 @@ class BagReader:
         RecordingError: no bag there, or it is truncated or damaged (the remedy is ``gdfe recover``).
 
     Attributes:
-        path: of the bag's directory or file.
+        path: path of the bag's directory or file.
         files: MCAP files in the order written.
         topics: by name.
         counts: number of messages by topic.
         start: smallest log time [ns], 0 for an empty bag.
         end: largest log time [ns].
-        run: origin of the run, or None for a bag that is not ours.
-        notes: status of the recording (``RecorderStatus.to_notes``); empty for a bag that is not ours.
+        run: origin of the run, or None for a bag of another program.
+        notes: status of the recording (``RecorderStatus.to_notes``); empty for a bag of another program.
     """
 
     def __init__(self, path: str | Path) -> None:

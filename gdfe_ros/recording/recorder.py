@@ -28,7 +28,7 @@ class RecorderStatus:
     """Counts of a recording at one moment.
 
     Args:
-        written: messages handed to the bag.
+        written: messages passed to the bag.
         waiting: messages in the queue.
         dropped: messages rejected or lost, by topic; they are not in the bag.
         error: why the recording stopped early, or None.

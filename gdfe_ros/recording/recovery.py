@@ -24,8 +24,8 @@ class RecoveryReport:
     Args:
         path: directory of the new bag, complete and indexed.
         messages: number of messages in it, by topic.
-        missing: lost messages before the last one, as the sequence numbers show, by topic; lost messages after
-            it leave no trace.
+        missing: number of lost messages by topic, from gaps in the sequence numbers; messages lost after the last
+            recovered one are not counted.
         cut_files: names of truncated files.
         damaged_chunks: skipped chunks whose content did not match its checksum.
         damaged_records: other skipped records that could not be read.
@@ -82,7 +82,7 @@ def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage], options: B
     messages = (found for salvage in salvages for found in salvage.messages())
     first = next(messages, None)
     if first is None:
-        raise RecordingError(f"bag {source} holds not one whole message: there is nothing to recover")
+        raise RecordingError(f"bag {source} has not one whole message: there is nothing to recover")
     run = _origin(salvages)
     writer = BagWriter(target, run=run, options=options)
     kept: Counter[str] = Counter()
@@ -98,7 +98,7 @@ def _rewrite(source: Path, target: Path, salvages: Sequence[Salvage], options: B
 
 
 def _origin(salvages: Sequence[Salvage]) -> RunInfo | None:
-    """Return the origin of the run: every file has it, and the scene was also published."""
+    """Return the origin of the run from the first file where it is intact, else with the scene from its topic only."""
     if not any(salvage.run for salvage in salvages):
         for salvage in salvages:
             salvage.restore_scene()

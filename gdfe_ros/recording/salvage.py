@@ -41,9 +41,9 @@ class Salvage:
 
     @property
     def run(self) -> RunInfo | None:
-        """Origin of the run, as far as the file was read; it precedes the first message.
+        """Origin of the run, known when the first message is read; None without an intact scene.
 
-        None without an intact scene. If only its metadata record is damaged, the scene and files are known.
+        If only the metadata record is damaged, the origin still has the scene and the files.
         """
         if SCENE_FILE not in self._attachments:
             return None

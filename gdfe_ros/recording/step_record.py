@@ -35,10 +35,10 @@ class StepRecord:
 
     Attributes:
         step: number of the step since the node was configured; 0 is the state at activation.
-        begin: the last step's state, or after a reset the rest shape, or a state that was loaded.
+        begin: initial state of the step: that of the last step, the rest shape after a reset, or a loaded state.
         time: simulation time at the end of the step [s].
         dt: duration of the step [s].
-        stamp: of the headers of its messages, on the node's clock [ns]; None in old bags: the simulation time.
+        stamp: stamp of the step's messages on the node's clock [ns]; None in old bags, where it is the simulation time.
         handles: targets consumed by this step, by handle: translation [m] and rotation vector [rad].
         actuators: commands consumed by this step, by actuator, in the unit of its mode.
         loads: factors of loads consumed by this step, by load.
@@ -47,7 +47,7 @@ class StepRecord:
         joints: commanded positions of joints of arms consumed by this step, by joint [rad] or [m]; left out of the text
             if there are none.
         cut: whether a deadline ended the solve before it had converged.
-        cut_after: how often the solve asked for the time before its deadline passed; None if it did not pass.
+        cut_after: number of the solve's checks of its deadline before the deadline passed; None if it did not pass.
         converged: as in ``StepResult``, like all following attributes.
         iterations: linear solves.
         substeps: increments.
@@ -57,7 +57,7 @@ class StepRecord:
         wall_time: time spent solving [s]; the only entry that differs between two equal runs.
         skipped: counts of work that was left out, by name.
         message: the defect; empty if there is none.
-        energies: of a body in motion [J], by name; empty without dynamics, and then not in the text.
+        energies: energies of a body in motion [J], by name; without dynamics empty, and left out of the text.
     """
 
     step: int

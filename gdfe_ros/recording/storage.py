@@ -67,7 +67,7 @@ class ReservedFile:
         return len(data)
 
     def tell(self) -> int:
-        """Bytes written so far [B]."""
+        """Return the number of bytes written so far [B]."""
         return self._position
 
     def flush(self) -> None:

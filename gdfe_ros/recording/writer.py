@@ -99,7 +99,7 @@ class BagWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file in progress; those waiting in the chunk are counted uncompressed."""
+        """Bytes of the file in progress [B]; the bytes waiting in the chunk are counted uncompressed."""
         return self._file.size if self._file else 0
 
     def add_topic(self, topic: TopicInfo) -> None:
@@ -171,7 +171,7 @@ class BagWriter:
             self._write_metadata(notes or {})
         except OSError as error:
             raise RecordingError(
-                f"bag {self.path} cannot be completed: {error}. To get out what was written: gdfe recover {self.path}"
+                f"bag {self.path} cannot be completed: {error}. Recover the written data: gdfe recover {self.path}"
             ) from error
 
     def _open_part(self) -> BagFile:

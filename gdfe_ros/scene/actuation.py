@@ -69,8 +69,8 @@ def build_masses(
     Args:
         draft: valid parts of the file.
         mesh: the body.
-        probes: those that lie in it.
-        names: of all probes of the file.
+        probes: the probes that lie in the body.
+        names: names of all probes of the file.
         report: collects the defects.
     """
     found = []
@@ -172,10 +172,9 @@ def _load(
     traction = model.surface.traction
     lined = traction is not None and mesh.filling is not None and mesh.skin is not None
     if traction is not None and mesh.filling is not None and not lined:
-        text = (
-            "faces of cut cells are larger than the surface in them; remedy: `skin: {file: ...}`, which it acts on then"
-        )
-        report.add((*path, "traction"), f"{text}, give the whole `force`, or cells: whole")
+        text = "faces of cut cells are larger than the surface in them; remedy: `skin: {file: ...}`, to which"
+        text += " the traction is then applied; or give the whole `force`, or cells: whole"
+        report.add((*path, "traction"), text)
         return None
     selector, noun = (select_skin, "triangle of the skin") if lined else (select_faces, "boundary face")
     quads = select(selector, mesh, model.surface.where, (*path, "where"), noun, report)
@@ -206,9 +205,9 @@ def _gravity(
 def _embedded(
     mesh: HexMesh, part: str | None, points: object, path: KeyPath, report: Defects, *, key: str | None = None
 ) -> Embedding | None:
-    """Return the points embedded in the body, or in the frame of one of its meshes.
+    """Return the points embedded in the body, or in one of its meshes and given in the frame of that mesh.
 
-    ``path`` is that of the entry with the key `mesh`; ``key`` is the key of the points in it.
+    ``path`` is the key path of the entry with the key `mesh`; ``key`` is the key of the points in this entry.
     """
     if not known_part(mesh, part, path, report):
         return None

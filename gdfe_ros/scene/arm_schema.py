@@ -37,9 +37,7 @@ class ArmModel(Entry):
     urdf: FilePath | None = Field(None, description="path of its URDF; for xacro, the file that `xacro` writes")
     embedded: str | None = Field(None, description="a packed URDF with its meshes, as recorded scenes contain it")
     flange: str = Field(description="name of the link that carries the handle, e.g. tool0")
-    handle: str = Field(
-        description="name of the handle; it keeps the place relative to the flange that both have at rest"
-    )
+    handle: str = Field(description="name of the handle; its pose relative to the flange stays the one at rest")
     at: Annotated[tuple[float, float, float], _AT] = (0.0, 0.0, 0.0)
     rotation_deg: Annotated[tuple[float, float, float], _ROTATION] = (0.0, 0.0, 0.0)
     start: dict[str, float] = Field(
@@ -49,8 +47,8 @@ class ArmModel(Entry):
     packages: dict[str, FilePath] = Field({}, description="folders of the packages in package://, by name")
     limits: dict[str, JointLimitsModel] = Field({}, description="limits that replace those of the URDF, by joint")
     acceleration: Annotated[float, _HARD] | None = Field(
-        None, description="largest acceleration of joints that have no limit of it; default: that which reaches the "
-        "joint's largest velocity in 0.1 s"
+        None, description="largest acceleration of joints without a limit of their own; default: the acceleration that "
+        "reaches the joint's largest velocity in 0.1 s"
     )  # fmt: skip
     links: tuple[str, ...] | None = Field(
         None,

@@ -36,7 +36,7 @@ ONE = "arm"
 def require_arms(data: Mapping[str, Any], report: Defects) -> None:
     """Report a scene with both `arm` and `arms`."""
     if "arm" in data and "arms" in data:
-        text = "`arm` is there, too; remedy: keep one of the two; a single arm can stand in `arms`, too"
+        text = "`arm` is there, too; remedy: keep one of the two; `arms` may contain a single arm"
         report.add(("arms",), text, value=NO_VALUE)
 
 
@@ -49,7 +49,7 @@ def arm_models(draft: Draft) -> dict[str, tuple[KeyPath, ArmModel]]:
 def build_arms(
     draft: Draft, mesh: HexMesh | None, handles: Sequence[Handle], report: Defects
 ) -> tuple[tuple[Arm, ...], dict[KeyPath, dict[str, Any]]]:
-    """Return the valid arms, and the entries that contain them without files, by key path."""
+    """Return the valid arms, and the scene's entries for them with their files embedded, by key path."""
     arms: list[Arm] = []
     carried: dict[KeyPath, dict[str, Any]] = {}
     for name, (path, model) in arm_models(draft).items() if mesh is not None else ():
@@ -75,7 +75,7 @@ class _Builder:
         self._text, self._surfaces = "", {}
 
     def arm(self, mesh: HexMesh, handles: Sequence[Handle], known: Sequence[str]) -> Arm | None:
-        """Return the arm; None, with its defects in the report."""
+        """Return the arm; if it has defects, report them and return None."""
         model, key = self._model, "urdf" if self._model.urdf is not None else "embedded"
         handle = next((item for item in handles if item.name == model.handle), None)
         self._check_handle(handle, known)
@@ -146,7 +146,7 @@ class _Builder:
         """Return the surfaces of all meshes by URI.
 
         Raises:
-            ArmError: those that are missing or unreadable.
+            ArmError: meshes are missing or unreadable; all of them are named.
         """
         folder, defects, found = self._model.urdf.parent, [], {}
         for uri in robot.mesh_files():
@@ -164,7 +164,7 @@ class _Builder:
             if self._model.handle not in known:
                 self._report.add(path, f"there is no such handle{suggest(self._model.handle, known)}")
         elif handle.fixed or handle.free or handle.turning:
-            text = "this handle is fixed or has free axes, and an arm moves all of it"
+            text = "this handle is fixed or has free axes, but an arm prescribes its whole pose"
             self._report.add(path, f"{text}; remedy: remove `fixed` and `free` from it", value=NO_VALUE)
 
     def _require_flange(self, robot: Description) -> None:
@@ -177,7 +177,7 @@ class _Builder:
             self._report.add((*self._path, "flange"), text)
 
     def _start(self, robot: Description) -> NDArray[np.float64] | None:
-        """Return the positions of the commanded joints at rest; None, with the defects in the report."""
+        """Return the positions of the commanded joints at rest [rad] or [m]; None if defects are reported."""
         joints = {joint.name: joint for joint in robot.commanded}
         sound = True
         for name in self._model.start:

@@ -30,7 +30,7 @@ _TESTED = {
     "cell": "cell centroids",
     "point of the skin": "points about half a cell's edge apart",
 }
-"""Quantity that a selection is compared with, if it is not the vertices."""
+"""Points that a selection tests, by the noun of the selected items; for all other nouns it tests the vertices."""
 
 
 def build_materials(draft: Draft, report: Defects) -> dict[str, Material]:
@@ -127,17 +127,17 @@ def build_program(
     start: Mapping[str, float] | None = None,
     arms: Sequence[Arm] | None = (),
 ) -> Program:
-    """Return the program; everything that it moves must exist and be movable, at ascending times within the duration.
+    """Return the program; report unknown or immovable items, and times that do not ascend or exceed the duration.
 
     Args:
         model: the program of the file.
         draft: valid parts of the file.
         movers: names of all handles and obstacles of the file, by section.
         report: collects the defects.
-        actuators: those of the scene.
-        loads: those of the scene.
+        actuators: of the scene.
+        loads: of the scene.
         start: commands at time 0 of items whose first command comes later.
-        arms: those of the scene; None if one of them has defects.
+        arms: of the scene; None if an arm has defects.
     """
     carriers = {arm.handle: arm.name for arm in arms or ()}
     for section, names in movers.items():
@@ -251,9 +251,9 @@ def select(
     noun: str,
     report: Defects,
 ) -> NDArray[np.int32] | None:
-    """Return the result of a `where` by one of the functions of `mesh.selection`; all cells without one.
+    """Return the ids that ``selector``, a function of `mesh.selection`, finds for a `where`; without one all cells.
 
-    None, with an entry in the report, if the selection is invalid or empty.
+    If the selection is invalid or empty, report it and return None.
     """
     if where is None:
         return np.arange(mesh.n_cells, dtype=np.int32)

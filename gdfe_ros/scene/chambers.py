@@ -45,7 +45,7 @@ def chamber(value: ChamberModel, mesh: HexMesh, common: dict, path: KeyPath, rep
         quads = turned(faces)
         return Chamber(quads=quads, **common) if _tight(mesh, quads, (*path, "where"), report) else None
     body = "the body" if part is None else f"mesh {value.mesh!r}"
-    lack = f"{body} has no closed cavity; remedy: `where` names the faces, `gdfe inspect` shows leaks"
+    lack = f"{body} has no closed cavity; remedy: name its faces by `where`; `gdfe inspect` shows leaks"
     cavity = _chosen(value, find_cavities(within), body, lack, path, report)
     return None if cavity is None else Chamber(quads=cavity.quads + np.int32(first), **common)
 
@@ -59,9 +59,7 @@ def _lined_chamber(
         report.add((*path, "where"), text, value=NO_VALUE)
         return None
     if mesh.skin is None:
-        text = (
-            "where cells are cut its pressure acts on the skin; remedy: `skin: {file: ...}` with the mesh's surface, "
-        )
+        text = "with cut cells, its pressure acts on the skin; remedy: `skin: {file: ...}` with the mesh's surface, "
         report.add(path, f"{text}or cells: whole", value=NO_VALUE)
         return None
     lack = "the skin has no closed shell within another one; remedy: a skin with the chamber's walls, closed"
@@ -73,7 +71,7 @@ def _lined_chamber(
 
 
 def on_skin(skin: Outside, quads: NDArray[np.int32]) -> tuple[Embedding, NDArray[np.int32]]:
-    """Return the points of some faces of a skin, and the faces as indices of these points."""
+    """Return the points of the given faces of a skin, and the faces (q, 3 or 4) as indices of these points."""
     used, local = np.unique(quads, return_inverse=True)
     return Embedding(skin.corners[used], skin.weights[used]), local.reshape(quads.shape).astype(np.int32)
 

@@ -22,7 +22,7 @@ class Choice(Entry):
 
     Attributes:
         options: keys that may stand beside the chosen one.
-        alone: those of them that are sufficient without it.
+        alone: keys among the ``options`` that suffice without a chosen one.
     """
 
     options: ClassVar[tuple[str, ...]] = ()

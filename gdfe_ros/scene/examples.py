@@ -162,7 +162,7 @@ EXAMPLES: dict[type[BaseModel], tuple[str, ...]] = {
         "set: fixed_nodes                           # a set of the mesh file",
         "{mesh: left, face: x-}                     # the smallest x of one of the `meshes`, as it was made",
         "mesh: left                                 # all of it",
-        "any: [{mesh: left, face: x-}, {mesh: right, face: x-}]   # what at least one of them selects",
+        "any: [{mesh: left, face: x-}, {mesh: right, face: x-}]   # the union of the two",
     ),
     where_schema.BoxModel: ("{x: [0.0, 0.1], y: [-0.01, 0.01], z: [0.0, .inf]}",),
     where_schema.SphereModel: ("{center: [0.0, 0.0, 0.0], radius: 0.01}",),

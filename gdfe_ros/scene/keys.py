@@ -36,7 +36,7 @@ def describe_key(location: KeyPath) -> str:
 
 
 def find_quantity(place: FieldInfo | Any) -> Quantity | None:
-    """Return the quantity of a field or annotation for a number, or a list of numbers; None for none."""
+    """Return the `Quantity` of a field or annotation; None if its value is not a number or a list of numbers."""
     if isinstance(place, FieldInfo):
         given = next((item for item in place.metadata if isinstance(item, Quantity)), None)
         return given or find_quantity(place.annotation)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies made from surfaces, kept by content: a scene that was loaded once loads without filling surfaces again."""
+"""Disk cache of bodies made from surfaces, by content: a scene is loaded again without filling its surfaces again."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from gdfe_ros.scene.mesh_schema import MeshModel
 from gdfe_ros.scene.skin_schema import SkinModel
 
 Entries = tuple[dict[str, Any] | None, dict[str, Any] | None]
-"""The entries of a mesh and of its skin that contain them without files; None if the entry needs none."""
+"""The scene's entries for a mesh and for its skin with their files embedded; None for an entry that needs no file."""
 _MESH, _SKIN, _TOUCHING, _ENTRIES = "mesh:", "skin:", "touching:", "entries"
 _CONTACT = ("corners", "weights", "vertices")
 
 
 class BodyStore:
-    """One body on disk, under the contents of its files and entries.
+    """The place of one body on disk, found by the contents of its files and entries.
 
     Args:
-        model: of the mesh.
-        skin: of its skin, or None.
+        model: entry of the mesh.
+        skin: entry of its skin; None without one.
     """
 
     def __init__(self, model: MeshModel, skin: SkinModel | None) -> None:
@@ -70,7 +70,7 @@ def _under(arrays: dict[str, NDArray], head: str) -> dict[str, NDArray]:
 
 
 def _content(model: MeshModel | SkinModel) -> bytes | None:
-    """Return an entry with the contents of its files; None if one cannot be read."""
+    """Return an entry and the contents of its files as bytes; None if a file cannot be read."""
     exclude = {"skin"} if "skin" in type(model).model_fields else None
     text = [json.dumps(model.model_dump(mode="json", exclude=exclude), sort_keys=True).encode()]
     for path in _paths(model):

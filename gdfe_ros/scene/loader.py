@@ -11,12 +11,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from gdfe_ros.arms.arm import Arm
 from gdfe_ros.constraints import Handle
 from gdfe_ros.constraints.form import TriangleMesh
 from gdfe_ros.constraints.obstacle import Obstacle
 from gdfe_ros.errors import SceneError
-from gdfe_ros.scene import actuation, builder, touchable
+from gdfe_ros.scene.actuation import build_actuators, build_loads, build_masses, build_probes, neutral_commands
 from gdfe_ros.scene.arms import build_arms, joint_starts, require_arms
+from gdfe_ros.scene.builder import assign_materials, build_handles, build_materials, build_program, require_held
 from gdfe_ros.scene.document import Document, KeyPath, parse_document, write_document
 from gdfe_ros.scene.meshes import Carried, build_mesh, require_body
 from gdfe_ros.scene.override import apply_override
@@ -24,6 +26,7 @@ from gdfe_ros.scene.report import NO_VALUE, Defects
 from gdfe_ros.scene.scene import Scene
 from gdfe_ros.scene.schema import Draft, SceneModel
 from gdfe_ros.scene.solvable import cut_key, unsolvable
+from gdfe_ros.scene.touchable import build_bodies, build_obstacles, build_self_contact, build_sensors
 from gdfe_ros.share import share_dir
 from gdfe_ros.spelling import did_you_mean
 
@@ -82,7 +85,8 @@ _SECTIONS = (
 )  # fmt: skip
 
 
-def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
+def _document(text: str, heading: str, overrides: Mapping[str, Any] | None) -> tuple[Document, Defects]:
+    """Return the document with its overrides, and the defects that are found before its content is read."""
     document = parse_document(text, heading=heading)
     report = Defects(heading, document)
     for key, without in (("dynamics", "equilibria"), ("self_contact", "surfaces that pass through each other")):
@@ -92,35 +96,38 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         apply_override(document, key, value, report)
     require_body(document.data, report)
     require_arms(document.data, report)
+    return document, report
+
+
+def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, Any] | None) -> Scene:
+    document, report = _document(text, heading, overrides)
     draft = _validate(document, report, path.parent if path else None)
     mesh, carried = build_mesh(draft, _names(document, "meshes"), report)
-    materials = builder.build_materials(draft, report)
-    cell_material = builder.assign_materials(draft, mesh, _names(document, "materials"), report)
-    handles = builder.build_handles(draft, mesh, report)
+    materials = build_materials(draft, report)
+    cell_material = assign_materials(draft, mesh, _names(document, "materials"), report)
+    handles = build_handles(draft, mesh, report)
     if mesh is not None and len(handles) == len(_names(document, "handles")) and draft.dynamics is None:
-        builder.require_held(mesh, handles, report)
-    rigid = touchable.build_bodies(draft, mesh, report)
-    handles = (*handles, *touchable.build_obstacles(draft, mesh, report), *rigid)
+        require_held(mesh, handles, report)
+    rigid = build_bodies(draft, mesh, report)
+    handles = (*handles, *build_obstacles(draft, mesh, report), *rigid)
     arms, robots = build_arms(draft, mesh, handles, report)
     carried |= robots
-    carriers = {arm.handle: arm.name for arm in arms}
-    handles = tuple(replace(each, carrier=carriers[each.name]) if each.name in carriers else each for each in handles)
-    handles = (*handles, *(piece for arm in arms for piece in arm.links))
-    actuators = actuation.build_actuators(draft, mesh, report)
-    probes = actuation.build_probes(draft, mesh, report)
-    attached = actuation.build_masses(draft, mesh, probes, _names(document, "probes"), report)
+    handles = _on_arms(handles, arms)
+    actuators = build_actuators(draft, mesh, report)
+    probes = build_probes(draft, mesh, report)
+    attached = build_masses(draft, mesh, probes, _names(document, "probes"), report)
     masses = (*attached, *(item.attached for item in rigid))
-    loads = actuation.build_loads(draft, mesh, materials, cell_material, masses, report)
-    sensors = touchable.build_sensors(draft, mesh, report)
-    self_contact = touchable.build_self_contact(draft, mesh, report)
+    loads = build_loads(draft, mesh, materials, cell_material, masses, report)
+    sensors = build_sensors(draft, mesh, report)
+    self_contact = build_self_contact(draft, mesh, report)
     program = None
     if draft.program is not None:
-        start = actuation.neutral_commands(mesh, actuators, loads) if mesh is not None else {}
+        start = neutral_commands(mesh, actuators, loads) if mesh is not None else {}
         start |= joint_starts(arms)
         complete = len(arms) == len(_names(document, "arms")) + ("arm" in document.data)
         driven = {"actuators": actuators, "loads": loads, "start": start, "arms": arms if complete else None}
         movers = {section: _names(document, section) for section in ("handles", "obstacles")}
-        program = builder.build_program(draft.program, draft, movers, report, **driven)
+        program = build_program(draft.program, draft, movers, report, **driven)
     solver, dynamics = draft.solver.build(), draft.dynamics.build() if draft.dynamics is not None else None
     sound = not (cell_material < 0).any() and len(materials) == len(_names(document, "materials"))
     parts = {"handles": handles, "actuators": actuators, "loads": loads, "dynamics": dynamics, "policy": solver.policy}
@@ -149,6 +156,13 @@ def _scene(text: str, heading: str, path: Path | None, overrides: Mapping[str, A
         dynamics=dynamics,
         arms=arms,
     )
+
+
+def _on_arms(handles: Sequence[Handle], arms: Sequence[Arm]) -> tuple[Handle, ...]:
+    """Return the handles, each with the arm that carries it, and the links of the arms as obstacles."""
+    carriers = {arm.handle: arm.name for arm in arms}
+    carried = (replace(each, carrier=carriers[each.name]) if each.name in carriers else each for each in handles)
+    return (*carried, *(piece for arm in arms for piece in arm.links))
 
 
 def _validate(document: Document, report: Defects, folder: Path | None) -> Draft:

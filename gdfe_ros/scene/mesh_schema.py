@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.mesh import HexMesh, Mesh, TetMesh
-from gdfe_ros.mesh.assembly import MeshPart
 from gdfe_ros.mesh.importer import read_mesh
+from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.mirror import mirrored
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
 from gdfe_ros.mesh.tetrahedralise import from_step, from_surface
@@ -130,7 +130,7 @@ class MeshModel(Choice):
         return {"embedded": pack_mesh(mesh), **mirror}
 
     def reflect(self, mesh: Mesh) -> Mesh:
-        """Return the mesh made by `build`, with its skin, as `mirror` says."""
+        """Return the mesh made by `build`, with its skin, reflected if `mirror` is given."""
         return mesh if self.mirror is None else mirrored(mesh, "xyz".index(self.mirror))
 
 
@@ -149,6 +149,6 @@ class PlacedMeshModel(MeshModel):
         return MeshPart(mesh, at=np.array(self.at), rotation=turn)
 
     def embed(self, mesh: Mesh) -> dict[str, Any] | None:
-        """Return the entry that contains the mesh itself at its place, without its skin; None as for one mesh."""
+        """Return the entry that contains the mesh itself at its place, without its skin; None if it needs no file."""
         entry = super().embed(mesh)
         return entry and {**entry, "at": list(self.at), "rotation_deg": list(self.rotation_deg)}

@@ -9,7 +9,8 @@ from typing import Any
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import Mesh, TetMesh, check_mesh
-from gdfe_ros.mesh.assembly import MeshPart, assemble
+from gdfe_ros.mesh.assembly import assemble
+from gdfe_ros.mesh.mesh import MeshPart
 from gdfe_ros.mesh.overlap import find_overlap
 from gdfe_ros.scene.document import KeyPath
 from gdfe_ros.scene.lined_mesh import BodyStore
@@ -19,13 +20,13 @@ from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.skin_schema import SkinModel
 
 Carried = dict[KeyPath, dict[str, Any]]
-"""Entries that need no file, by their key paths; those of skins after those of their meshes."""
+"""Entries of a scene with their files embedded, by key path; the entry of a skin follows that of its mesh."""
 
 
 def require_body(data: Mapping[str, Any], report: Defects) -> None:
     """Report a scene without a body, or with both `mesh` and `meshes`."""
     if "meshes" in data and "mesh" in data:
-        text = "`mesh` is there, too; remedy: keep one of the two; a single body can stand in `meshes`, too"
+        text = "`mesh` is there, too; remedy: keep one of the two; `meshes` may contain a single body"
         report.add(("meshes",), text, value=NO_VALUE)
     elif data.get("meshes") == {}:
         report.add(("meshes",), "there is no mesh; give e.g. {left: {bar: {...}, at: [0, 0.05, 0]}, right: ...}")
@@ -39,11 +40,11 @@ def require_body(data: Mapping[str, Any], report: Defects) -> None:
 
 
 def build_mesh(draft: Draft, names: Sequence[str], report: Defects) -> tuple[Mesh | None, Carried]:
-    """Return the mesh with its skin, None if it has defects, and the entries that contain it without files.
+    """Return the mesh with its skin, None if it has defects, and the scene's entries with their files embedded.
 
     Args:
         draft: valid parts of the file.
-        names: of all `meshes` of the file.
+        names: names of all `meshes` of the file.
         report: collects the defects.
     """
     carried: Carried = {}
@@ -75,7 +76,7 @@ def _body(
 def _made(
     model: MeshModel, skin: SkinModel | None, paths: tuple[KeyPath, KeyPath], carried: Carried, report: Defects
 ) -> Mesh | None:
-    """Return a mesh with its skin as their files have them."""
+    """Return a mesh with its skin as their files contain them, before a reflection."""
     store = BodyStore(model, skin)
     found = store.recall()
     if found is not None:
@@ -121,11 +122,11 @@ def _require_apart(parts: Mapping[str, MeshPart], report: Defects) -> None:
 
 
 def known_part(mesh: Mesh, name: str | None, path: KeyPath, report: Defects) -> bool:
-    """Return whether the mesh that a place refers to exists, if it refers to one; report it otherwise.
+    """Return whether a place refers to no mesh or to one that exists; report one that does not exist.
 
     Args:
         mesh: the body.
-        name: of one of its meshes, or None.
+        name: name of the mesh that the place refers to; None if it refers to none.
         path: key path of the entry with the key `mesh`.
         report: collects the defect.
     """

@@ -50,8 +50,8 @@ class DynamicsModel(Entry):
 
     scheme: Scheme = Field(
         Dynamics.scheme,
-        description="bdf2: damps motion that the steps are too long to resolve; newmark: keeps the energy; "
-        "generalised_alpha: damps such motion as much as rho_inf says",
+        description="bdf2: damps motion that the steps are too long to resolve; newmark: conserves the energy; "
+        "generalised_alpha: damps unresolved motion by the amount that rho_inf sets",
     )
     rho_inf: Annotated[float, _RHO] = Dynamics.rho_inf
     step: Annotated[float, _STEP] = Dynamics.step

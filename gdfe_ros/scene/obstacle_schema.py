@@ -14,10 +14,10 @@ from gdfe_ros.constraints.form import Box, Capsule, Cylinder, Form, Plane, Spher
 from gdfe_ros.constraints.obstacle import ContactPoints, Obstacle
 from gdfe_ros.constraints.rigid_body import RigidBody
 from gdfe_ros.errors import MeshError
+from gdfe_ros.mesh.contact_skin import out_of_material
 from gdfe_ros.mesh.inertia import inertia_of
 from gdfe_ros.mesh.packing import pack_surface, unpack_surface
 from gdfe_ros.mesh.solid import make_solid, read_solid, require_outward
-from gdfe_ros.mesh.touching import out_of_material
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice, Entry
 from gdfe_ros.scene.paths import FilePath
@@ -141,8 +141,8 @@ class ObstacleModel(Choice):
     fixed: bool = Field(False, description="true: the obstacle never moves and takes no commands")
     gaps: ContactPoints = Field(
         ContactPoints.FACES,
-        description="the gap at a vertex of the body: faces: the mean gap of the faces around it; vertices: the gap of "
-        "the vertex alone",
+        description="the gap that contact uses at a vertex of the body; faces: the mean gap of the faces around it; "
+        "vertices: the gap of the vertex alone",
     )
 
     @field_validator("plane")

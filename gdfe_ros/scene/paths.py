@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 
 def resolve_path(value: Any, info: ValidationInfo) -> Path:
-    """Return the absolute path of a path in the scene file; the file need not exist.
+    """Return a path of the scene file as an absolute path; the file need not exist.
 
     Args:
         value: the value in the file.
@@ -22,7 +22,7 @@ def resolve_path(value: Any, info: ValidationInfo) -> Path:
     """
     folder = (info.context or {}).get("folder")
     if not isinstance(value, str):
-        raise PydanticCustomError("path", "allowed is the path of a file, from the folder of the scene")
+        raise PydanticCustomError("path", "allowed is the path of a file, relative to the folder of the scene")
     if folder is None and not Path(value).is_absolute():
         raise PydanticCustomError("path", "a scene given as text has no folder: give a full path")
     return Path(folder or "/") / value

@@ -42,9 +42,8 @@ class JointPoint:
 class Program:
     """Keyframes of handles, actuators and loads; between two of them everything changes linearly.
 
-    Before its first keyframe a handle moves from rest: a first keyframe later than time 0 has an implied rest pose at
-    time 0. After its last keyframe a handle stays there. The same holds for actuators and loads, whose initial commands
-    are in `start`.
+    A handle whose first keyframe is later than time 0 starts from its rest pose at time 0. After its last keyframe it
+    keeps the pose of that keyframe. The same holds for actuators and loads, whose commands at time 0 are in `start`.
 
     Attributes:
         duration: length of the program [s].

@@ -54,7 +54,7 @@ def _section(model: type[BaseModel]) -> str:
     rows = (_row(name, field, optional=only) for name, field in model.model_fields.items())
     lines = [f"### {_title(model)}", "", _summary(model)]
     if only and model.options:
-        lines[-1] += f" Beside it may stand: {', '.join(f'`{name}`' for name in model.options)}."
+        lines[-1] += f" Further keys: {', '.join(f'`{name}`' for name in model.options)}."
     lines += ["", *(f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *rows)), ""]
     whole = [example for example in EXAMPLES[model] if "\n" in example]
     short = [example for example in EXAMPLES[model] if "\n" not in example]

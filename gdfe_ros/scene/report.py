@@ -15,7 +15,7 @@ from gdfe_ros.scene.keys import describe_key, known_keys
 from gdfe_ros.scene.material_schema import LAWS
 from gdfe_ros.spelling import closest, did_you_mean
 
-#: Stands for a value that is not worth showing.
+#: Argument of `Defects.add` for a defect without a value to show.
 NO_VALUE = object()
 _LONGEST_VALUE = 60
 
@@ -32,7 +32,7 @@ class Defects:
         self.heading = heading
         self._document = document
         self._found: list[tuple[int, str]] = []
-        self._concerned: set[str | int] = set()
+        self._concerned: set[KeyPath] = set()
         for path in document.duplicates:
             self.add(path, "this key is given twice; remove one of the two", value=NO_VALUE)
 
@@ -46,7 +46,7 @@ class Defects:
                 `NO_VALUE` shows none.
         """
         line = self._document.line(path)
-        self._concerned.update(path)
+        self._concerned.add(path)
         shown = self._lookup(path) if value is None else value
         key = ".".join(map(str, path)) or "scene"
         given = "" if shown is NO_VALUE else f" = {_short(shown)}"
@@ -73,8 +73,8 @@ class Defects:
         return [path for path, _ in items]
 
     def concerns(self, key: str) -> bool:
-        """Return whether a defect was found in the section ``key``; consequences of it are then not reported."""
-        return key in self._concerned
+        """Return whether a defect was found at the ``key`` of a mesh, so that its consequences need no report."""
+        return any(path[0] in ("mesh", "meshes") and key in path for path in self._concerned if path)
 
     def raise_if_any(self) -> None:
         """Raise SceneError with every defect, in the order of the file."""

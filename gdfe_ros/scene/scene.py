@@ -44,8 +44,8 @@ class Scene:
         sensors: contact sensors by name, in the order of the file.
         masses: attached masses, in the order of the file.
         self_contact: faces of the mesh that may touch each other; None if they pass through each other.
-        dynamics: inertia, damping and time steps; None for a scene whose every step is an equilibrium.
-        arms: that carry handles, in the order of the file; their links are among the handles.
+        dynamics: inertia, damping and time steps; None if every step is an equilibrium.
+        arms: arms that carry handles, in the order of the file; their links are among the handles.
     """
 
     name: str

@@ -10,9 +10,9 @@ from pydantic import Field
 
 from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh import HexMesh
+from gdfe_ros.mesh.contact_skin import is_closed, touch_by_skin
 from gdfe_ros.mesh.outside import carry_skin
 from gdfe_ros.mesh.packing import pack_surface, unpack_surface
-from gdfe_ros.mesh.touching import is_closed, touch_by_skin
 from gdfe_ros.mesh.voxels import examine_surface
 from gdfe_ros.scene.entry import Choice
 from gdfe_ros.scene.paths import FilePath

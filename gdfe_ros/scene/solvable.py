@@ -26,7 +26,7 @@ from gdfe_ros.solver.relative.shape_factor import calibration_remarks
 from gdfe_ros.solver.settings import Policy, SolverSettings
 
 LARGEST_CONTRAST = 1e10
-"""Ratio of moduli in one body beyond which double precision loses the softer material. 1e6 is tested."""
+"""Largest ratio of moduli in one body: beyond it, double precision does not resolve the softer one. 1e6 is tested."""
 
 
 def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
@@ -52,7 +52,7 @@ def refuse_unsolvable(scene: Scene, settings: SolverSettings) -> None:
 
 
 def remarks(scene: Scene, policy: Policy) -> list[str]:
-    """Return remarks on a scene: materials, contrasts, schemes that chatter or slip, cells too coarse."""
+    """Return remarks on a scene: unusual materials, unsuitable time schemes, missing contact, cells too coarse."""
     notes = []
     if isinstance(scene.mesh, TetMesh) and scene.mesh.linear:
         notes.append(
@@ -70,7 +70,8 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
     kept = [item.name for item in scene.actuators if item.constrains]
     if kept and scene.dynamics is not None and scene.dynamics.scheme is Scheme.NEWMARK:
         text = (
-            f"newmark does not damp the force that holds the commanded length or volume of {', '.join(kept)}: it rings"
+            "newmark does not damp the force that holds the commanded length or volume of "
+            f"{', '.join(kept)}, so that it oscillates"
         )
         notes.append(f"dynamics: {text}; remedy: dynamics.scheme: generalised_alpha, or a cable with a stiffness")
     if len(scene.mesh.parts) > 1 and scene.self_contact is None:
@@ -79,7 +80,7 @@ def remarks(scene: Scene, policy: Policy) -> list[str]:
 
 
 def _to_touch(mesh: Mesh) -> str:
-    """Return what makes the parts of a body touch each other."""
+    """Return the entries of a scene file with which the parts of a body touch each other."""
     steps = ["self_contact: {friction: 0.5}"]
     if cut_key(mesh):
         steps.append("cells: whole, because cut cells have no faces that touch")
@@ -101,10 +102,10 @@ def unsolvable(
     mesh: Mesh | None = None,
     cut: tuple[str, ...] = (),
 ) -> list[tuple[tuple[str, ...], str]]:
-    """Return the conflicts between the parts of a scene: the key in a scene file, and a sentence.
+    """Return the conflicts between the parts of a scene, each as its key in a scene file and a sentence.
 
     ``cell_material`` (m,) are indices of materials; if it is empty, as after a defect, contrasts are not checked.
-    ``mesh`` is the body, if it is valid; ``cut`` is the key of partly filled cells, as in `cut_key`.
+    ``mesh`` is the body, if it is valid; ``cut`` is the key path of partly filled cells, as in `cut_key`.
     """
     held = {item.name: _held(item, handles) for item in actuators}
     found = [
@@ -140,9 +141,9 @@ def _tetrahedra(
 
 
 def cut_key(mesh: Mesh) -> tuple[str, ...]:
-    """Return the key of a scene file at which cells are cut by a surface; empty if there is none.
+    """Return the key path at which a scene file asks for cut cells; empty if no cells are cut.
 
-    For several meshes it is that of the first mesh without a touching skin, if there is one.
+    Of several meshes with cut cells it is that of the first one without a touching skin, or else of the first one.
     """
     if mesh.filling is None:
         return ()
@@ -199,11 +200,11 @@ def _still(handles: Sequence[Handle]) -> str:
     names = ", ".join(repr(handle.name) for handle in handles if isinstance(handle, RigidBody))
     if not names:
         return ""
-    return f"{names} can only move in time; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
+    return f"{names} cannot move without dynamics; remedy: add `dynamics: {{}}`, or make it one of the `obstacles`"
 
 
 def _inside(handles: Sequence[Handle], mesh: Mesh | None) -> str:
-    """Return a message about rigid bodies that start inside of each other, obstacles or the body; empty if none."""
+    """Return a message about rigid bodies inside each other, obstacles or the body at rest; empty if there are none."""
     if not any(isinstance(handle, RigidBody) for handle in handles):
         return ""
     from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_at_rest  # loads numba
@@ -242,7 +243,7 @@ def _beside(
 
 
 def _touch_by_cut_faces(mesh: Mesh | None) -> bool:
-    """Return whether a mesh with cut cells, or one of several, has no skin that touches instead of its faces."""
+    """Return whether a mesh with cut cells (of several, any one) has no skin that touches instead of its faces."""
     if mesh is None:
         return False
     meshes = [part.mesh for part in mesh.parts.values()] or [mesh]
@@ -250,7 +251,7 @@ def _touch_by_cut_faces(mesh: Mesh | None) -> bool:
 
 
 def _by_skin(mesh: Mesh | None) -> str:
-    """Return a message if a skin is to touch another part of the body, which is impossible; empty if not."""
+    """Return a message if parts of the body should touch each other by a skin, which is impossible; empty if not."""
     if mesh is None or mesh.touching is None:
         return ""
     names = [f"meshes.{name}.skin" for name, part in mesh.parts.items() if part.mesh.touching is not None]
@@ -261,7 +262,7 @@ def _by_skin(mesh: Mesh | None) -> str:
 
 
 def _held(actuator: Actuator, handles: Sequence[Handle]) -> str:
-    """Return a message if a commanded length or volume lies between immovable vertices; empty if not."""
+    """Return a message if all vertices of a commanded length or volume are immovable; empty if not."""
     if isinstance(actuator, Cable) and actuator.mode is not Mode.TENSION:
         vertices = actuator.points.corners[actuator.points.weights != 0.0]
     elif isinstance(actuator, Chamber) and actuator.mode is not Mode.PRESSURE:

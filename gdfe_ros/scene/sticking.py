@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Remark on schemes with which bodies that should stick by friction slide."""
+"""Remarks on time schemes with which bodies slide although friction should hold them."""
 
 from __future__ import annotations
 

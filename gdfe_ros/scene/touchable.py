@@ -22,9 +22,9 @@ from gdfe_ros.scene.schema import Draft
 from gdfe_ros.scene.where_schema import WhereModel
 
 SMALLEST, LARGEST = 1e-3, 1e3
-"""Size of a surface over the body's, outside of which its unit is probably wrong."""
+"""Range of a surface's size over the body's; outside of it, the unit of the surface is probably wrong."""
 COARSEST = 0.25
-"""Grid cell of a surface over the body's size above which the body would not feel its shape."""
+"""Largest grid cell of a surface over the body's size; coarser grids do not resolve the shape that the body touches."""
 
 
 def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tuple[Obstacle, ...]:
@@ -47,7 +47,7 @@ def build_obstacles(draft: Draft, mesh: HexMesh | None, report: Defects) -> tupl
 
 
 def _require_scale(solid: Solid, mesh: HexMesh, path: KeyPath, report: Defects) -> None:
-    """Report a solid whose size, or whose grid, is out of all proportion to the body."""
+    """Report a solid whose size or whose grid cell does not suit the size of the body."""
     ratio = solid.size / mesh.size
     if not SMALLEST <= ratio <= LARGEST:
         allowed = f"allowed: {SMALLEST:g} to {LARGEST:g} times"

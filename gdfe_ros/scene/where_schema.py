@@ -68,8 +68,8 @@ class WhereModel(Choice):
     any: tuple[WhereModel, ...] | None = Field(
         None,
         min_length=1,
-        description="several selections: what at least one of them selects, e.g. the roots of two fingers on one "
-        "flange: [{mesh: left, face: x-}, {mesh: right, face: x-}]",
+        description="the union of several selections, e.g. the roots of two fingers on one flange: "
+        "[{mesh: left, face: x-}, {mesh: right, face: x-}]",
     )
     mesh: str | None = Field(
         None,

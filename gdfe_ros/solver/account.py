@@ -11,12 +11,12 @@ from gdfe_ros.constraints import Pose
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Failure:
-    """A time step that fails from the present state, however short its first internal step is.
+    """A time step that fails from the present state, even with the shortest first internal step.
 
     Attributes:
         poses, commands: targets of the step.
         duration: of the step [s].
-        length: of its internal steps [s], before any is cut.
+        length: of its internal steps [s] before any of them is halved.
         reason: why it fails.
     """
 

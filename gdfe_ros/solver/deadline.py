@@ -8,15 +8,15 @@ from collections.abc import Callable
 
 
 class Deadline:
-    """A deadline that counts how often it was asked before it passed.
+    """A deadline that counts the queries before it passes.
 
-    A solve depends on the clock and on interruptions only through these answers. A replay that is given the count ends
+    A solve depends on the clock and on interruptions only through the answers. A replay that is given the count ends
     the solve at the same place, bit by bit.
 
     Args:
-        moment: value of ``time.perf_counter`` at which the deadline passes; None: never by the clock.
+        moment: value of ``time.perf_counter`` at which the deadline passes; None if the clock does not end the solve.
         after: number of answers "not yet", which replaces the clock in a replay.
-        interrupted: returns whether to end at once, is called each time; None: no interruption.
+        interrupted: called each time; returns whether to end at once. None for no interruption.
 
     Attributes:
         after: number of answers "not yet" before the deadline passed; None if it has not passed.
@@ -55,7 +55,7 @@ class Deadline:
 
     @property
     def interruption(self) -> Deadline | None:
-        """A deadline for work that the clock may not end: by interruption only. None without an interruption."""
+        """A deadline that passes only by interruption, not by the clock; None if there is no interruption."""
         return None if self._interrupted is None else Deadline(interrupted=self._interrupted)
 
     @classmethod
@@ -68,7 +68,7 @@ class Deadline:
             started: ``time.perf_counter`` at the beginning [s].
             seconds: allowed duration [s]; None for any.
             after: recorded count of a replay; None outside of a replay.
-            interrupted: returns whether to end at once; None: no interruption.
+            interrupted: returns whether to end at once; None for no interruption.
         """
         if after is not None:
             return cls(after=after)

@@ -26,7 +26,7 @@ def handle_reactions(
     Args:
         body: the discretised body.
         positions: (n, 3) [m].
-        force: corner forces dE/dx (m, 8, 3) [N] at these positions.
+        force: corner forces dE/dx (m, c, 3) [N] at these positions.
         outside: dE/dx (n, 3) [N] of the external terms; None for none.
         contacts: contact terms of the obstacles.
 
@@ -47,7 +47,7 @@ def handle_reactions(
 
 
 def vertex_forces(body: Body, vertices: NDArray[np.int32], force: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the internal force dE/dx (k, 3) [N] at ``vertices`` (k,) from corner forces (m, 8, 3) [N]."""
+    """Return the internal force dE/dx (k, 3) [N] at ``vertices`` (k,) from corner forces (m, c, 3) [N]."""
     total = np.empty((len(vertices), 3))
     _gather_forces(force, body.unknowns, vertices, total)
     return total

@@ -40,7 +40,7 @@ class StepResult:
         message: the defect; empty if there is none.
         stable: whether the energy curves up in every direction; this is checked where a motion begins or is not smooth.
             False: the body is at a saddle, which it leaves when pushed. None: not checked, or not converged.
-        cut_after: how often the solve asked for the time before its deadline passed; None if it did not pass.
+        cut_after: number of time checks before the deadline of the solve passed; None if it did not pass.
         actuators: by name, command, length or volume, tension or pressure of each actuator.
         terms: reports of the terms that were added to the simulation, by name.
         restarts: 1 if the step was repeated from rest, because it ended in folded or inverted elements or, from given

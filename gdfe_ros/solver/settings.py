@@ -72,7 +72,7 @@ class SolverSettings:
         object.__setattr__(self, "policy", Policy(self.policy))
         object.__setattr__(self, "torsion", Torsion(self.torsion))
         if self.torsion is Torsion.SECTION and self.policy is Policy.RELATIVE:
-            raise ValueError("torsion: section is of the policy energy, relative has no hourglass energy; leave it out")
+            raise ValueError("torsion: section needs policy: energy; relative has no hourglass energy; leave it out")
         if not 1e-12 <= self.tolerance <= 1e-1:
             raise ValueError(f"tolerance must lie in 1e-12 .. 1e-1, got {self.tolerance!r}")
         for name, most in (("steps", 1_000_000), ("max_iterations", 1_000_000), ("threads", 1024)):

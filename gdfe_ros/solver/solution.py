@@ -24,9 +24,9 @@ class Increment:
         commands: of every actuator and load.
         tolerance: estimated largest distance to the equilibrium over the body's size.
         limit: most iterations.
-        deadline: when it has passed, the best positions so far are returned; None: never.
-        keeping: relative tolerance of commanded lengths and of hourglass scales; None: as ``tolerance``.
-        volumes: relative tolerance of the volumes that pressures keep; None: as ``keeping``.
+        deadline: once it has passed, the best positions so far are returned; None for no deadline.
+        keeping: relative tolerance of commanded lengths and of hourglass scales; None stands for ``tolerance``.
+        volumes: relative tolerance of the volumes that pressures keep; None stands for ``keeping``.
     """
 
     poses: Mapping[str, Pose]
@@ -48,19 +48,19 @@ class Solution:
     """The best result of a solve; `accept` of the equilibrium solver turns it into a state.
 
     Attributes:
-        state: the state without what acceptance adds: histories, and frozen elements.
+        state: the final state, still without the histories, the motion and the dormancy state that `accept` adds.
         iterations: linear solves with the constant matrix.
         cut: whether the limit or the deadline ended the solve.
         diverged: whether the energy has no lower bound.
-        exhausted: whether it is as accurate as double precision allows; shorter increments would not help.
+        exhausted: whether no further descent was possible, by the precision of the energy or at a kink of it.
         buried: whether surfaces penetrate each other deeply, not only above the tolerance.
-        lost: whether the distance to the equilibrium could not be estimated; a shorter increment may help, a much
-            shorter one does not.
+        lost: whether the distance to the equilibrium could not be estimated. A moderately shorter increment may help; a
+            much shorter one does not.
         began: (n, 3) positions at the beginning of the solve [m].
-        balance: energy balance of the equilibrium; None if it is none, or has no energy.
+        balance: energy balance of the equilibrium; None if the state is no equilibrium, or has no energy.
         tolerance: the requested tolerance.
         active: the unknowns of the solve.
-        run: number of the solve, for `accept`.
+        run: number of the solve; `accept` takes only the last one.
     """
 
     state: State

@@ -18,11 +18,12 @@ from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.account import Ledger
 from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.elements.operators import Operators
-from gdfe_ros.solver.tangent.level import Tangent
-from gdfe_ros.solver.terms.term import Saved
+from gdfe_ros.solver.tangent.tangent import Tangent
 from gdfe_ros.solver.value import changed
 
 Array = NDArray[np.float64]
+Saved = Mapping[str, NDArray[np.float64]]
+"""State that a term stores from one accepted step to the next, arrays by name; an immutable value."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,7 +32,7 @@ class ElementState:
 
     Attributes:
         pressures, pressures_before: (m,) p_e [Pa], positive in tension, of the last two accepted solves.
-        bulk: (k,) bulk modulus of the penalty beside the pressures, by material [Pa]; raised if pressures oscillate.
+        bulk: (k,) penalty bulk modulus of elements with pressures, by material [Pa]; raised if pressures oscillate.
         hourglass_scale: (m,) hourglass stiffness over that at rest.
     """
 
@@ -82,14 +83,15 @@ class DormancyState:
     Attributes:
         awake: (n,) vertices that the present part moves; None if the whole body moves.
         known: forces and energies of the frozen elements; None if they are still to be evaluated.
-        border: (k, 3) dE/dx [N] of the watched vertices when the part was chosen; None without ``known``.
+        border: (k, 3) dE/dx [N] of the watched vertices when ``known`` was evaluated; None without it.
         yielding: last computed displacement [m] of the frozen vertices per 1 N of change of the border's forces;
             infinite before the first.
-        before: (n, 3) positions [m] of the last step that was examined; None if nothing is ever frozen.
+        before: (n, 3) positions [m] of the last step that was examined; those at rest before the first.
         calm: (n,) vertices at rest since counting began.
         count: steps counted.
         patience: number of successive steps for which a vertex must be at rest before it is frozen.
-        rests, longer_rest: number of steps without examination, now and next time.
+        rests, longer_rest: number of steps to skip before the next examination, and the last such number, which is
+            doubled each time.
         lasted: steps since the present part was chosen.
     """
 
@@ -111,7 +113,7 @@ class Known:
     """Forces and energies of the elements at the positions at which a part of them was frozen.
 
     Attributes:
-        force: (m, 8, 3) corner forces [N].
+        force: (m, c, 3) corner forces [N].
         energies, stored: (m,) energies [J] as the kernels count them, and with the full volume energy.
         least: (m,) least volume ratio at a corner.
     """
@@ -162,7 +164,7 @@ class Balance:
     """Energy data of an equilibrium from which the work of the next increment is computed.
 
     Attributes:
-        potential: of all terms beside the elements [J]; zero at rest, and for commanded lengths and volumes.
+        potential: of all terms other than the elements [J]; zero at rest, and for commanded lengths and volumes.
         slopes: d(energy + potential)/d(command) by actuator and load.
     """
 
@@ -217,12 +219,13 @@ class State:
         sleep: dormancy state.
         unfinished: progress of the last solve if it was cut; None if it was not.
         soft: softest direction; None if none was computed.
-        balance: energy balance of the equilibrium; None if it is none, or has no energy.
+        balance: energy balance of the equilibrium; None if this state is no equilibrium, or has no energy.
         summary: of the last accepted solve.
         sound: whether no element is folded or inverted.
         suspect: whether the positions were given and have folded or inverted elements.
         tried: whether the load path from rest was tried without success.
-        anchor: the last equilibrium, if this state is none: a solve was cut, or a failed step left crumpled elements.
+        anchor: the last equilibrium, if this state is none because a solve was cut or a failed step left crumpled
+            elements; otherwise None.
         ledger: energy account of a moving body; None without dynamics.
     """
 

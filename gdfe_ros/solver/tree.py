@@ -17,7 +17,7 @@ from gdfe_ros.solver import state as states
 from gdfe_ros.solver.account import Bound, Failure, Ledger
 from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.elements.operators import Operators
-from gdfe_ros.solver.tangent.level import Tangent
+from gdfe_ros.solver.tangent.tangent import Tangent
 
 _VALUES = (
     Bound,
@@ -110,5 +110,5 @@ def from_tree(tree: Any, arrays: Mapping[str, NDArray[Any]]) -> Any:
     given = {present.get(name, name): from_tree(item, arrays) for name, item in tree["fields"].items()}
     names = {item.name for item in fields(kind)} - ({"operators"} if kind is states.State else set())
     if (set(given) ^ names) - _ADDED.get(kind, set()):
-        raise TreeError(f"{kind.__name__} has other parts: {sorted(set(given) ^ names)}")
+        raise TreeError(f"{kind.__name__} has missing or unknown fields: {sorted(set(given) ^ names)}")
     return kind(**given, operators=None) if kind is states.State else kind(**given)

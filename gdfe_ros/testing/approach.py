@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps towards commands, each with a change that converges."""
+"""Steps towards commands, with smaller changes where a step does not converge."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from gdfe_ros.simulation import Command, Simulation
 from gdfe_ros.solver.result import StepResult
 
 _SHARES = (1.0, 0.125, 0.0)
-"""Shares of the allowed change, tried in this order until a step converges. At a loss of stability the whole change
-often converges where smaller ones do not, because it leads beyond; many shares would mostly repeat the failure."""
+"""Shares of the allowed change, tried in this order until a step converges. Near a loss of stability the whole change
+often converges although smaller ones do not, because it passes the unstable range. More shares would mostly repeat the
+failure."""
 _BUDGET = 400
 """Limit of iterations of a step without dynamics, after which a smaller share is tried; most steps need 20 to 150."""
 
@@ -19,11 +20,11 @@ _BUDGET = 400
 class Approach:
     """Moves the commands of a simulation's actuators towards wanted ones, step by step.
 
-    In a step each command changes by at most its reach; if the step does not converge, by an eighth of the change; if
-    that does not converge either, the commands are held.
+    In a step each command changes by at most its ``reach``. If the step does not converge, it is repeated with an
+    eighth of the change, and if that does not converge either, with the commands held.
 
     Args:
-        simulation: that is stepped.
+        simulation: simulation to step.
         reach: (actuators,) largest change of each command in a step, in the unit of its mode; infinite: no limit.
     """
 
@@ -39,12 +40,13 @@ class Approach:
         return np.array([self._simulation.commands[name] for name in self._names], dtype=np.float64)
 
     def step(self, wanted: NDArray[np.float64], dt: float, *, whole: bool = False) -> StepResult:
-        """Step towards the commands ``wanted`` (actuators,) for ``dt`` [s].
+        """Make one step towards wanted commands.
 
         Args:
-            wanted: in the units of the modes; the applied ones stay within the actuators' ranges.
+            wanted: commands (actuators,) in the units of the modes; the applied commands stay within the actuators'
+                ranges.
             dt: simulation time of the step [s].
-            whole: try only the whole change.
+            whole: whether to try the whole allowed change only.
 
         Returns:
             The first result that converged, or else the last one.

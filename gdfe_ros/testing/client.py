@@ -27,7 +27,7 @@ PATIENCE = 300.0
 """Longest time to wait for anything except a step [s]: the very first start compiles kernels, minutes on a busy
 machine."""
 _DISCOVERY = 1.5
-"""Time [s] in which running nodes are discovered, even on a busy machine."""
+"""Time [s] within which running nodes are discovered, even on a busy machine."""
 STATE_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """QoS of subscriptions to the topics of a step: a late subscriber receives the last step."""
 
@@ -100,7 +100,7 @@ class Client:
             domain = self._context.get_domain_id()
             raise GdfeError(
                 f"another node is called {self._name} in ROS domain {domain}, commands would reach both; "
-                f"remedy: end it, or take another domain, e.g. ROS_DOMAIN_ID={domain + 1}"
+                f"remedy: end it, or use another domain, e.g. ROS_DOMAIN_ID={domain + 1}"
             )
 
     def await_listeners(self, publishers: Iterable[Publisher]) -> None:

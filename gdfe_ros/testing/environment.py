@@ -26,18 +26,18 @@ Reward = Callable[[Simulation, NDArray[np.float64]], float]
 Ending = Callable[[Simulation], bool]
 
 _WALK = 3
-"""Largest number of steps towards a new goal in one reset: bounds the time of a reset."""
+"""Largest number of steps towards a new goal in one reset, which bounds the time of a reset."""
 _LONG = 1e9
-"""Time of a step [s] so long that no rate limit cuts a command."""
+"""Duration of a step [s] so long that no rate limit cuts a command."""
 
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """A moment of an episode, to which `SoftRobotEnv.reset` goes back.
+    """A moment of an episode, to which `SoftRobotEnv.reset` can go back.
 
     Attributes:
-        state: of the simulation.
-        goal: (3,) [m], or None.
+        state: state of the simulation.
+        goal: (3,) goal [m], or None.
     """
 
     state: Snapshot
@@ -49,7 +49,7 @@ class SoftRobotEnv(Env):
 
     An action holds the commands of all actuators, in the scene's order and in the units of their modes; values outside
     an actuator's range are clipped. In one step a command changes by at most range * dt / slew_time, and by less if the
-    step does not converge otherwise; ``info["applied"]`` holds the applied commands.
+    step does not converge with this change; ``info["applied"]`` holds the applied commands.
 
     Attributes:
         simulation: the simulation, for reading only; `step` advances it.
@@ -97,7 +97,7 @@ class SoftRobotEnv(Env):
         """Return to the rest state and draw a goal, or go back to a moment of an episode.
 
         Args:
-            seed: of the random goals; None: continue the sequence of the last seed.
+            seed: seed of the random goals; None: continue the sequence of the last seed.
             options: ``goal``, (3,) [m], replaces the random goal; ``episode``, a value of `snapshot`, replaces the rest
                 state and the goal, without a solve.
 
@@ -125,9 +125,9 @@ class SoftRobotEnv(Env):
         return self._observation(), {"time": self.simulation.time}
 
     def snapshot(self) -> Episode:
-        """Return the present moment; ``reset(options={"episode": ...})`` of any environment of the scene begins there.
+        """Return the present moment, from which ``reset(options={"episode": ...})`` can begin a new episode.
 
-        The number of steps of the new episode begins at 0.
+        Any environment of the same scene accepts it. The number of steps of the new episode begins at 0.
         """
         return Episode(self.simulation.snapshot(), self.goal)
 
@@ -204,8 +204,8 @@ def make_env(
         observation: function of the simulation that returns an array; None: probes, actuators, and the goal if any.
         reward: function of the simulation and the clipped action that returns a number; None: minus the distance [m] of
             the first probe from a goal. Each reset draws a goal: the position of the probe after a few steps towards a
-            random command, starting at rest if a seed is given, else at the last goal. A scene with handles is
-            stepped there without dynamics, one without handles with its dynamics.
+            random command, starting at rest if a seed is given, else at the last goal. For these steps, a scene with
+            handles is simulated without dynamics, a scene without handles with its dynamics.
         terminated: function of the simulation, true at the end of an episode; None: never.
         observation_space: None: unbounded, with the shape of the observation at rest.
         overrides: values that replace those of the scene, by dotted key; its program is not played.
@@ -221,7 +221,7 @@ def make_env(
         >>> seen, _ = env.reset(seed=0)
         >>> seen, reward, terminated, truncated, info = env.step(env.action_space.sample())
     """
-    # Actions replace the program, whose commands may lie outside of a narrowed range.
+    # Actions replace the program, whose commands may lie outside of a range that the overrides have narrowed.
     loaded = scene if isinstance(scene, Scene) else load_scene(scene, overrides={**(overrides or {}), "program": None})
     given = {"observation": observation, "reward": reward, "terminated": terminated}
     return SoftRobotEnv(loaded, **given, observation_space=observation_space, dt=dt, steps=steps, slew_time=slew_time)
@@ -248,7 +248,7 @@ def _goal(given: ArrayLike) -> NDArray[np.float64]:
 def _require_ranges(scene: Scene) -> list[str]:
     """Return the names of the actuators; raise ``GdfeError`` if there is none or one has no range."""
     if not scene.actuators:
-        raise GdfeError(f"scene {scene.name!r} has no actuators, so that there are no actions; add the key 'actuators'")
+        raise GdfeError(f"scene {scene.name!r} has no actuators for actions to command; add the key 'actuators'")
     endless = [item.name for item in scene.actuators if not math.isfinite(item.high - item.low)]
     if endless:
         raise GdfeError(f"actuators {', '.join(endless)} of scene {scene.name!r} have no range; add their key 'range'")

@@ -2,8 +2,8 @@
 """Nodes forked from a server process that has already imported the package and loaded the kernels.
 
 A fresh ``sim_node`` takes seconds to start. After ``prepare`` each later ``NodeProcess`` starts in a fraction of that
-time; it still is a process of its own, with its own log, signals and exit status. Meant for the conftest.py of tests
-that start many nodes.
+time. It is still a separate process, with its own log, signals and exit status. This module is meant for the
+conftest.py of tests that start many nodes.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ _MODULES: list[str] = []
 
 
 def prepare() -> None:
-    """Fork all nodes that this process starts from now on; set environment variables of numba before."""
+    """Fork all nodes that this process starts from now on. Set environment variables of numba before this call."""
     _SERVER[:] = [preload(_PRELOAD)]
 
 
 def preload(module: str) -> ForkServerContext:
-    """Return the context whose server imports a module before it forks; one that runs already stays as it is."""
+    """Return the context whose server imports a module before it forks; a server already running does not import it."""
     context = multiprocessing.get_context("forkserver")
     if module not in _MODULES:
         _MODULES.append(module)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Build ROS message packages that are missing among the wheels, with the generators of the wheels.
 
-Meant for tests: a package from apt or from a workspace is better. Needs compilers for C and C++, and Python's headers.
+This is meant for tests; otherwise, a package from apt or from a workspace is better. It needs compilers for C and C++,
+and Python's headers.
 """
 
 from __future__ import annotations

@@ -35,9 +35,9 @@ _NO_CUT = -1
 class NodeReplay:
     """Starts a node in lockstep with the scene of a bag, sends the commands that each step consumed, and records anew.
 
-    Steps that consumed nothing are made by the service ``~/step``. Where the time step of the recorded run varies, the
-    parameter ``dt`` is set before the step. Where a deadline ended a solve, ``cut_after`` ends it after the same number
-    of iterations. A bag that begins in the middle of a run holds the state, which the node loads.
+    Steps that consumed nothing are made by the service ``~/step``. Before a step with another time step, the parameter
+    ``dt`` is set. A solve that a deadline ended is ended at the same point by the parameter ``cut_after``. A bag that
+    begins in the middle of a run holds the initial state, which the node loads.
 
     Args:
         run: recorded run.
@@ -52,7 +52,7 @@ class NodeReplay:
         self._run, self._overrides = run, dict(overrides or {})
         replay = Replay(run, overrides=overrides)
         if replay.end:
-            raise RecordingError(f"{replay.end}; without --ros what comes before is replayed")
+            raise RecordingError(f"{replay.end}; without --ros the steps before it are replayed")
         self._simulation = replay.simulation
         self._consumed = Consumed(run)
         self._name = f"/gdfe_replay_{os.getpid()}/{NODE_NAME}"
@@ -60,7 +60,7 @@ class NodeReplay:
         for record in run.records:
             _require_a_node(run, record)
             if len(record.bodies) > 1 and not self._consumed.inputs:
-                text = f"step {record.step} of bag {run.reader.path} puts several bodies, and nothing completes a step"
+                text = f"step {record.step} of bag {run.reader.path} puts several bodies in a run without other inputs"
                 raise RecordingError(f"{text}; replay it without --ros")
 
     def run(self) -> ReplayReport:

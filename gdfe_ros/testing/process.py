@@ -106,7 +106,7 @@ class NodeProcess:
 
 
 def package_environment(home: Path | None = None) -> dict[str, str]:
-    """Return this process's environment with a directory first in ``PYTHONPATH``; None: that of this package."""
+    """Return this process's environment with ``home`` first in ``PYTHONPATH``; None: the directory of this package."""
     home = home or Path(gdfe_ros.__file__).resolve().parents[1]
     path = os.pathsep.join(filter(None, [str(home), os.environ.get("PYTHONPATH", "")]))
     return {**os.environ, "PYTHONPATH": path}

@@ -268,7 +268,8 @@ class Simulator:
             self._refusals.append(text)
 
     def _inputs(self) -> list[str]:
-        return [*self._movable.values()] + ([ACTUATION] if self.scene.actuators or self.scene.loads else [])
+        driven = self.scene.actuators or self.scene.loads or self.scene.arms
+        return [*self._movable.values()] + ([ACTUATION] if driven else [])
 
     def _receive(self, topic: str, message: Any) -> None:
         """Collect one message of each topic; when those of a step are complete, update the state."""

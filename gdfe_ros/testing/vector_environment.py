@@ -9,8 +9,8 @@ from typing import Any
 
 from gymnasium.vector import AsyncVectorEnv
 
-from gdfe_ros.testing import forking
 from gdfe_ros.testing.environment import make_env
+from gdfe_ros.testing.forking import preload
 
 _PRELOAD = "gdfe_ros.testing.preloaded_environment"
 
@@ -18,9 +18,9 @@ _PRELOAD = "gdfe_ros.testing.preloaded_environment"
 def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver", **options: Any) -> AsyncVectorEnv:
     """Make environments that run in parallel, each in a process of its own.
 
-    Threads of one process would share the factors, but wait for Python's lock between the compiled parts of a step
-    (``python -m benchmarks.environments`` measures both). The processes are forked from a server that has imported the
-    package and loaded the kernels once.
+    Threads of one process would share the matrix factors, but they would wait for Python's lock between the compiled
+    parts of a step (``python -m benchmarks.environments`` measures both). The processes are forked from a server that
+    has imported the package and loaded the kernels once.
 
     Args:
         scene: name or path.
@@ -30,5 +30,5 @@ def make_vector_env(scene: str | Path, count: int, *, context: str = "forkserver
         options: keyword arguments of `make_env`.
     """
     if context == "forkserver":
-        forking.preload(_PRELOAD)
+        preload(_PRELOAD)
     return AsyncVectorEnv([partial(make_env, scene, **options)] * count, context=context)

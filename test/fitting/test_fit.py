@@ -111,7 +111,7 @@ def test_what_the_data_do_not_tell_apart_is_told(
     given = ("--vary", f"{YOUNG}=5e4..8e5", "--vary", "loads.pull.point.force.2=-0.2..-0.01")
     _fit(write_scene(text), write_table(), *given, "--out", tmp_path / "out")
     printed = capsys.readouterr().out
-    assert "tell" in printed
+    assert "determine" in printed
     assert YOUNG in printed.partition("the data")[2]
 
 

@@ -12,8 +12,9 @@ from gdfe_ros.errors import MeshError
 from gdfe_ros.mesh.cut_cells import LEAST_SHARE, cube_moments, gather_slivers
 from gdfe_ros.mesh.filling import Filling
 from gdfe_ros.mesh.hexmesh import HexMesh
-from gdfe_ros.mesh.operators import CORNERS, MODES, shape_operators
+from gdfe_ros.mesh.operators import shape_operators
 from gdfe_ros.mesh.packing import pack_mesh, unpack_mesh
+from gdfe_ros.mesh.trilinear import CORNERS, MODES
 from gdfe_ros.mesh.voxels import CutCubes, fill_surface
 from gdfe_ros.solver.motion.mass import mass_matrix
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gdfe_ros.mesh import bar
-from gdfe_ros.mesh.operators import CORNERS, MODES, ShapeOperators, shape_operators
+from gdfe_ros.mesh.operators import ShapeOperators, shape_operators
+from gdfe_ros.mesh.trilinear import CORNERS, MODES
 
 CELL = np.arange(8, dtype=np.int32)[None]
 CUBE = 0.5 + 0.5 * CORNERS

@@ -15,7 +15,8 @@ from gdfe_ros.materials import Curve, CurveData, Law, Linear, Material, NeoHooke
 from gdfe_ros.materials.table import PENALTY
 from gdfe_ros.mesh import HexMesh, bar
 from gdfe_ros.mesh.filling import Filling
-from gdfe_ros.mesh.operators import CORNERS, shape_operators
+from gdfe_ros.mesh.operators import shape_operators
+from gdfe_ros.mesh.trilinear import CORNERS
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.elements.fields import (
     corner_forces,

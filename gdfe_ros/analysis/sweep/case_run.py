@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work of a sweep's worker: cases from rest to the end of their program, as numbers."""
+"""Work of a sweep's worker: play the program of each case from rest, and return numbers about its end."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gdfe_ros.solver.result import StepResult
 
 Result = dict[str, Any]
 _KEPT: list[Simulation] = []
-"""The last case's simulation in this worker: it keeps the factor of its matrix for a next case with an equal matrix."""
+"""The simulation of the worker's last case: a next case with the same matrix reuses its factor."""
 _AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 def run_cases_in_turn(scene: str, cases: Sequence[Mapping[str, Any]]) -> list[Result]:
-    """Run several cases; ``run_case`` for each."""
+    """Return the results of ``run_case`` for several cases, run one after the other."""
     return [run_case(scene, overrides) for overrides in cases]
 
 

@@ -68,7 +68,7 @@ def _draw(axes: Axes, rows: Sequence[Row], first: str, others: Sequence[str], na
     if failed:
         bottom = axes.get_ylim()[0]
         heights = [bottom if row.get(name) is None else row[name] for row in failed]
-        axes.plot([place(row) for row in failed], heights, "rx", label="failed")
+        axes.plot([place(row) for row in failed], heights, "rx", label="failed or not converged")
     if not numeric:
         axes.set_xticks(range(len(order)), [str(value)[:16] for value in order], rotation=30, ha="right", fontsize=7)
     axes.set_xlabel(first.removeprefix("set."))

@@ -36,8 +36,8 @@ _SETTINGS = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.worker.memory.monitor-interval": "1s",
-    # A dead worker is started again, which may take long on a busy machine. By default the cluster gives up after 15 s,
-    # closes for good what would have started it, and the sweep waits for ever.
+    # A dead worker is started again, which may take long on a busy machine. By default the cluster gives up after 15 s
+    # and closes the process that would have started it, and the sweep waits for ever.
     "distributed.deploy.lost-worker-timeout": "1d",
 }
 
@@ -58,7 +58,7 @@ def connect(scheduler: str | None, workers: int) -> Iterator[Client]:
             with Client(cluster) as client:
                 yield client
         finally:
-            # On a busy machine dask may not hear within 5 s that a worker has ended which it has killed.
+            # On a busy machine dask may take longer than 5 s to notice that a worker that it killed has ended.
             with suppress(TimeoutError, asyncio.TimeoutError):
                 cluster.close()
 

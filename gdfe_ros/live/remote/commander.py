@@ -40,9 +40,9 @@ class Commander:
     """Sends orders and requests, from any thread.
 
     Args:
-        node: publishes and calls.
+        node: publishes messages and calls services.
         name: full name of the simulation's node.
-        scene: of that node.
+        scene: scene of that node.
     """
 
     def __init__(self, node: Node, name: str, scene: Scene) -> None:
@@ -66,7 +66,7 @@ class Commander:
         }
 
     def require(self, name: str, order: Order) -> None:
-        """Raise an error for an order of ``name`` that `send` would refuse.
+        """Check that `send` would accept an order of ``name``.
 
         Raises:
             GdfeError: a number is not finite, or a target is too far away.
@@ -77,7 +77,7 @@ class Commander:
         """Publish an order of ``name``.
 
         Raises:
-            GdfeError: a number is not finite, a target is too far away, or it is another kind of order.
+            GdfeError: a number is not finite, a target is too far away, or the kind of order is not supported.
         """
         self.require(name, order)
         if isinstance(order, (PoseOrder, TeleportOrder)):
@@ -89,18 +89,18 @@ class Commander:
         elif isinstance(order, ActuatorOrder):
             self._actuation.publish(actuation(self._actuators, order.values))
         else:
-            raise GdfeError(f"a page gives poses and values, not {type(order).__name__}")
+            raise GdfeError(f"a page sends poses and values, not {type(order).__name__}")
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
         """Set Young's moduli [Pa] of materials, which are parameters of the node, all or none.
 
-        The answer is empty, because the body shows the effect, or a GdfeError if the node refuses.
+        The future answer is empty, because the body shows the effect. It raises a GdfeError if the node refuses.
 
         Raises:
             GdfeError: the node does not answer at present.
         """
         if not self._parameters.services_are_ready():
-            raise GdfeError(f"the parameters of {self._name} are not there; is the node running?")
+            raise GdfeError(f"the parameters of {self._name} are not available; is the node running?")
         answer: Future[str] = Future()
 
         def hear(done: Any) -> None:
@@ -117,15 +117,15 @@ class Commander:
     def call(self, ability: Ability, *, on: bool = False) -> Future[str]:
         """Call a service; ``on`` is the request of a switching service.
 
-        The answer is the node's message about a bag, empty for other services, whose effect is visible, or a GdfeError
-        if the node refuses.
+        The future answer is the node's message about a bag, or empty for the other services, whose effect is visible.
+        It raises a GdfeError if the node refuses.
 
         Raises:
-            GdfeError: the node does not offer it at present.
+            GdfeError: the node does not offer the service at present.
         """
         client = self._clients[ability]
         if not client.service_is_ready():
-            raise GdfeError(f"{client.srv_name} is not there; is the node {self._name} running?")
+            raise GdfeError(f"{client.srv_name} is not available; is the node {self._name} running?")
         request = SetBool.Request(data=on) if client.srv_type is SetBool else Trigger.Request()
         answer: Future[str] = Future()
 

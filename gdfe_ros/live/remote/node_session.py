@@ -51,12 +51,12 @@ class NodeSession:
     """Shows a node in another process; its scene is known after construction.
 
     Args:
-        name: of the node, e.g. ``gdfe_sim`` or ``/left/gdfe_sim``.
+        name: name of the node, e.g. ``gdfe_sim`` or ``/left/gdfe_sim``.
         patience: longest wait for its scene [s].
         say: receives texts about the wait.
 
     Raises:
-        GdfeError: the name is invalid, there is no such node, or none that is configured; the message lists the nodes.
+        GdfeError: the name is invalid, the node does not exist (the message lists the nodes), or it is not configured.
 
     Attributes:
         failure: reason for an end of the reception that was not requested, or None.
@@ -92,7 +92,7 @@ class NodeSession:
 
     @property
     def abilities(self) -> frozenset[Ability]:
-        """Requests that its services and parameters offer; playback only if the scene has a program."""
+        """Requests that the node's services and parameters offer; playback only if the scene has a program."""
         return frozenset(Ability) - ({Ability.PLAY} if self._scene.program is None else frozenset())
 
     @property
@@ -175,7 +175,7 @@ class NodeSession:
         """Return the node's report and whether it is a problem; empty if its steps show the activity."""
         silence = time.monotonic() - self._heard
         if self.failure is not None:
-            return f"the listening ended: {self.failure}", True
+            return f"the reception ended: {self.failure}", True
         if silence > _SILENT:
             return f"nothing heard of {self.name} for {silence:.0f} s", True
         if self._report.bad:
@@ -195,10 +195,10 @@ class NodeSession:
         self._commander.send(name, order)
 
     def ask(self, ability: Ability) -> Future[str] | None:
-        """Call a service, or play the program.
+        """Call the service of a request, or play the program; return the future answer.
 
         Raises:
-            GdfeError: the node does not offer it at present.
+            GdfeError: the node does not offer the service at present.
         """
         match ability:
             case Ability.PLAY:
@@ -218,7 +218,7 @@ class NodeSession:
         return answer
 
     def set_moduli(self, moduli: Mapping[str, float]) -> Future[str]:
-        """Set parameters of the node.
+        """Set Young's moduli [Pa] of materials, which are parameters of the node.
 
         Raises:
             GdfeError: the node does not answer at present.
@@ -238,7 +238,7 @@ class NodeSession:
         return scene_from_text(self._text, origin=f"of the node {self.name}")
 
     def _hear_scene(self, message: String) -> None:
-        """Store the scene; later only scenes that differ by moduli."""
+        """Store the scene; a later scene replaces it if only moduli differ, else it makes the session outdated."""
         before, self._text = self._text, message.data
         if before in (None, message.data):
             return
@@ -272,7 +272,7 @@ class NodeSession:
         self._told(view_of(state, self._scene))
 
     def _note_pause(self, paused: bool) -> None:
-        """Record a pause before the node reports it."""
+        """Note that the node is paused or not, before its next report does."""
         self._report = replace(self._report, paused=paused)
 
     def _spin(self) -> None:
@@ -299,4 +299,4 @@ class NodeSession:
     def _fail(self, error: Exception) -> None:
         if not self._ending.is_set():
             self.failure = error
-            self._warn(f"the listening to {self.name} ended: {error!r}")
+            self._warn(f"the reception from {self.name} ended: {error!r}")

@@ -12,8 +12,8 @@ from gdfe_ros.recording.step_record import Begin, StepRecord
 from gdfe_ros.scene.scene import Scene
 
 LOST = 1.0
-"""Wall time [s] without a step after which orders are repeated: an order, or the record of a step, may be lost, and a
-node at rest makes no step by itself."""
+"""Wall time [s] without a step after which orders are repeated, because an order or the record of a step may be lost,
+and a node at rest makes no step by itself."""
 
 
 class Player:
@@ -50,7 +50,7 @@ class Player:
         self._programme = None
 
     def leave(self, names: Iterable[str]) -> None:
-        """Stop commanding handles, actuators and loads, which the viewer commands now."""
+        """Stop commanding the named handles, actuators and loads, which the viewer commands now."""
         if self._programme is not None:
             self._programme.leave(names)
 

@@ -66,7 +66,7 @@ def configuring(name: str) -> str:
 
 
 def absence(node: Node, name: str, patience: float) -> str:
-    """Return a message why no scene of a node was received, with the other nodes.
+    """Return a message that explains why no scene of a node was received; it lists the other nodes.
 
     Args:
         node: the receiving node.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Assembly of a node's messages to steps."""
+"""Assembly of a node's messages into steps."""
 
 from __future__ import annotations
 

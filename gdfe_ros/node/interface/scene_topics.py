@@ -32,7 +32,7 @@ def pose_and_wrench(handle: Handle) -> dict[str, TopicSpec]:
 
 
 def state_topics(scene: Scene) -> dict[str, TopicSpec]:
-    """Return the topics of the state after a step, by key; first the record, which begins a step in a bag."""
+    """Return the topics of the state after a step, by key; the record comes first, as it begins a step in a bag."""
     found = {spec.key(): spec for spec in (topics.STEP_RECORD, topics.MESH, topics.STRAIN)}
     for handle in scene.handles:
         found |= pose_and_wrench(handle)

@@ -10,9 +10,9 @@ from gdfe_ros.node.specification import Delivery, TopicSpec
 TARGET = TopicSpec(
     name="~/handles/{handle}/target",
     type="geometry_msgs/msg/PoseStamped",
-    meaning="target pose of the handle relative to its rest pose [m]; it turns about its own centre, by the turn "
-    "nearest to its present target. `frame_id` is empty, the node's, or `<handle>_rest`; a target in any other "
-    "frame is transformed by TF, and refused if TF does not know the frame",
+    meaning="target pose of the handle relative to its rest pose [m]; the rotation is about the handle's centre, and "
+    "of equivalent rotations the one nearest to the present target is taken. `frame_id` is empty, the node's, or "
+    "`<handle>_rest`; a target in any other frame is transformed by TF, and refused if TF does not know the frame",
     delivery=Delivery.COMMAND,
 )
 VELOCITY = TopicSpec(
@@ -26,9 +26,9 @@ OBSTACLE_TARGET = TopicSpec(
     name="~/obstacles/{obstacle}/target",
     type="geometry_msgs/msg/PoseStamped",
     meaning="target pose of the obstacle relative to its rest pose [m], in the axes of the node's frame, as in a "
-    "program; it turns about its own origin, by the turn nearest to its present target. `frame_id` is empty, the "
-    "node's, or `<obstacle>_rest`; in any other frame, which TF must know, the target is the place of the frame "
-    "`<obstacle>`",
+    "program; the rotation is about the obstacle's origin, and of equivalent rotations the one nearest to the present "
+    "target is taken. `frame_id` is empty, the node's, or `<obstacle>_rest`; in any other frame, which TF must know, "
+    "the target is the place of the frame `<obstacle>`",
     delivery=Delivery.COMMAND,
 )
 OBSTACLE_VELOCITY = TopicSpec(
@@ -73,8 +73,9 @@ JOINT_COMMAND = TopicSpec(
     name="~/joint_command",
     type="sensor_msgs/msg/JointState",
     meaning="commanded `position` of joints of arms by name [rad], [m]; joints that are not named stay at their "
-    "commands. They are approached within the limits of velocity and acceleration; a position beyond its limits is "
-    "refused. Actuators and loads are taken as on ~/actuation. Only in scenes with `arm` or `arms`",
+    "commands. The joints approach their commands within the limits of velocity and acceleration; a position beyond a "
+    "joint's limits is refused. Actuators and loads can be commanded as on ~/actuation. Only in scenes with `arm` or "
+    "`arms`",
     delivery=Delivery.COMMAND,
 )
 FOLLOWED = TopicSpec(
@@ -217,8 +218,8 @@ IMU = TopicSpec(
 JOINT_STATES = TopicSpec(
     name="~/joint_states",
     type="sensor_msgs/msg/JointState",
-    meaning="of each actuator: `position` is the length or shortening [m], volume [m^3] or growth [1], by the kind "
-    "of its command; `velocity` is the rate of `position`; `effort` is the tension [N] or pressure [Pa]. Then of each "
+    meaning="for each actuator, `position` is the length or shortening [m], volume [m^3] or growth [1], depending on "
+    "its mode; `velocity` is the rate of `position`; `effort` is the tension [N] or pressure [Pa]. Then for each "
     "joint of the arms: position [rad], [m], velocity, and the effort of its motor [N m], [N], which holds and moves "
     "the links and the soft body",
 )
@@ -288,7 +289,7 @@ SCENE = TopicSpec(
     delivery=Delivery.LATCHED,
 )
 PROCESS = "process"
-"""Key, on /diagnostics, of the number of the node's process, which tells nodes of one name apart."""
+"""Key of the node's process id on /diagnostics; the id distinguishes nodes of the same name."""
 DIAGNOSTICS = TopicSpec(
     name="/diagnostics",
     type="diagnostic_msgs/msg/DiagnosticArray",
@@ -316,9 +317,9 @@ OUTPUTS = (
 
 @dataclass(frozen=True)
 class MovableTopics:
-    """The topics of a handle, obstacle or rigid body; those with commands have ``target`` and ``velocity``.
+    """The topics of a handle, obstacle or rigid body; a commanded one has ``target`` and ``velocity``.
 
-    Freely moving bodies have ``put`` instead, which teleports them.
+    A freely moving body has ``put`` instead, which teleports it.
     """
 
     pose: TopicSpec

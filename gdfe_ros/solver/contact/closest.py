@@ -134,7 +134,7 @@ def nearest_faces(
     Args:
         x: (n, 3) [m] positions.
         last: (n, 3) [m] last positions at which nothing penetrated.
-        sunk: (k,) vertices that penetrated at ``last`` nevertheless: they leave through the nearest face.
+        sunk: (k,) vertices that already penetrated at ``last``: they leave through the nearest face.
         pairs: (p,) index of each candidate pair's vertex among the surface's vertices.
         faces: (p,) face of each candidate pair.
         surface: the topology of an `OwnSurface`.

@@ -23,8 +23,7 @@ from gdfe_ros.solver.contact.surface import SHAPE, TURNED, ContactSurface, Corne
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.distance import largest_distance
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.state import State
-from gdfe_ros.solver.terms.term import Saved
+from gdfe_ros.solver.state import Saved, State
 
 ENTRY = 1e-3
 """Distance over the body's size beyond which a point counts as outside. A point that enters the obstacle from farther
@@ -176,7 +175,8 @@ class Contact(ContactTerm):
     def finish(self, saved: Saved, positions: NDArray[np.float64]) -> Saved:
         """Return the state to store: contact forces, and the anchors of the sticking points.
 
-        Points that slip get their anchor where they are now. ``lost`` is the energy dissipated by friction so far [J].
+        Points that slip store no anchor: in the next step they start from one at their present place. ``lost`` is the
+        energy dissipated by friction so far [J].
         """
         if not self.updates:
             return {**self._free, "lost": saved["lost"]}
@@ -315,7 +315,7 @@ class Contact(ContactTerm):
         return planes
 
     def _starts(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the points in the obstacle's frame (p, 3) [m] at the end of the last step, else at ``places``."""
+        """Return the points (p, 3) [m] in the obstacle's frame at the end of the last step; before any, ``places``."""
         if self._last is None:
             return self._in_frame(places)
         origin, axes = self._frame(self._last.positions, self._last.poses[self._touched.name])
@@ -331,8 +331,8 @@ class Contact(ContactTerm):
     def _shifted(self, positions: NDArray[np.float64]) -> float:
         """Return an upper bound of the displacement [m] of any point by the obstacle's own motion, in its frame.
 
-        Other obstacles than links of an arm are compared anew whenever they move. An arm has many links, most of them
-        far away.
+        Obstacles that are not links of an arm have no such bound: their distances are recomputed whenever they move. An
+        arm has many links, most of them far away.
         """
         if self._pose == self._seen_at:
             return 0.0
@@ -353,7 +353,7 @@ class Contact(ContactTerm):
         return (places - self._origin) @ self._axes
 
     def _choose(self, saved: Saved, positions: NDArray[np.float64]) -> None:
-        """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or pass through."""
+        """Choose the points that are near at ``positions`` (n, 3) [m], touched in the last step, or enter now."""
         points, integers, places = self._points, self.integers, self._points.at(positions)
         self._origin[...], self._axes[...] = self._frame(positions, self._pose)
         self._measure(places)
@@ -382,7 +382,7 @@ class Contact(ContactTerm):
         gap.distances(places, self.reals, self.integers[gap.KIND], self._distances, self._normals)
 
     def _anchors(self, saved: Saved, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the anchors (k, 3) [m] of the chosen points, in the obstacle's frame, as a step starts with them."""
+        """Return the anchors (k, 3) [m] of the chosen points at the start of a step, in the obstacle's frame."""
         return self._anchored(saved, self._starts(self._points.at(positions)))
 
     def _anchored(self, saved: Saved, starts: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -390,7 +390,7 @@ class Contact(ContactTerm):
         return np.where(np.isnan(anchors), starts[self._chosen], anchors)
 
     def _kept(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what the state stores of the anchors (k, 3) [m] of points at ``places`` (k, 3) [m]."""
+        """Return the anchors in the stored form (k, 3) [m], for points at ``places`` (k, 3) [m]."""
         return self._rows()[:, ANCHOR : ANCHOR + 3]
 
     def _rubbing(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -412,7 +412,7 @@ class Contact(ContactTerm):
         return float(change)
 
     def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Return contact (k, 3), normal (k,), friction forces (k, 3) [N] of the chosen points; which slip (k,)."""
+        """Return contact (k, 3), normal (k,), friction forces (k, 3) [N] of the chosen points, and slip flags (k,)."""
         count = len(self._chosen)
         forces, shears = np.zeros((count, 3)), np.zeros((count, 3))
         presses, slips = np.zeros(count), np.zeros(count, dtype=np.bool_)

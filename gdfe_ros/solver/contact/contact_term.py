@@ -16,7 +16,7 @@ PENALTY = 1.0
 """Penalty over the constant matrix' diagonal at a vertex: a few updates suffice, and the constant matrix still
 preconditions the minimisation."""
 FORCE = 1e-2
-"""Tolerance of contact forces over the solver's tolerance: a tolerance of 1e-4 demands forces to 1 %."""
+"""The solver's tolerance over the relative tolerance of contact forces: a tolerance of 1e-4 requires forces to 1 %."""
 FAINT = 1e-7
 """Displacement over the body's size whose penalty force counts as zero. No minimisation resolves less."""
 
@@ -38,7 +38,7 @@ class ContactTerm(Term):
         gives_up: whether hopeless solves end at once, because smaller steps may succeed.
         stocky: whether only displacements measure the remaining distance of a body; updates are then extrapolated.
         buried: whether the penetration that `flaw` found is deep, not only above the tolerance.
-        hopeless: whether separate parts have penetrated so deep that the search finds no pair for them any more.
+        hopeless: whether separate parts have penetrated so deeply that the search finds no pair for them any more.
     """
 
     potential: ClassVar[Callable[..., float]]

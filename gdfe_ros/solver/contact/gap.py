@@ -160,10 +160,10 @@ def entries(starts, ends, reach, head, kind, planes):
 
 @kernel
 def nearness(x, quads, gauss, shape, head, kind, out):
-    """Add to ``out`` (n,) [m^3] how much nearer faces are than interpolation between their corners, times area.
+    """Add the interpolated minus the true distance to the obstacle, integrated over faces, to ``out`` (n,) [m^3].
 
-    The integral over each face is distributed to its vertices. Faces across an edge of the obstacle, where the normals
-    at the corners differ, are left out.
+    Distances are interpolated between a face's corners. Each face's integral is distributed to its vertices. Faces
+    across an edge of the obstacle, where the normals at the corners differ, are left out.
     """
     corner, normal = np.empty(4), np.empty((4, 3))
     for q in range(len(quads)):

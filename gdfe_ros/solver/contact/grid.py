@@ -11,7 +11,7 @@ START, CELL, COUNTS, SAMPLES = 0, 3, 4, 7
 """Offsets in a mesh's numbers of its grid's first point [m], spacing [m], counts, and signed distances [m]."""
 
 SURE = 0.7
-"""Lower bound of the true distance over the interpolated one, which is at most sqrt(2) too large beyond the grid."""
+"""Lower bound of the true distance over the interpolated one, which is at most sqrt(2) times too large off the grid."""
 
 
 @inlined

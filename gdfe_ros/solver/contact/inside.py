@@ -19,7 +19,7 @@ MOST_STEPS = 25
 """Limit of Newton steps in one cell."""
 EXACT = 1e-9
 """Distance beyond a cell's faces, in its coordinates from 0 to 1, that still counts as inside."""
-SEPARATE = "remedy: go back to where it was sound and come in smaller steps, or draw them apart"
+SEPARATE = "remedy: return to a sound state and approach in smaller steps, or move the parts away from each other"
 MOST_BINS = 4
 """Limit of the search grid's bins over the number of vertices."""
 
@@ -64,7 +64,7 @@ class Inside:
         return depth, cell
 
     def told(self, x: NDArray[np.float64], bound: float) -> tuple[float, str]:
-        """Return the largest penetration depth [m] and a sentence that says what penetrates what, and where."""
+        """Return the largest penetration depth [m] and a sentence with the parts, the depth and the place."""
         depths, cells = self.depths(x, bound)
         deepest = int(depths.argmax())
         if not depths[deepest] > 0.0:

@@ -7,9 +7,9 @@ Friction has the Moreau envelope of mu l |s|: with the slip s since the anchor, 
 multiplier t, the trial force t + k s is shortened to mu l, and becomes the new t. A point that sticks keeps its
 anchor, so sticking contacts do not creep.
 
-The gap of a vertex is its distance to the obstacle less its ``offset``. The offset is the average amount by which the
-faces around the vertex are nearer to the obstacle than interpolation between their corners says. On a ball, where
-faces are chords, it halves the error of gaps taken at vertices alone. The vertex itself is never nearer than its gap.
+The gap of a vertex is its distance to the obstacle less its ``offset``. The offset is a mean over the faces around the
+vertex: the distance interpolated between a face's corners minus the true distance. On a ball, where faces are chords,
+it halves the error of gaps taken at vertices alone. The vertex itself is never nearer than its gap.
 
 A point is a vertex, or is carried by the eight vertices of a cell below a skin, or by the four vertices of a rigid
 body. The frame of the touched obstacle is prescribed, or is that of a rigid body. The four vertices of a rigid body

@@ -18,13 +18,13 @@ from gdfe_ros.solver.contact import gap
 TOUCHING = 1e-3
 """Penetration depth over a rigid body's diagonal up to which bodies count as touching only."""
 POINTS, ROUNDS, CLOSER = 9, 14, 0.4
-"""Search grid for the deepest point: points along each edge, number of refinements, and factor of size of each."""
+"""Search grid for the deepest point: points along each edge, number of refinements, and size factor of a refinement."""
 MOST_SHIFTS = 20
 """Limit of shifts towards the outside. One is enough except where edges cross."""
 WITHIN = 0.75
 """Share of all directions in which a point sees the surface, above which it counts as inside and not on the edge."""
 SKIN = 0.98
-"""Scale of the rigid body's own surface points that are tested for being inside of the soft body."""
+"""Scale of a rigid body's own surface points, which are tested for being inside of the soft body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ def _way_out(one: Placed, other: Placed) -> NDArray[np.float64]:
 def _depth(one: Placed, other: Placed) -> tuple[float, NDArray[np.float64]]:
     """Return the penetration depth [m] of a rigid body in another body or obstacle, and the direction (3,) out of it.
 
-    The depth is the least sum of both signed distances, with its sign turned. For convex shapes the sum is a convex
+    The depth is minus the least sum of both signed distances over all points. For convex shapes the sum is a convex
     function of the point, so a grid over the body that contracts around the least value finds it.
     """
     middle, half = np.zeros(3), one.half

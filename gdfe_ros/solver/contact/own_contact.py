@@ -19,8 +19,7 @@ from gdfe_ros.solver.contact.pair_touch import across, frames, touching_vertices
 from gdfe_ros.solver.contact.settling import Settling, parted
 from gdfe_ros.solver.contact.touch import NOTHING, Touch
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.state import State
-from gdfe_ros.solver.terms.term import Saved
+from gdfe_ros.solver.state import Saved, State
 
 REACH, FARTHEST = 0.02, 0.25
 """Search distance for faces over the body's size, to which twice the displacement of the step is added; and its
@@ -136,7 +135,7 @@ class OwnContact(ContactTerm):
         self._expect(rows[:, law.PRESS], rows[:, law.PENALTY])
 
     def update(self, positions: NDArray[np.float64]) -> float:
-        """Update the multipliers, search the nearest faces again, and return the remaining distance [m]."""
+        """Update the multipliers, search the nearest faces again, and return the estimated remaining distance [m]."""
         rows, chosen = self._rows(), self._chosen
         self._scale = self._scale or float(rows[:, law.PRESS].sum()) / max(1, len(rows))
         self._held = self._multipliers()
@@ -291,7 +290,7 @@ class OwnContact(ContactTerm):
         ends[:, law.HELD :] = self._quads[self._hold[chosen]]
 
     def _forces(self, positions: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-        """Return gaps (k,) [m], normal (k,) and friction forces (k, 3) [N], which slip (k,), and slips (k, 3) [m]."""
+        """Return gaps (k,) [m], normal (k,) and friction forces (k, 3) [N], slip flags (k,), and slips (k, 3) [m]."""
         count = len(self._chosen)
         gaps, presses, slips = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_)
         shears, slid = np.zeros((count, 3)), np.zeros((count, 3))

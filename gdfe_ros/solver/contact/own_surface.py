@@ -122,7 +122,7 @@ class OwnSurface:
             x: (n, 3) [m] positions.
             last: (n, 3) [m] last positions at which nothing penetrated.
             reach: [m] search distance.
-            sunk: (k,) vertices that penetrated at ``last`` nevertheless; None for none.
+            sunk: (k,) vertices that already penetrated at ``last``; None for none.
         """
         surface = self.topology
         sunk = np.zeros(len(surface.vertices), dtype=np.bool_) if sunk is None else sunk

@@ -3,13 +3,13 @@
 
 The law is that of `gdfe_ros.solver.contact.law`. During a minimisation, the pair of a vertex x has a plane with the
 normal n through the point sum w_a x_a of its face: g = n . (x - sum w_a x_a). Friction ties x to the point sum v_b x_b
-of the face on which it stuck last: the slip s is the part of x - sum v_b x_b - o in the plane, with the offset o of
-when it stuck. Gap and slip are linear in the positions and invariant to translation, so the forces on vertex and face
-cancel to rounding.
+of the face on which it stuck last: the slip s is the part of x - sum v_b x_b - o in the plane, with o the value of
+x - sum v_b x_b when it stuck. Gap and slip are linear in the positions and invariant to translation, so the forces on
+vertex and face cancel to rounding.
 
 A vertex at the rim of its face has a share c of the face's support: 1 above the face, 0 beside it. Its normal force is
-c max(0, l - k g). In the limit of the updates this is a spring of stiffness k c / (1 - c) between them, so a vertex
-that slides over an edge is released gradually, and no equilibrium is skipped.
+c max(0, l - k g). In the limit of the updates this is a spring of stiffness k c / (1 - c) between vertex and face. A
+vertex that slides over an edge is thus released gradually, and no equilibrium is skipped.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ class RigidContact(Contact):
         rigid: the body whose points touch.
         touched: the obstacle or rigid body that the points must stay outside of.
         body: the discretised body.
-        points: that touch; by default the corners, and for another rigid body points all over the surface.
+        points: points that touch; by default the corners, or, for another rigid body, points all over the surface.
     """
 
     def __init__(self, rigid: RigidBody, touched: Obstacle, body: Body, *, points: Corners | None = None) -> None:

@@ -13,7 +13,7 @@ from gdfe_ros.solver.contact import gap, round_law
 from gdfe_ros.solver.contact.gap import ANCHOR, NORMAL, OFFSET
 from gdfe_ros.solver.contact.rigid_contact import RigidContact
 from gdfe_ros.solver.contact.surface import Corners
-from gdfe_ros.solver.terms.term import Saved
+from gdfe_ros.solver.state import Saved
 
 
 class RoundContact(RigidContact):
@@ -63,7 +63,7 @@ class RoundContact(RigidContact):
         self._rows()[:, ANCHOR : ANCHOR + 3] = self._anchors(saved, positions)
 
     def _anchors(self, saved: Saved, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Set the material points; return their anchors (k, 3) [m]: where they were, less what they have slipped."""
+        """Set the material points; return their anchors (k, 3) [m]: their places at the start minus their slips."""
         state, chosen = self._last, self._chosen
         before = positions if state is None else state.positions
         pose = self._pose if state is None else state.poses[self._touched.name]
@@ -82,7 +82,7 @@ class RoundContact(RigidContact):
         return (centres + arms - origin) @ axes - np.where(np.isnan(slid), 0.0, slid)
 
     def _kept(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how far the material points have slipped along the surface (k, 3) [m], in the obstacle's frame."""
+        """Return the slips (k, 3) [m] of the material points along the surface, in the obstacle's frame."""
         slid = self._in_frame(places) - self._rows()[:, ANCHOR : ANCHOR + 3]
         normals = self._rows()[:, NORMAL : NORMAL + 3] @ self._axes
         return slid - np.einsum("ki,ki->k", slid, normals)[:, None] * normals

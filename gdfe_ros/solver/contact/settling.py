@@ -16,8 +16,8 @@ from gdfe_ros.solver.anderson import Anderson
 from gdfe_ros.solver.distance import largest_distance
 
 PLAIN = 2
-"""Plain updates at the beginning of a solve before extrapolation, and in a row before a rate of convergence is
-measured."""
+"""Number of plain updates at the beginning of a solve before extrapolation, and of successive plain updates before a
+rate of convergence is measured."""
 UNKNOWN = 3.0
 """Assumed remaining displacement, over the last one, while no rate of convergence is known."""
 SLOWEST = 0.95
@@ -92,8 +92,8 @@ class Settling:
     def mixed(self, held: NDArray[np.float64], found: NDArray[np.float64], near: float) -> NDArray[np.float64]:
         """Return the next forces and normals (k, 7), from those before (``held``) and after an update (``found``).
 
-        They are extrapolated while more than ``near`` [m] remains. Below, they are the found ones with normals that
-        rotate by `SHARE` only, so that they do not oscillate; such plain updates measure the rate of convergence.
+        They are extrapolated while more than ``near`` [m] remains. If less remains, the found ones are returned, with
+        normals that rotate by `SHARE` only and so do not oscillate. Such plain updates measure the rate of convergence.
         """
         if not self._last[0] > 0.0:
             return found

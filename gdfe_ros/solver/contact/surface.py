@@ -62,7 +62,7 @@ class ContactSurface:
         """Return the surface of tetrahedra: all six nodes of each face touch.
 
         There is no correction for faces that are nearer than their nodes: the faces are quadratic, too. In a prototype
-        they entered a ball by 4 to 9 % of its depth between the nodes.
+        the faces entered a ball between their nodes, by 4 to 9 % of its depth.
         """
         flat = flat_quads(faces)
         shares = corner_areas(body.rest, flat)

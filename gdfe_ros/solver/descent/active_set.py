@@ -32,7 +32,7 @@ class Movable:
     """The unknowns of a solve.
 
     Attributes:
-        unknowns: numbering of what moves.
+        unknowns: numbering of the unknowns.
         held: int32 free vertices that are frozen.
         matrix: the constant matrix of the unknowns.
     """
@@ -58,7 +58,7 @@ class ActiveSet(Movable):
         blocks: these elements in the layout of the kernels, without growth.
         skipped: counts of work that is left out, by name: elements, or 1.
         workspace: of its minimisations; a part shares positions and forces with the whole.
-        keeper: of the workspace's history.
+        keeper: copies the workspace's history to and from immutable values.
     """
 
     elements: NDArray[np.int32]

@@ -2,8 +2,9 @@
 """Hard inclusions in a soft body: the moment balance that the preconditioned step does not show.
 
 The constant matrix resists a rotation of an inclusion as if it strained hard material. At a stiffness ratio of 1e6 the
-preconditioned step becomes tiny long before the inclusion has rotated, with several per cent of the energy to go. The
-moment on the inclusion over the rotational stiffness of its soft surroundings is its remaining rotation.
+preconditioned step becomes tiny long before the inclusion has rotated, while several per cent of the energy are still
+to be released. The moment on the inclusion over the rotational stiffness of its soft surroundings is its remaining
+rotation.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def find_lumps(body: Body, weight: NDArray[np.float64], bending: NDArray[np.floa
 
 
 def largest_turn(lumps: tuple[Lump, ...], x: NDArray[np.float64], gradient: NDArray[np.float64]) -> float:
-    """Return the largest displacement [m] by which an inclusion has yet to rotate.
+    """Return the largest displacement [m] by the remaining rotation of an inclusion.
 
     Args:
         lumps: the inclusions of the body.

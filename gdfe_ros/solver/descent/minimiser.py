@@ -22,7 +22,8 @@ from gdfe_ros.solver.distance import largest_shift
 from gdfe_ros.solver.matrix.coupling import Coupling, close_coupling
 from gdfe_ros.solver.matrix.factor import Factorisation
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
+from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.tangent.tangent import Tangent
 
 SAFETY = 0.1
 """Lower bound of the quasi-Newton step over the distance to the equilibrium; slender bodies come near it."""
@@ -33,15 +34,15 @@ LEARNED = 2
 FLOOR = 1e-3
 """Step, over the tolerance, below which iterations end even before their least number."""
 LEAST_FLOOR = 1e-9
-"""Step over the body's size below which iterations follow rounding, and could leave an unstable equilibrium by it."""
+"""Step, over the body's size, below which iterations follow rounding errors and could leave an unstable equilibrium."""
 FARTHEST = 3000.0
 """Displacement of a vertex or length of a step, over the body's size, from which the body counts as running away."""
 CHUNK = 20
 """Iterations with an explicit inverse between two checks of the deadline."""
 _TEAM = threading.Lock()
-"""Lock for numba's threads, which serve one caller at a time: the simplest threading layer would end the process."""
+"""Lock for numba's threads, which serve one caller at a time: a second one could end the process."""
 Observer = Callable[[float, float, bool], None]
-"""Receives the energy [J] that a minimisation lowers, the size of its terms [J], and whether it only begins."""
+"""Receives the energy [J] that is minimised, the size of its terms [J], and whether the minimisation just begins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ class Task:
         active: the unknowns, the elements and the workspace.
         problem: the constant data.
         coupling: of the handles' rigid rows to the free vertices.
-        deadline: when it has passed, the minimisation ends; None: never.
+        deadline: once it has passed, the minimisation ends; None for no deadline.
         level: the kept tangent preconditioner; None for the constant matrix.
     """
 
@@ -109,7 +110,7 @@ class Minimiser:
     Attributes:
         observer: receives the energy of every iteration; None for none.
         lumps: hard inclusions, whose rotation the constant matrix makes too stiff.
-        certified: whether conjugate gradients certify the residual.
+        certified: whether conjugate gradients bound the distance to the equilibrium.
         lost: whether the solve was abandoned.
         remembers: whether the pairs of a solve serve the next one.
     """
@@ -131,14 +132,14 @@ class Minimiser:
         self._unlearned = False
 
     def descend(self, task: Task, *, tolerance: float, final: float, least: int, limit: int) -> Descended:
-        """Minimise until the step is short enough and no hard inclusion has yet to rotate.
+        """Minimise until the step is short enough and the remaining rotations of hard inclusions are small.
 
         At least one iteration is made, whatever the deadline, unless none is needed.
 
         Args:
             task: the problem; its terms are evaluated at the present unknowns.
             tolerance: estimated largest distance to the equilibrium over the body's size.
-            final: tolerance of the whole solve; below a small share of it no iteration is made at all.
+            final: tolerance of the whole solve; a step below a small share of it ends even the first iterations.
             least: least number of iterations.
             limit: most iterations.
         """

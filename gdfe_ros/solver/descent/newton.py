@@ -6,7 +6,7 @@ gradients leave a part e of the Newton step, with M^-1 K e = M^-1 r for the resi
 least eigenvalue of M^-1 K. The least Ritz value theta estimates that eigenvalue. The least theta since M was taken is
 kept, because a single right-hand side may have no component along a soft mode.
 
-After a full step the same bound, with the new gradient as the residual, is the distance to the equilibrium.
+After a full step the same bound, with the new gradient as the residual, bounds the distance to the equilibrium.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.tangent.substitution import solve_kept
 
 MOST_PRODUCTS = 60
-"""Limit of products for one Newton step. More are needed near buckling, or where the factor is of another shape."""
+"""Limit of products for one Newton step. More are needed near buckling, or if the factor is of a different shape."""
 FORCING, INEXACT = 0.01, 0.15
-"""Largest remainder of a Newton step, over the step itself and over the target: the larger one ends it."""
+"""Remainder at which conjugate gradients end, over the Newton step and over the target; the larger limit counts."""
 STEADY = 0.5
 """Least ratio of the last two values of theta at the end: while it falls faster, softer modes are still being found."""
 HALVINGS = 40
@@ -38,14 +38,14 @@ ROUNDING = 1e-20
 HALF = 0.5
 """Largest distance after a step, over the target and over the step, at which the iterations end."""
 CLOSE = 0.02
-"""Distance over the target at which no step is made. What such solves leave out adds up along the softest mode, which a
-few products hardly see."""
+"""Distance, over the target, up to which no step is made. The errors of such solves add up along the softest mode,
+which a few products hardly resolve."""
 ENERGY = 1e-5
-"""Largest energy that another step would release, over that of all terms: small errors store much in stiff parts."""
+"""Largest energy that another step may release, over that of all terms: stiff parts store much in small errors."""
 NOTHING = 1e-6
 """Length of M^-1 g, over the target, that is rounding."""
 LONGEST = 10.0
-"""Longest Newton step over the body's size; an almost singular tangent asks for longer ones."""
+"""Longest Newton step over the body's size; an almost singular tangent would give longer ones."""
 AWAY = 0.02
 """Step along a direction of negative curvature, over the body's size, if no other direction is known."""
 FREE = 4
@@ -60,7 +60,7 @@ class Why(IntEnum):
     LIMIT = 1
     """The number of iterations is spent."""
     STALE = 2
-    """The factor is no longer worth its products."""
+    """The products with this factor have cost as much as a new tangent."""
     ENDED = 3
     """No step is possible: see `End`."""
     ASTRAY = 4
@@ -142,7 +142,7 @@ def least_ritz(diagonal, beside, count):
 
 @internal
 def follow(krylov, length):
-    """Add a length of the direction to the Newton step, and take its image from the residual."""
+    """Add ``length`` times the direction to the Newton step, and subtract its image from the residual."""
     for n in range(len(krylov.step)):
         krylov.step[n] += length * krylov.direction[n]
         krylov.residual[n] -= length * krylov.image[n]
@@ -150,9 +150,9 @@ def follow(krylov, length):
 
 @internal
 def begin_along(problem, work, beside, kept, krylov, spacing):
-    """Begin the Newton step with its part along the motion v, for which v^T (K d - r) = 0; return the products made.
+    """Begin the Newton step with its part along the motion v, where v^T (K d - r) = 0; return the number of products.
 
-    A body moves along its softest mode, of which conjugate gradients see little: forces along it are small.
+    A body moves along its softest mode. Forces along it are small, so that conjugate gradients hardly resolve it.
     """
     v, r = krylov.motion, krylov.residual
     krylov.step[:] = 0.0
@@ -171,9 +171,9 @@ def begin_along(problem, work, beside, kept, krylov, spacing):
 def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left):
     """Solve K d = r for the given residual and z = M^-1 r; return a `StepKind` and the number of products.
 
-    Conjugate gradients begin after the part of d along ``krylov.motion``. They end when the remainder is small against
-    d or the ``target`` [m], and r M^-1 r is at most ``most_left`` of its first value. With negative curvature at once,
-    d is the direction of it.
+    Conjugate gradients start from the part of d along ``krylov.motion``. They end when the remainder is small against
+    d or the ``target`` [m], and r M^-1 r is at most ``most_left`` of its first value. If the first direction has
+    negative curvature, d is that direction.
     """
     course = krylov.course[0]
     p, r, z, d = krylov.direction, krylov.residual, krylov.z, krylov.step
@@ -214,7 +214,7 @@ def solve_newton(problem, work, beside, kept, krylov, spacing, target, most_left
 
 @internal
 def aim(work, krylov, share):
-    """Write a ``share`` of the Newton step to the direction, downhill."""
+    """Write ``share`` times the Newton step to the direction, with the sign of a descent."""
     status = work.status[0]
     slope = share * inner(work.gradient, krylov.step)
     if slope > 0.0:
@@ -235,9 +235,10 @@ def reached(work, course, far, target):
 
 @kernel
 def iterate(problem, work, beside, kept, krylov, size, spacing, target, worth, limit):
-    """Make Newton steps until the distance to the equilibrium is within the ``target`` [m]; return `Why` and how many.
+    """Make Newton steps until the distance to the equilibrium is within the ``target`` [m].
 
-    ``work`` holds the gradient, and M^-1 times it as ``step``; both are present again at the end.
+    Return `Why` they ended, and their number. ``work`` holds the gradient, and M^-1 times it as ``step``; both are
+    up to date again at the end.
     """
     course, first = krylov.course[0], limit < 0
     for iteration in range(limit):

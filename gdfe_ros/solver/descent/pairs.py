@@ -15,6 +15,7 @@ from gdfe_ros.compiled import internal, kernel, parallel_kernel, vector_kernel
 from gdfe_ros.solver.distance import largest
 
 CURVATURE = 1e-10
+"""Least cosine between a step and the change of the gradient for the pair to enter the history."""
 LARGE = 50_000
 """Number of unknowns from which sharing the history among threads pays."""
 MOST_SHORTENED = 1e-4

@@ -15,7 +15,7 @@ from gdfe_ros.solver.distance import largest
 
 SPACING = 1e-7
 """Largest displacement of a finite difference, over the body's size. The truncation error is a millionth of the product
-if a body's stiffness changes by its own order over a tenth of its size; rounding is smaller."""
+if a body's stiffness changes by its own magnitude over a tenth of the body's size; rounding is smaller."""
 
 
 @kernel

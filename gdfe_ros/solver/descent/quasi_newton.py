@@ -22,10 +22,13 @@ from gdfe_ros.solver.tangent.substitution import solve_kept
 from gdfe_ros.solver.terms.term import terms_energy
 
 ARMIJO = 1e-4
+"""Share of the decrease predicted by the slope that a step must achieve: the usual value."""
 MAX_CUTS = 30
+"""Number of halvings of a step after which the descent counts as stalled: 2^-30 is below any rounding."""
 MOST_BLOCKED = 4
 """Successive full steps into infinite energy after which the body counts as running away."""
 ROUNDING = 1e-13
+"""Share of the sum of the energy's terms; smaller changes are rounding errors in double precision."""
 SHIFT_AND_TURN = 2.0
 """Bound of a vertex' displacement over the largest of a step: translation and rotation of a handle add up at its
 vertices."""
@@ -75,7 +78,7 @@ def search(problem, work, first):
     """Search along the quasi-Newton direction until the energy falls enough; write the step to ``direction``.
 
     The condition is Armijo's, or its approximate form (Hager and Zhang 2005) if the energy cannot resolve the step. If
-    no length is short enough, or with ``first``, energy and gradient are evaluated at the unchanged ``u``.
+    no length satisfies it, or with ``first``, energy and gradient are evaluated at the unchanged ``u``.
     """
     status = work.status[0]
     slope, energy = status.slope, status.energy
@@ -161,7 +164,7 @@ def advance(problem, work, target, first):
 
 @kernel
 def descend(problem, work, coupling, floor, least, target, limit, evaluate):
-    """Iterate with the constant matrix until the quasi-Newton step is at most ``target`` [m]; return iterations.
+    """Iterate with the constant matrix until the quasi-Newton step is at most ``target`` [m]; return the count.
 
     During the first ``least`` iterations the limit is the ``floor`` [m]. With ``evaluate`` the terms at the start are
     evaluated first.

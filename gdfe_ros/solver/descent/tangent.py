@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Minimisation with a kept tangent, renewed when that pays: Newton steps in statics, L-BFGS in motion.
 
-In statics a Newton step by conjugate gradients is as good as the tangent is old, and tells the distance to the
-equilibrium. Where a step has to be cut, or conjugate gradients meet negative curvature, iterations of L-BFGS follow,
-which learn how the tangent changes. In motion, tolerances are far finer and inertia keeps bodies from buckling: L-BFGS
-alone takes the fewest evaluations.
+In statics conjugate gradients find the Newton step, and with it the distance to the equilibrium. The older the tangent
+is, the more products they need. If a step is cut, or conjugate gradients meet negative curvature, iterations of L-BFGS
+follow, which learn how the tangent changes. In motion, tolerances are far finer and inertia keeps bodies from buckling:
+L-BFGS alone takes the fewest evaluations.
 """
 
 from __future__ import annotations
@@ -24,29 +24,30 @@ from gdfe_ros.solver.descent.products import SPACING
 from gdfe_ros.solver.descent.workspace import End, allocate
 from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.state import State
-from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
+from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.tangent.tangent import Tangent
 
 TRUST = 5.0
-"""Largest tolerance over the body's softness; larger ones are reduced to it. Softness is, to a factor, the strain at
-which a slender body buckles. A shape whose length is off by that much is as much too stiff or too soft, so that a
-small Newton step means nothing there."""
+"""Largest tolerance over the body's softness; larger ones are reduced to it. Softness is about the strain at which a
+slender body buckles. An axial strain that is wrong by this amount doubles or removes the bending stiffness, so that a
+small Newton step proves nothing."""
 WORTH = 12
 """Products, beyond the free ones of each Newton step, that justify a new tangent."""
 MOST_TANGENTS = 60
-"""Limit of tangents in a solve. Beyond it the potential is not smooth, as where points of a cable meet."""
+"""Limit of tangents in a solve. More are needed only if the potential is not smooth, e.g. where cable points meet."""
 MOST_UNKNOWN = 6
-"""Limit of Newton steps in a solve whose distance conjugate gradients do not find: the body is about to buckle."""
+"""Limit of Newton steps in a solve for which conjugate gradients do not converge: the body is about to buckle."""
 MOVING = 0.2
-"""Length of a step of L-BFGS in motion, over the tolerance, that ends it; the distance counts as five times that."""
+"""Length of an L-BFGS step in motion, over the tolerance, that ends the solve; the distance counts as five times it."""
 FLYING = 0.02
 """The same for a body that no handle holds: nothing else keeps its angular momentum."""
 PATIENT = 12
-"""Successive iterations of L-BFGS after which the tangent is renewed, unless it costs as much as more solves."""
+"""Successive iterations of L-BFGS after which the tangent is renewed; more if a new tangent costs more solves."""
 DAMPING = 10.0
-"""Growth factor of the constant matrix's share if steps in motion do not shrink, from the body's softness on. An almost
-singular tangent causes steps that are far too long."""
+"""Growth factor of the constant matrix's share in the tangent if steps in motion do not shrink; the first share is the
+body's softness. An almost singular tangent causes steps that are far too long."""
 HIDDEN = 0.01
-"""Remainder of a random right-hand side, over its average component along one mode, below which no mode is hidden."""
+"""Remainder of a random right-hand side, over its average component along one mode, at which every mode is resolved."""
 
 
 class TangentMinimiser(Minimiser):
@@ -153,11 +154,11 @@ class TangentMinimiser(Minimiser):
 
     @property
     def _doubtful(self) -> bool:
-        """Whether it may be a saddle: after hard steps, with a shifted tangent, or far from the last equilibrium."""
+        """Whether this may be a saddle: after hard steps, with a shifted tangent, or in a solve that is not warm."""
         return self.certified and (not self.tangent.softest or self._hard > self._cleared)
 
     def _iterate_to(self, task: Task, target: float, limit: int, *, last: bool) -> Descended:
-        """Iterate to within ``target`` [m]; if it is the ``last`` one, a doubtful equilibrium is asked for saddles."""
+        """Iterate to within ``target`` [m]; if it is the ``last``, test whether a doubtful equilibrium is a saddle."""
         used, course, status, self._known, self._since = 0, self._course, task.active.status, False, 0
         damping, before = 0.0, np.inf
         while True:
@@ -185,7 +186,7 @@ class TangentMinimiser(Minimiser):
                 self._learning = why is Why.HARD or not self.certified
 
     def _iterate_once(self, task: Task, target: float, limit: int) -> tuple[Why, int]:
-        """Iterate in one compiled call; once alone where it is observed or may have to end at any time."""
+        """Iterate in one compiled call; with an observer or a deadline, it makes a single iteration."""
         work, most = task.active.workspace, 1 if self.observer or task.deadline else limit
         self._show(work, begins=True)
         with task.turn:
@@ -249,7 +250,7 @@ class TangentMinimiser(Minimiser):
         task.advance(0.0)
 
     def _take(self, task: Task, x: NDArray[np.float64] | None = None, *, damping: float = 0.0) -> None:
-        """Take the tangent at positions ``x`` (n, 3) [m], turned to the present ones; None: at these."""
+        """Take the tangent at positions ``x`` (n, 3) [m], turned to the present ones; None stands for these."""
         work, course = task.active.workspace, self._course
         self.tangent = self._level.take(task.problem, work.u, work.x if x is None else x, damping=damping)
         if x is not None:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 MEMORY, LONG_MEMORY = 14, 30
-"""Pairs that the history keeps. The long one is for bodies with external forces: these excite the softest modes most,
-which the constant matrix makes too stiff and only the history resolves."""
+"""Pairs that the history keeps. The second number is for bodies with external forces. Forces excite the softest modes
+most; the constant matrix makes these too stiff, and only the history resolves them."""
 WINDOW = 10
 """Iterations of a window. The longest steps of the last two windows give the rate at which steps shrink."""
 
@@ -65,7 +65,7 @@ class Problem(NamedTuple):
         watch: list of elements near folding, on which fold barriers act; minimisations extend it.
         unknowns: the numbering.
         frame: commanded positions of the handles.
-        terms: all terms beside the elements.
+        terms: all terms other than the elements.
         threads: threads that share the elements; None for one.
     """
 

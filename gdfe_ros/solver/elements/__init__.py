@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled hexahedral elements: energy, forces, strains and volumes at given positions."""
+"""Compiled elements, hexahedra and tetrahedra: energy, forces, strains and volumes at given positions."""

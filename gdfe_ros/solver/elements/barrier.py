@@ -13,9 +13,9 @@ with the corner's volume ratio J_c, the element's shear modulus mu [Pa] and volu
 product at rest. So dJ_c/da = r_c b x c, and cyclically.
 2. b, b' and b'' are zero at s = 1. The energy stays twice differentiable, and nothing changes above the threshold.
 3. b' = -(1 - s)^2 (1 + 2 s) / s^2 pushes the corner open without bound as s goes to 0.
-4. Below s_0 the energy continues as its tangent at s_0, so that it is finite everywhere: a line search that steps
-too far sees by how much, and a body that is placed folded is pushed open. (A parabola would push so hard that the
-first step of such a body runs away.)
+4. Below s_0 the energy continues as its tangent at s_0, so that it is finite everywhere. A line search that steps too
+far then has an energy to interpolate, and a body that is placed folded is pushed open. (A parabola would push so hard
+that the first step of such a body runs away.)
 
 The corners of a cut cell are those of the box that its material fills. Barriers are evaluated only for elements near
 folding, see `watch`; other bodies pay nothing for them.

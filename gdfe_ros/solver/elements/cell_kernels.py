@@ -109,7 +109,7 @@ def _add_walls(x, watched, shape, material, table, force, energy):
 
 
 def _measure(stub: Callable, name: str) -> None:
-    """Let a stub of ``x``, ``shape`` and ``e`` stand for the function of that name."""
+    """Make a stub with the arguments ``x``, ``shape`` and ``e`` stand for the function of that name in kernels."""
 
     @overload(stub, jit_options=_INLINED)
     def _chosen(x, shape, e):

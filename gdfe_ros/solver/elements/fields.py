@@ -112,11 +112,11 @@ def corner_forces(
 
 @internal
 def uncounted(j, pressure, volume, table, k, solved):
-    """Return U(J) minus the volume energy [J] that the kernels count for an element with a pressure.
+    """Return U(J) minus the volume energy [J] that the kernels include for an element with a pressure.
 
-    With ``solved``, U(J) is replaced by U(J*) + p (J - J*) with the pressure p of the solve and U'(J*) = p, the tangent
-    at J*. With a large bulk modulus, U(J) itself would multiply the error that the tolerance leaves in J - J*. Nothing
-    is added for an incompressible element: J is 1 to the tolerance, and the kernels count the augmented Lagrangian.
+    With ``solved``, U(J) is replaced by its tangent at J*, U(J*) + p (J - J*), with the pressure p of the solve and
+    U'(J*) = p. With a large bulk modulus, U(J) itself would multiply the error that the tolerance leaves in J - J*. For
+    an incompressible element 0 is returned: J is 1 to the tolerance, and the kernels include the augmented Lagrangian.
     """
     bulk, change = table.parameters[k, BULK], j - 1.0
     if bulk == np.inf:
@@ -162,8 +162,8 @@ def strain_states(x, shape, material, table, values):
 def store_energies(x, elements, shape, material, table, pressure, energies, stored, least, solved):
     """Write the energies [J] of ``elements``, with U(J) as their volume part, to ``stored`` (m,).
 
-    Their least volume ratio at a corner is written to ``least`` (m,). The kernels' ``energies`` (m,) contain p_e (J -
-    1) + kappa/2 (J - 1)^2 for elements with a pressure. With ``solved`` the pressures are those of a solve, see
+    Their least volume ratio at a corner is written to ``least`` (m,). For elements with a pressure, the kernels'
+    ``energies`` (m,) contain p_e (J - 1) + kappa/2 (J - 1)^2. With ``solved`` the pressures are those of a solve, see
     `uncounted`.
     """
     for e in elements:

@@ -57,7 +57,7 @@ def hourglass(f, q, axes, rates, coupling, young, shear, poisson):
 
 @inlined
 def mode_forces(q, d0, d1, d2, w0, w1, w2, coupling, young, shear, poisson):
-    """Return the energy and its derivatives by the projections d_i . q_k, one tuple of four for each edge i.
+    """Return the energy and its derivatives with respect to the projections d_i . q_k, a tuple of four for each edge i.
 
     ``w_i`` (1/m) converts a projection to a strain along or across edge i.
     """

@@ -18,7 +18,7 @@ class Operators:
 
     Attributes:
         shape: operators of the elements.
-        blocks: the same in blocks.
+        blocks: the same operators in the layout of the kernels' blocks.
         stretch: (k, 3, 3) growth of the cells that can grow; (0, 3, 3) if none can.
     """
 

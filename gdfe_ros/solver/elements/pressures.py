@@ -20,8 +20,9 @@ LOCAL_SLACK = 10.0
 SWINGING = 0.3
 """Share of the last update above which the reversal by the next one counts as an oscillation."""
 MOST_SWINGS = 2
+"""Number of oscillations in a row after which the bulk modulus beside the pressures is raised."""
 STIFFENING, MOST_STIFFENING = 3.0, 30.0
-"""Factor by which the bulk modulus beside the pressures is raised at oscillations, and its bound."""
+"""Factor by which the penalty bulk modulus is raised if the pressures oscillate, and the limit of the total factor."""
 
 
 class Pressures:
@@ -35,8 +36,8 @@ class Pressures:
 
     Attributes:
         values: (m,) p_e [Pa].
-        table: the body's materials, with the present bulk moduli beside the pressures.
-        stiffened: how often these were raised.
+        table: the body's materials, with the present penalty bulk moduli.
+        stiffened: number of times that these moduli were raised.
     """
 
     def __init__(self, body: Body, state: ElementState, elements: NDArray[np.int32], ratio: float) -> None:
@@ -59,8 +60,8 @@ class Pressures:
         """Update the pressures of ``elements``; return the error of their volumes: the mean, or a tenth of the largest.
 
         In confined bodies plain updates converge slowly, and Anderson acceleration is used. Beyond a buckling load the
-        body is softer than the bulk modulus beside the pressures, and the updates oscillate for ever; that modulus is
-        then raised until the next reset.
+        body is softer than the penalty bulk modulus, and the updates would oscillate for ever. The modulus is then
+        raised until the next reset.
         """
         before = self.values.copy()
         worst, mean = update_pressures(x, elements, shape, self._body.material, self.table, self.values)
@@ -77,7 +78,7 @@ class Pressures:
 
     @property
     def bulk(self) -> NDArray[np.float64]:
-        """Bulk modulus beside the pressures by material (k,) [Pa]."""
+        """Penalty bulk modulus of elements with pressures, by material (k,) [Pa]."""
         return self.table.parameters[:, PENALTY].copy()
 
     def _stiffen(self) -> None:
@@ -88,7 +89,7 @@ class Pressures:
 
 
 def with_bulk(table: MaterialTable, bulk: NDArray[np.float64]) -> MaterialTable:
-    """Return the materials with other bulk moduli (k,) [Pa] beside the pressures, as a copy."""
+    """Return a copy of the materials with other penalty bulk moduli (k,) [Pa]."""
     parameters = table.parameters.copy()
     parameters[:, PENALTY] = bulk
     return table._replace(parameters=parameters)

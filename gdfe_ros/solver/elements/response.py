@@ -20,7 +20,7 @@ def evaluate_in_threads(threads, x, shape, blocks, material, pressure, scale, ta
 
 @kernel
 def evaluate(x, shape, blocks, material, pressure, scale, table, watched, force, energy, threads):
-    """Write the corner forces (m, 8, 3) [N] and energies (m,) [J] of all elements; return the sum of the energies.
+    """Write the corner forces (m, c, 3) [N] and energies (m,) [J] of all elements; return the sum of the energies.
 
     ``x`` (n, 3) [m] are the positions, ``pressure`` (m,) [Pa] the multipliers of the volumes, ``scale`` (m,) multiplies
     the hourglass stiffness at rest, ``watched`` (k,) int32 are the elements with fold barriers. Any number of

@@ -55,8 +55,8 @@ from gdfe_ros.solver.elements.lanes import (
 
 LINEAR, NEO_HOOKEAN, CURVE, OGDEN_LAW = 0, 1, 2, 3
 UNIQUE = 1e-6
-"""Margin of the rotation's uniqueness below which its closed form loses digits and the energy is that of the
-invariants."""
+"""Margin of the rotation's uniqueness below which its closed form loses digits, and the energy is computed from the
+invariants of F."""
 SWEEPS = 12
 """Limit of Jacobi sweeps: three to five are enough for finite numbers, and NaN needs none."""
 FIRST, SECOND, DETERMINANT, STRETCH_SUM, SIZE, FACTOR, STORED = range(COORDINATES, COORDINATES + 7)

@@ -115,7 +115,7 @@ def add(b, row, lane, value):
 
 @inlined
 def scatter_point(b, place, inverse):
-    """Add the node forces of one integration point, whose weight times P stands in the rows of the stress."""
+    """Add the node forces of one integration point, whose weight times P is in the rows of the stress."""
     l0, l1, l2, l3 = place
     for lane in range(LANES):
         m = load9(b, inverse, lane)

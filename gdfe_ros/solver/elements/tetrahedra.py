@@ -153,7 +153,7 @@ def least_corner(x, shape, e):
 
 @inlined
 def room(x, shape, e, scratch):
-    """Return how far [m] vertices may move until a corner can be below the barrier; 0 for a nearly folded element.
+    """Return the distance [m] that vertices may move before a corner can reach the barrier; 0 if nearly folded.
 
     The bound is that of `watch`, with edges that change by 8 d if no vertex moves by more than d.
     """
@@ -192,7 +192,7 @@ def add_walls(x, watched, shape, material, table, force, energy):
 
 @inlined
 def add_edge(force, e, c, k, share, derivative):
-    """Add ``share`` times the derivative by the ``k``-th edge of a corner to the forces on its three nodes."""
+    """Add ``share`` times the derivative with respect to a corner's ``k``-th edge to the forces on its three nodes."""
     for i in range(3):
         pull = share * derivative[i]
         force[e, CORNER_NODES[c, k + 1], i] += 4.0 * pull

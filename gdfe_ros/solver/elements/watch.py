@@ -57,7 +57,7 @@ class Watch(NamedTuple):
 
 @internal
 def look(x, shape, blocks, watch):
-    """Watch the elements of ``blocks`` that are nearly folded; return the room [m] of all others at ``x`` (n, 3)."""
+    """Watch the elements of ``blocks`` that are nearly folded; return the least room [m] of the others at ``x``."""
     scratch, least = np.empty((8, 3)), math.inf
     for block in range(len(blocks.element)):
         for lane in range(blocks.used[block]):

@@ -2,9 +2,9 @@
 """Dormancy: freezes the part of a body that the commands do not reach, and wakes it when its forces change.
 
 The frozen elements keep the forces of their last evaluation. At the border the forces change with the moving
-neighbours. The displacement that these changes would cause in the frozen vertices is estimated with the constant
-matrix, as any step is, and bounds the error. Above the tolerance the whole body is solved once more. This is the
-outlook of the paper: "discount elements which are not relevant to the actuation".
+neighbours. The constant matrix gives an estimate of the displacement that these changes would cause in the frozen
+vertices. This estimate bounds the error, as it does for any step. If it exceeds the tolerance, the whole body is solved
+once more. This is the outlook of the paper: "discount elements which are not relevant to the actuation".
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from gdfe_ros.solver.value import changed
 QUIET = 0.1
 """Displacement in a step, over the tolerance, below which a vertex counts as at rest."""
 PATIENCE, MOST_PATIENCE = 4, 64
-"""Number of successive steps of the whole body for which a vertex must be at rest before it is frozen: the first value,
-and the largest, which is reached by doubling after parts that woke soon."""
+"""Number of successive steps of the whole body for which a vertex must be at rest before it is frozen: first value and
+limit. The number is doubled after each part that was too small."""
 WORTH = 0.75
 """Share of the free vertices above which solving only a part does not pay."""
 MOST_REST = 32
-"""Limit of the steps without examination after a part would have been too large."""
+"""Limit of the number of steps without examination. They follow if the awake part would have been too large."""
 LEAST_VERTICES = 1500
 """Number of free vertices below which a separate factor does not pay."""
 LAYERS = 2
 """Layers of elements around the moving ones that are kept awake."""
 SHORT, LONG = 8, 32
-"""A part that wakes within `SHORT` steps was too small; one that lasts `LONG` steps was well chosen."""
+"""A part that lasts for fewer than `SHORT` steps was too small; one that lasts for `LONG` steps was well chosen."""
 STIRRED = 0.25
 """Displacement on waking, over the largest one, above which a frozen vertex joins the awake part."""
 CERTAIN = 0.5
@@ -48,11 +48,11 @@ class AwakePart:
     """An awake part of a body.
 
     Attributes:
-        awake: (n,) vertices from which it was made.
+        awake: (n,) vertices that the part was made to contain.
         active: its unknowns and elements.
         watched: int32 frozen vertices whose forces may change.
         rows: rows of these among the body's free vertices.
-        handles: int32 vertices of handles beside frozen elements.
+        handles: int32 vertices of handles next to frozen elements.
     """
 
     awake: NDArray[np.bool_]
@@ -69,7 +69,7 @@ class Dormancy:
         body: the discretised body.
         whole: the active set of the whole body.
         skip: kinds of work that may be left out.
-        pushed: whether terms beside the elements act, possibly on frozen vertices.
+        pushed: whether terms other than the elements act, possibly on frozen vertices.
     """
 
     def __init__(self, body: Body, whole: ActiveSet, skip: Collection[Skip], *, pushed: bool) -> None:
@@ -109,7 +109,7 @@ class Dormancy:
         return self._whole if self.touched(state, base) else self._made(sleep.awake).active
 
     def touched(self, state: State, base: NDArray[np.float64]) -> bool:
-        """Return whether handles beside frozen elements move from ``state`` to ``base`` (n, 3) [m]."""
+        """Return whether handles next to frozen elements move from ``state`` to ``base`` (n, 3) [m]."""
         if state.sleep is None or state.sleep.awake is None:
             return False
         handles = self._made(state.sleep.awake).handles
@@ -120,9 +120,9 @@ class Dormancy:
         return active is not self._whole
 
     def disturbance(self, sleep: DormancyState, target: float) -> tuple[float, float]:
-        """Return the displacement [m] that the frozen vertices would have if they were free, and that per 1 N.
+        """Return the displacement [m] that the frozen vertices would have if they were free, and its value per 1 N.
 
-        The first value is exact where it matters, around ``target`` [m].
+        The first value is computed by a solve, unless the cheap estimate is far below ``target`` [m].
         """
         part = self._made(sleep.awake)
         change = self._forces(part) - sleep.border
@@ -141,7 +141,7 @@ class Dormancy:
     def accepted(
         self, sleep: DormancyState | None, active: ActiveSet, positions: NDArray[np.float64], tolerance: float
     ) -> DormancyState | None:
-        """Return the dormancy state after a step of ``active`` to ``positions`` (n, 3) [m]; forces may be missing."""
+        """Return the dormancy state after a step of ``active`` to ``positions`` (n, 3) [m]; `learned` adds forces."""
         if sleep is None:
             return None
         if self.is_part(active):
@@ -165,18 +165,18 @@ class Dormancy:
         return changed(sleep, known=known, border=self._forces(self._made(sleep.awake)))
 
     def woken(self, sleep: DormancyState | None) -> DormancyState | None:
-        """Return ``sleep`` with nothing frozen, after handles moved beside frozen elements."""
+        """Return ``sleep`` with nothing frozen, after handles moved next to frozen elements."""
         return None if sleep is None else self._dropped(sleep)
 
     def _watched(self, sleep: DormancyState, quiet: NDArray[np.bool_]) -> DormancyState:
-        """Count the steps in which vertices are at rest; freeze those that have been for long enough."""
+        """Count a step and the vertices at rest in it; freeze those at rest in all of the last ``patience`` steps."""
         calm, count = sleep.calm & quiet, sleep.count + 1
         if count < sleep.patience:
             return changed(sleep, calm=calm, count=count)
         return changed(self._taken(sleep, ~calm), count=0, calm=np.ones_like(calm))
 
     def _widened(self, sleep: DormancyState, moved: NDArray[np.float64]) -> DormancyState:
-        """Continue with the part after it woke; enlarge it if it woke within `SHORT` steps."""
+        """Keep the part after the whole body was solved; enlarge it if it lasted for fewer than `SHORT` steps."""
         if sleep.lasted < SHORT:
             held = self._made(sleep.awake).active.held
             stirred = np.zeros(len(moved), dtype=bool)

@@ -25,8 +25,8 @@ class Model:
         handles: the kinematics of its handles.
         minimiser: minimises the potential.
         level: tangent preconditioner of a slender body; None if the constant matrix preconditions.
-        softening: whether hourglass scales follow the strain. In motion they stay, because a change of scale would
-            create or remove energy.
+        softening: whether hourglass scales follow the strain. With ``newmark`` they stay constant, because a change of
+            scale would create or remove energy.
         softest: (3 r,) the constant matrix times an estimate of the softest mode at rest; None if nothing moves.
     """
 

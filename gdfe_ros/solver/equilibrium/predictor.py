@@ -30,7 +30,7 @@ class Prediction:
         positions: (n, 3) [m].
         slides, turns: (p, 3) free motions of handles [m], [rad].
         ratio: multiple of the last step that was extrapolated.
-        sure: whether it is near the end of the step, however far from its beginning.
+        sure: whether the prediction is near the end of the step, even if the step is long.
     """
 
     positions: NDArray[np.float64]

@@ -59,8 +59,8 @@ class Saddles:
     def judged(self, descents: Descents, solve: Solve, found: Solution, *, part: bool) -> Solution:
         """Return a converged solution with its stability, which is checked when due.
 
-        A solution of only a ``part`` of the body is not checked: it says nothing about the whole. ``descents`` solves
-        again from below a saddle.
+        A solution of only a ``part`` of the body is not checked, because it does not prove stability of the whole.
+        ``descents`` minimises again from a point of lower energy beside a saddle.
         """
         start, soft = solve.start, solve.start.soft
         if soft is not None:

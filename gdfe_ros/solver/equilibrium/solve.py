@@ -25,13 +25,13 @@ from gdfe_ros.solver.state import ElementState, State, Summary, Unfinished
 FIRST_TOLERANCE, TIGHTEN = 1e-2, 0.1
 """Tolerance of the first minimisation if multipliers are updated, and factor from each tolerance to the next."""
 COARSER = (30.0, 3.0)
-"""Tolerances of the first minimisations, over the resolution of contact forces; each multiplier update is closer."""
+"""Tolerances of the first minimisations, over the resolution of contact forces; later ones resolve the forces fully."""
 ROUGH = 0.3
-"""Distance to which the next minimisation converges, over the pairs' error at the last update."""
+"""Distance to which the next minimisation converges, over the error of the self-contact pairs at the last update."""
 SCALE_SLACK = 10.0
 """Change of an hourglass scale, over the tolerance, that still leaves the positions within it."""
 SURE = 0.3
-"""Motion by an update, in tolerances, after which a certified solve is not repeated."""
+"""Largest change by an update, over the allowed one, up to which a certified solve ends without a new minimisation."""
 WARM_SLACK = 10.0
 """Volume error of an element, over the tolerance, that a step of a motion may leave to the next step's pressures."""
 WARM_ITERATIONS, COLD_ITERATIONS, LEARNING_ITERATIONS = 3, 12, 60
@@ -41,10 +41,10 @@ tolerance; otherwise errors would accumulate. The third is needed because the hi
 modes yet, which forces excite most."""
 COLD_AIM = 0.2
 """Share of the tolerance at which a solve that continues no motion stops. Its history does not contain the softest
-modes yet, and its steps become short before the distance does."""
+modes yet, and its steps become short before the distance becomes small."""
 MOST_UPDATES = 60
 """Limit of the updates of pressures, multipliers and scales in one solve; more would only oscillate."""
-TOO_DEEP = "surfaces that were apart entered each other so deep that contact could not separate them"
+TOO_DEEP = "surfaces that were apart entered each other so deeply that contact could not separate them"
 
 
 class Solve:
@@ -153,7 +153,7 @@ class Solve:
         accumulates = bool(len(active.carried) or self._actuation.updates)
         updates = accumulates or self._softens(active)
         if self._softens(active) and self._minimiser.certified and not self.anew:
-            self._update_scales(active)  # the prediction of a stream is nearer than the last step
+            self._update_scales(active)  # the prediction of a stream is closer to its end than the last step was
         inner = max(FIRST_TOLERANCE, tolerance) if updates and self._prediction.ratio == 0.0 else tolerance
         least = WARM_ITERATIONS if self.warm else COLD_ITERATIONS
         if self._actuation.drives and status["count"] < LONG_MEMORY and not self._prediction.sure:
@@ -167,7 +167,7 @@ class Solve:
             return
         for count in range(MOST_UPDATES):
             coarser = COARSER[count] if count < len(COARSER) and inner > tolerance else 1.0
-            if count == 0 and self._minimiser.certified:  # not by the last step's forces
+            if count == 0 and self._minimiser.certified:  # ignore the resolution of the last step's forces
                 coarser = np.inf
             fine, left = coarser * self._actuation.resolution, limit - self.iterations
             fine, rough = max(fine, ROUGH * self._actuation.missed), ROUGH * self._actuation.missed > fine
@@ -190,7 +190,7 @@ class Solve:
             sure = moved <= SURE and not self._actuation.contacts
             if self._settled and (quiet or sure or not self._minimiser.certified):
                 break
-            if not self._settled and self._level is None:  # a slender body is far softer than the penalties
+            if not self._settled and self._level is None:  # slender bodies need few updates
                 self._actuation.hasten(tolerance)
             inner = max(tolerance, TIGHTEN * inner)
             self._cut = self.iterations >= limit or (self.iterations > 0 and past(self.problem.deadline))
@@ -264,7 +264,7 @@ class Solve:
         )
 
     def _update(self, active: ActiveSet, *, still: bool) -> float:
-        """Update pressures, multipliers and scales; return by how many tolerances that moves the positions at most."""
+        """Update pressures, multipliers and scales; return the largest change over the allowed one."""
         x, moved = active.workspace.x, [0.0]
         tolerance = self.problem.keeping or self.problem.tolerance
         slack = WARM_SLACK if self.warm and not self._minimiser.certified else 1.0
@@ -306,7 +306,7 @@ class Solve:
             late = past(self.problem.deadline)
             reason = self.problem.deadline.reason if late else f"stopped after {self.problem.limit} iterations"
             far = float(active.status["distance"]) / self._body.size
-            text = f"{reason}: the distance to equilibrium is unknown yet; the last step was {far:.3g} of the size"
+            text = f"{reason}: the distance to equilibrium is not known yet; the last step was {far:.3g} of the size"
             return False, np.inf, f"{text}; the next step goes on from here"
         if estimate <= tolerance:
             text = "pressures, commanded lengths and volumes, or hourglass scales have not settled"

@@ -15,11 +15,11 @@ from gdfe_ros.solver.distance import largest
 from gdfe_ros.solver.tangent.curvature import FLAT, Lowest, lowest
 
 FIRST, DOUBLINGS, SHORTENINGS = 1e-3, 12, 6
-"""First length of a step along a direction of negative curvature, over the body's size, and how often it is doubled at
-most, and divided by four."""
+"""First length of a step along a direction of negative curvature, over the body's size, and the largest numbers of
+doublings and of divisions by four."""
 RANDOM = 1.0
-"""Share of a random load, beside that of the softest mode, in the start of the search: buckling may be local. With a
-tenth, the search may converge to the softest mode before it finds one of negative curvature."""
+"""Share of a random load, in addition to that of the softest mode, in the start of the search: buckling may be local.
+With a tenth, the search may converge to the softest mode before it finds one of negative curvature."""
 FALL = 1e-9
 """Least relative decrease of the energy along a descent direction; less is rounding."""
 

@@ -48,7 +48,7 @@ class ConstantMatrix:
     """The constant matrix restricted to the unknowns, factored; x, y and z share one factor.
 
     Handles with a free axis are eliminated by their Schur complement, so that one factor of the free vertices serves
-    all three axes whichever of them are free.
+    all three axes, whether they are free or not.
 
     Args:
         matrix: the assembled matrix (n, n), symmetric.

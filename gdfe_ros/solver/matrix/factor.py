@@ -18,7 +18,7 @@ from gdfe_ros.solver.matrix.supernodes import NotDefiniteError, supernodal
 DENSE_UP_TO = 200
 """Free vertices up to which an explicit inverse, applied in compiled code, is fastest."""
 SOUND = 1e-3
-"""Largest relative correction of a solution for which a factor is kept in single precision. It preconditions
+"""Largest relative correction of a solution for which a factor is kept in single precision. Such a factor preconditions
 minimisations and estimates the distance to the equilibrium."""
 REFINED = 3
 """Corrections of a solution with a single-precision factor; each reduces the error to at most `SOUND`."""

@@ -32,9 +32,9 @@ class Inverse(NamedTuple):
             them depend on several groups.
         length: (s,) of the rows of each supernode.
         value_start: (s + 1,) offset of their values.
-        values: of all rows, with one over the diagonal in its place, and at the end a row of zeros; empty if ``coarse``
-            is not.
-        coarse: the same in single precision, or empty.
+        values: of all rows, with one over the diagonal in its place, and a row of zeros at the end; empty if ``coarse``
+            is used.
+        coarse: the values in single precision; empty if they are in double precision.
     """
 
     explicit: NDArray[np.float64]

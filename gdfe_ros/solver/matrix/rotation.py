@@ -52,7 +52,7 @@ def rotated(r, x, y, z):
 
 @inlined
 def left_jacobian_transposed(turn, moment):
-    """Return J_l(theta)^T m: the derivative by the rotation vector's components from a moment about world axes."""
+    """Return J_l(theta)^T m: the derivative with respect to the rotation vector for a moment m about world axes."""
     _, b, c = coefficients(turn)
     x, y, z = turn
     m0, m1, m2 = moment

@@ -20,8 +20,8 @@ from gdfe_ros.solver.matrix.inverse import LINE, Inverse
 from gdfe_ros.solver.matrix.ordering import dissected, narrow_order
 
 COARSE_FROM = 4_000_000
-"""Number of entries from which a factor is kept in single precision: it no longer fits into any cache, and a solve
-takes the time of reading it."""
+"""Number of entries from which a factor is kept in single precision: it no longer fits into any cache, and reading it
+dominates the time of a solve."""
 
 GROUPS = 4
 """Groups of supernodes of a large factor that threads may share."""

@@ -13,7 +13,7 @@ def carried(moving: Snapshot, fresh: Snapshot) -> Snapshot:
     """Return a snapshot that continues a motion with other materials: positions, velocities and commands stay.
 
     The stored states of elements and minimisations belong to the old materials and are replaced by those of ``fresh``.
-    Nothing counts as at rest, because the forces have changed. The change of energy is in no account.
+    Nothing counts as at rest, because the forces have changed. The change of energy is not accounted for.
 
     Args:
         moving: snapshot of the old body.

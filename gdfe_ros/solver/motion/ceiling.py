@@ -14,11 +14,12 @@ from gdfe_ros.solver.state import State
 from gdfe_ros.solver.value import changed
 
 ABOVE_START = 0.01
-"""Allowed excess over the initial energy, over the largest energy so far: a spinning body oscillates by that at sixty
-steps a turn."""
+"""Allowed excess over the initial energy, over the largest energy so far: at sixty steps a turn, the energy of a
+spinning body oscillates by this much."""
 ABOVE_LEAST = {Scheme.BDF2: 0.25, Scheme.NEWMARK: 0.03, Scheme.GENERALISED_ALPHA: 0.03}
-"""Energy above the least so far, over the largest so far. In resolved motions it oscillates by a hundredth, because
-hourglass stiffness follows strains. With `bdf2` it drops too far when the body is stopped, and comes back."""
+"""Allowed excess over the least energy so far, over the largest so far. In resolved motions the energy oscillates by a
+hundredth, because hourglass stiffness follows strains. With `bdf2` it drops too far when the body is stopped, and rises
+again."""
 ROUNDING = 1e-9
 """Share of the energies in an account that is rounding."""
 

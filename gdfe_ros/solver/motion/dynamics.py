@@ -45,7 +45,7 @@ class Dynamics:
         step: longest internal step [s]; a step of a simulation is divided into equal ones no longer than it.
         mass_damping: damping force over mass and velocity, relative to the world [1/s].
         viscosity: second Piola-Kirchhoff stress over the rate of the Green strain [Pa s].
-        prony: branches of a generalised Maxwell body beside the material, whose law is that of slow motion.
+        prony: branches of a generalised Maxwell body, parallel to the material, whose law is that of slow motion.
         velocity: (3,) initial velocity of every vertex [m/s].
         spin: (3,) initial angular velocity about the centre of mass [rad/s].
 

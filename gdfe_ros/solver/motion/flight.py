@@ -33,7 +33,7 @@ class Flight:
         began: the state at the beginning.
         poses, commands: at the end.
         duration: of the whole step [s].
-        total: its units.
+        total: units of the whole step.
         done: completed units.
         size: units of the next internal step.
         iterations, attempts: so far.
@@ -146,7 +146,7 @@ class Flight:
         )
 
     def withdrawn(self, solution: Solution, skipped: dict[str, int], *, hurried: bool) -> March:
-        """Return the outcome at the state before a failed internal step; record the failure unless ``hurried``."""
+        """Return the outcome at the state before a failed internal step; record the failure, unless time ran out."""
         reason, least = solution.message, self.state.summary.min_det
         text = f"an internal step of {self.length:.3g} s failed: {reason}".rstrip("; ")
         text = f"{text}; positions and velocities are those before it"

@@ -31,8 +31,8 @@ class Impacts:
     Args:
         body: the discretised body.
         dynamics: of the steps.
-        scheme: whose next step uses the remaining forces. With ``newmark`` there are no impacts: `Pushes` treats all
-            contacts.
+        scheme: scheme of the next step, which uses the remaining forces. With ``newmark`` there are no impacts:
+            `Pushes` treats all contacts.
     """
 
     def __init__(self, body: Body, dynamics: Dynamics, scheme: Scheme) -> None:

@@ -16,7 +16,8 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.motion.dynamics import Dynamics, Scheme
 from gdfe_ros.solver.motion.rigid_part import rigid_part
 from gdfe_ros.solver.motion.scheme import Kinematics, Rule, stiffness
-from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+from gdfe_ros.solver.state import Saved
+from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 NAME = "(inertia)"
 """Name of the term; no actuator or load of a scene can have it."""
@@ -102,8 +103,8 @@ class Inertia(Term):
     def begin(self, commands: Mapping[str, float], saved: Saved, positions: NDArray[np.float64], ratio: float) -> None:
         """Prepare a step; ``positions`` (n, 3) [m] have the handles at their targets.
 
-        Before the first step there is no inertia. Vertices that handles drive get the velocity of their displacement; a
-        jump of it would otherwise oscillate for ever.
+        Before the first step there is no inertia. Vertices that handles drive get the velocity of their displacement;
+        otherwise a jump of their velocity would oscillate for ever.
         """
         if not saved["h"][0]:
             self.reals[0] = 0.0
@@ -124,7 +125,7 @@ class Inertia(Term):
             return saved
         now, rule = kinematics_of(saved), self._rule
         velocity, acceleration = rule.velocity(positions), rule.acceleration(positions)
-        if len(self._rigid):  # rotation makes differences stretch a little; undamped schemes keep that
+        if len(self._rigid):  # differences of rotated positions stretch a little; undamped schemes would keep that
             velocity[self._rigid] = rigid_part(positions[self._rigid], velocity[self._rigid])
         given, change = self._followed(positions, self._last, now.velocity)
         after = Kinematics(
@@ -143,7 +144,7 @@ class Inertia(Term):
     def _followed(
         self, positions: NDArray[np.float64], last: NDArray[np.float64], velocity: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return velocity and acceleration (n, 3) of driven vertices from ``last`` to ``positions`` (n, 3) [m]."""
+        """Return velocity [m/s] and acceleration [m/s^2] (n, 3) of driven vertices as differences from ``last``."""
         given = (positions - last) / self._h
         return given, (given - velocity) / self._h
 

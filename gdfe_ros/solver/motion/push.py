@@ -40,7 +40,7 @@ class Pushes:
             contact.share = rule_of(self._dynamics, h, before.terms[NAME]).share if pushes else 1.0
 
     def forgotten(self, before: State, now: State, h: float, contacts: Sequence[ContactTerm]) -> State:
-        """Return the state after a step of length ``h`` [s] from ``before``, with pushes apart from other forces."""
+        """Return the state after a step of length ``h`` [s] from ``before``, with its pushes stored separately."""
         pushing = [contact for contact in contacts if self._are_of(contact)]
         if not pushing:
             return now

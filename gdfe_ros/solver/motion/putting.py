@@ -18,9 +18,8 @@ from gdfe_ros.solver.contact.overlap import inside_surface, overlaps, placed_now
 from gdfe_ros.solver.descent.history import UpdateHistory
 from gdfe_ros.solver.handle_motions import HandleMotions
 from gdfe_ros.solver.motion import inertia
-from gdfe_ros.solver.state import State
+from gdfe_ros.solver.state import Saved, State
 from gdfe_ros.solver.terms.actuation import Actuation
-from gdfe_ros.solver.terms.term import Saved
 from gdfe_ros.solver.value import changed
 
 UNTOLD = "rigid bodies were moved to other places, and no step has been made since"

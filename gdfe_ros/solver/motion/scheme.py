@@ -85,7 +85,7 @@ class Rule:
         kappa: df/dx [1/s^2].
         aim: x_hat (n, 3) [m].
         share: ratio of a contact's constant force to its multiplier, the force at the end of the step.
-        answer: factor of a push in its shadow.
+        answer: coefficient of the present push in the shadow.
         echo: contribution of earlier pushes to the shadow (n, 3) [m/s^2].
     """
 
@@ -175,8 +175,8 @@ def _generalised_alpha(dynamics: Dynamics, h: float, x: Vectors, now: Kinematics
 def _way(beta: float, gamma: float) -> float:
     """Return the displacement by a push within its step, over h^2 times the push; it would be 1/2 without dissipation.
 
-    With this value a rigid body leaves at most as fast as it came, and one on an unyielding obstacle does not move
-    later.
+    With this value a rigid body leaves an obstacle at most as fast as it came, and one on an unyielding obstacle does
+    not move later.
     """
     swing = (1.0 - 0.5 * gamma / beta) * (0.5 / beta - 1.0)
     return max(beta, 0.5 * (1.0 + swing))

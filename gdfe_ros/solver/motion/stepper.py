@@ -38,8 +38,8 @@ CALM = 0.5
 RELAXED = 3.0
 """The same time over the longest relaxation time of the body."""
 SHORTEST = 1e-2
-"""Duration, over the longest internal step, below which time is only added up: an acceleration over so short a time is
-noise."""
+"""Duration, over the longest internal step, below which time is only accumulated: an acceleration over so short a time
+is noise."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,8 +49,9 @@ class InternalStep:
     Attributes:
         before, after: states.
         h: its length [s].
-        share: completed share of the whole step's commands after it.
-        integrator: that made it; None for the start of a motion, where ``after`` gets its accelerations.
+        share: completed fraction of the whole step's change of commands after it.
+        integrator: the integrator that made it; None for the start of a motion, which only gives ``after`` its
+            accelerations.
         first: whether the previous step was not made by this scheme.
     """
 
@@ -255,7 +256,7 @@ class MotionStepper:
         return state.with_(terms=terms, balance=balance, ledger=self._accounts.begun(ledger, acceleration, h))
 
     def _raised(self, state: State, before: Mapping[str, float]) -> float:
-        """Return the potential [J] of loads, which act from now on, in displacements made before the start."""
+        """Return the change of potential [J] of loads, which act from now on, by displacements before the start."""
         rest = self.at_rest().positions
         if np.array_equal(rest, state.positions):
             return 0.0

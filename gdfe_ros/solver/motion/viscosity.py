@@ -22,7 +22,8 @@ from gdfe_ros.mesh.tet_operators import TetOperators, gradients
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import assemble
 from gdfe_ros.solver.motion.dynamics import Dynamics
-from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+from gdfe_ros.solver.state import Saved
+from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 NAME = "(viscosity)"
 """Name of the term; no actuator or load of a scene can have it."""

@@ -34,7 +34,7 @@ from gdfe_ros.solver.state import ShapeState, State, Summary
 from gdfe_ros.solver.terms.actuation import Actuation
 
 SAFETY = 0.01
-"""Least length of a fixed-point step over the distance to the limit."""
+"""Lower bound of the length of a fixed-point step over the distance to the fixed point."""
 
 
 class RelativeEquilibrium:

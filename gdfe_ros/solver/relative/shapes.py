@@ -14,8 +14,8 @@ from gdfe_ros.mesh.operators import ShapeOperators
 from gdfe_ros.solver.elements.cell_kernels import mean_gradient
 
 LEAST_VOLUME = 1e-3
-"""Volume ratio below which V^V is not scaled up further. For an inverted element the absolute value counts; it would
-grow without bound otherwise."""
+"""Volume ratio below which V^V is not scaled up further, because it would grow without bound. For an inverted element
+the absolute value counts."""
 
 
 def blend(before: NDArray[np.float64], now: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives of solves by commands, poses, materials, and the initial state."""
+"""Exact derivatives of solves with respect to commands, poses, materials, and the initial state."""

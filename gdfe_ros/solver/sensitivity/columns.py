@@ -54,7 +54,7 @@ class Tangents:
         for contact in equilibrium.actuation.contacts:
             if isinstance(contact, OwnContact) and end.terms[contact.name]["press"].any():
                 raise GdfeError(
-                    "no derivative: the body touches itself, which derivatives do not take in; remedy: differences of "
+                    "no derivative: the body touches itself, which derivatives do not support; remedy: differences of "
                     "two simulations"
                 )
         if self._level is None:

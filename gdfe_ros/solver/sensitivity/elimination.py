@@ -11,14 +11,14 @@ from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 Array = NDArray[np.float64]
 MOST = 12
-"""Multipliers up to which they are eliminated: each costs a solve with the factor once a state."""
+"""Largest number of multipliers that are eliminated; each takes one solve with the factor for each state."""
 
 
 class SchurComplement:
     """The Schur complement S = D + C K^-1 B of the system K dx + B dm = r, -C dx + D dm = s.
 
     Args:
-        product: returns the left side of both equations for (dx, dm), each one after the other (r + k,).
+        product: returns the left sides of both equations (r + k,) for a vector (r + k,) of dx and then dm.
         solve: returns K^-1 of forces (r,).
         rows: r, number of unknowns.
         count: k, number of multipliers.

@@ -14,7 +14,7 @@ from gdfe_ros.errors import GdfeError
 ENOUGH = 1e-5
 """Relative residual that is accepted if the tolerance cannot be reached because the products are differences."""
 EXHAUSTED = 1e-13
-"""Norm of the orthogonal part of a product, over its own, below which it is rounding."""
+"""Norm of the orthogonal part of a product with a unit vector, below which it is rounding."""
 ROUNDING = 1e-6
 """Least size of the solution, over the right-hand side, that the relative residual assumes."""
 MOST = 150
@@ -30,7 +30,7 @@ def solved(product: Map, precondition: Map, right: NDArray[np.float64], *, toler
         product: returns A times a vector (k,).
         precondition: returns M^-1 times a vector (k,); the closer M is to A, the fewer products are needed.
         right: b (k,).
-        tolerance: of the preconditioned residual, over the smaller of those of b and x.
+        tolerance: norm of the preconditioned residual over the smaller one of the norms of M^-1 b and x.
 
     Raises:
         GdfeError: A is singular, or nearly so: there is no derivative.

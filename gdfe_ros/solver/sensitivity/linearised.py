@@ -2,9 +2,9 @@
 """Linearisation of a converged solve: K dx + G dm = -dF, with the multipliers m as further unknowns.
 
 At a converged solve the forces F(x, m) vanish and an update changes no multiplier, m = U(x, m). The derivatives of
-both equations vanish as well. Products with the elements' tangents are exact; those of all other terms, and of their
-updates, are central differences of the kernels that the solve called. The response of the elements' pressures and
-hourglass scales is eliminated element by element.
+both equations vanish as well. Products with the elements' tangents are exact. Products with those of all other terms,
+and with their updates, are central differences of the kernels that the solve called. The response of the elements'
+pressures and hourglass scales is eliminated element by element.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from gdfe_ros.solver.tangent.level import TangentLevel
 from gdfe_ros.solver.terms.term import Term, terms_energy
 
 SOFT, STIFF = 1e-6, 1e-8
-"""Relative error of a derivative without multipliers, and with them, because constraints make the forces stiff."""
+"""Relative tolerance of the linear solve without multipliers, and with them, because constraints make forces stiff."""
 SPACING, NEARER, TURN = 1e-6, 1e-8, 1e-6
 """Displacements of differences over the body's size: of terms in general, of terms with friction, whose slip is tiny,
 and of rotations of handles."""
@@ -74,7 +74,7 @@ class Linearised:
         multipliers: (k,) of all terms, one after another.
         scale: (m,) hourglass scales.
         softening: elements whose scales follow the strain.
-        spacing: [m] of differences.
+        spacing: displacement [m] of differences.
         interrupted: called at every product; the computation ends with an error once it returns True.
         numbers: (k,) reals of all terms at the end.
         volumes: volume laws of the elements at the end.
@@ -124,7 +124,7 @@ class Linearised:
             term.resume(end.commands, start.terms[term.name], end.terms[term.name], self.x)
 
     def term_forces(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return dE/dx (n, 3) [N] of all terms beside the elements."""
+        """Return dE/dx (n, 3) [N] of all terms other than the elements."""
         force = np.zeros_like(x)
         if len(self.actuation.table.address):
             terms_energy(x, self.actuation.table, force, np.zeros(1))
@@ -167,7 +167,7 @@ class Linearised:
         self.actuation.table.reals[...] = self.numbers
 
     def moved(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the motion (n, 3) [m] of all vertices for one of the unknowns (3 r,)."""
+        """Return the motion (n, 3) [m] of all vertices for a motion (3 r,) of the unknowns."""
         motion, count = np.zeros_like(self.x), len(self._unknowns.free)
         motion[self._unknowns.free] = unknowns[: 3 * count].reshape(-1, 3)
         if self._motion.size:
@@ -238,7 +238,7 @@ class Linearised:
         )
 
     def _soften(self, equilibrium: EquilibriumSolver) -> None:
-        """Compute the derivative of the elements' forces by their hourglass scales, if these follow strains."""
+        """Compute the derivative of the elements' forces with respect to hourglass scales, if these follow strains."""
         self.softening = equilibrium.whole.softening if equilibrium.model.softening else np.zeros(0, np.int32)
         self._slopes = self._softened = np.zeros((0, 24))
         if not len(self.softening):
@@ -280,7 +280,7 @@ class Linearised:
 
     @cached_property
     def _eliminated(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-        """The preconditioner: the factor, with a few multipliers eliminated, or with many left where they are."""
+        """The preconditioner: the factor, combined with block elimination of the multipliers if these are few."""
         if not 0 < len(self.multipliers) <= MOST:
             return self._preconditioned
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives along a motion: each internal step passes on those of positions, velocities and the terms' states."""
+"""Derivatives along a motion: each internal step propagates those of positions, velocities and the terms' states."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Carried:
     Attributes:
         positions: (n, 3) [m].
         terms: of the terms' stored states.
-        share: of a command or a pose.
+        share: fraction of the parameter's change that the present command or pose has completed.
         reactions: (6,) by handle and obstacle.
     """
 
@@ -71,7 +71,7 @@ class Trail:
         self._began = [column.share for column in self.columns]
 
     def observe(self, stage: InternalStep) -> None:
-        """Propagate the derivatives through an internal step; if it has none, `flaw` says why from then on."""
+        """Propagate the derivatives through an internal step; if it has none, `flaw` gives the reason from then on."""
         self.state = stage.after
         if self.flaw:
             return

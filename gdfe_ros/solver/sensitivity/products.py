@@ -14,8 +14,8 @@ def add_products(stiffness, softened, slopes, cells, motion, forces):
 
     Args:
         stiffness: K (m, 24, 24) [N/m].
-        softened: f (m, 24) [N], derivative of the forces by the hourglass scale; empty if scales are constant.
-        slopes: s (m, 24) [1/m], derivative of the scale by the corners.
+        softened: f (m, 24) [N], derivative of the forces with respect to the hourglass scale; empty if it is constant.
+        slopes: s (m, 24) [1/m], derivative of the scale with respect to the corners.
         cells: (m, 8) corners.
         motion: dx (n, 3) [m].
         forces: (n, 3) [N], is added to.

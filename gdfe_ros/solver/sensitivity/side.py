@@ -33,7 +33,7 @@ class VariedInputs:
         start: state at the beginning.
         commands: of actuators and loads.
         poses: of handles.
-        table: its materials.
+        table: packed materials.
         terms: replacements of the terms of the same names.
     """
 
@@ -60,7 +60,7 @@ class Pair(NamedTuple):
 
 
 class Column:
-    """Derivative of a solve by one parameter: the sum of the effects of several pairs of varied inputs.
+    """Derivative of a solve with respect to one parameter: the sum of the effects of several pairs of varied inputs.
 
     Args:
         solve: the linearised solve.

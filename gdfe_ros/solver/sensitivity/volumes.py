@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Linearised volume laws of elements at a converged state.
 
-A solve keeps the volume of nearly incompressible elements by a pressure beside a soft bulk modulus. Its converged state
+A solve keeps the volume of nearly incompressible elements by a pressure and a soft penalty. Its converged state
 satisfies p = U'(J). Near that state the kernels receive the tangent of this law at each element,
 p + U''(J) (J - J_0): a pressure and a bulk modulus for each element.
 """
@@ -20,7 +20,7 @@ from gdfe_ros.solver.elements.cell_kernels import volume_ratio
 from gdfe_ros.solver.elements.measures import NEO_HOOKEAN, volume_at
 
 STIFF = 1e4
-"""Finite substitute of an infinite bulk modulus, over the one beside the pressures; its relative error is 1e-5."""
+"""Finite substitute of an infinite bulk modulus, over the penalty bulk modulus; its relative error is 1e-5."""
 
 
 @kernel
@@ -53,7 +53,7 @@ class Volumes:
         x: (n, 3) [m] the state.
         shape: of the elements.
         material: (m,) int32 of each.
-        table: the materials, with the present bulk moduli beside the pressures.
+        table: the materials, with the present penalty bulk moduli.
         pressure: (m,) [Pa] of the state.
 
     Attributes:

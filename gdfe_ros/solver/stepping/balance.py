@@ -19,12 +19,12 @@ from gdfe_ros.solver.solution import Solution
 from gdfe_ros.solver.state import State
 
 LOST = 0.5
-"""Energy released in an increment, over the largest of energies and work, that proves a jump in any increment."""
+"""Energy released in an increment, over the largest of energies and work, that alone proves a jump."""
 PROVEN = 0.01
-"""Energy released beyond the bounds of the work, over the largest of energies and work, that proves a jump."""
+"""Energy released beyond the uncertainty of the work, over the largest of energies and work, that proves a jump."""
 LEAST_MOTION = 5e-3
-"""Least distance from the predicted end, over the body's size, of a jump. A cable that becomes taut inside an increment
-upsets the balance too, but moves nothing far."""
+"""Least distance, over the body's size, between the predicted and the actual end of a jump. A cable that becomes taut
+inside an increment violates the balance, too, but causes no large displacement."""
 
 
 def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[float, float]:
@@ -51,7 +51,7 @@ def work_between(old: State, new: Solution, handles: HandleMotions) -> tuple[flo
 def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bool:
     """Return whether a body of ``size`` [m] jumped between two equilibria, as in buckling.
 
-    It did if it released energy and ended far from where its motion pointed.
+    A jump releases energy and ends far from the positions that were predicted from the last motion.
     """
     if old.balance is None or new.balance is None:
         return False
@@ -66,7 +66,7 @@ def jumped(old: State, new: Solution, handles: HandleMotions, size: float) -> bo
 
 
 def _way(begin: Pose, end: Pose) -> NDArray[np.float64]:
-    """Return the motion (6,) conjugate to a wrench: translation [m], and rotation [rad] in world axes halfway."""
+    """Return the motion (6,) conjugate to a wrench: translation [m], and rotation [rad] about world axes midway."""
     shift = np.subtract(end.translation, begin.translation)
     if not (any(begin.rotation) or any(end.rotation)):
         return np.concatenate([shift, np.zeros(3)])

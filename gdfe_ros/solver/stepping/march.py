@@ -55,7 +55,7 @@ class March:
 
     @property
     def flaw(self) -> str:
-        """What is wrong with the outcome."""
+        """The name of the outcome's defect."""
         if self.inverted:
             return "folded or inverted elements"
         return "another equilibrium, higher in energy" if self.sound else "no equilibrium"

@@ -31,7 +31,7 @@ def step_result(
     """Return the result of a step.
 
     Args:
-        stepper: that made the step.
+        stepper: the stepper that made the step.
         state: after the step.
         march: outcome of the step; None if nothing had to be solved.
         time: simulation time [s] after the step.

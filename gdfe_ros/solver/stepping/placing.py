@@ -20,7 +20,7 @@ def placed(body: Body, handles: HandleMotions, state: State, positions: NDArray[
     Args:
         body: the discretised body.
         handles: the kinematics of its handles.
-        state: provides commands and growth.
+        state: provides the commands and the growth.
         positions: of all vertices; rows of vertices that handles hold are ignored.
         afresh: the state at rest; provides pressures, captured shapes and motion.
     """
@@ -48,7 +48,7 @@ def require_own(state: State, own: State) -> None:
     """Raise an error if a state belongs to another scene.
 
     Args:
-        state: from which a step is to continue.
+        state: the state from which a step is to continue.
         own: the body's state at rest.
 
     Raises:

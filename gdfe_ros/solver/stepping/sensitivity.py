@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of material points by actuator commands: finite differences of equilibria near the present one."""
+"""Derivatives of material points with respect to actuator commands: finite differences of nearby equilibria."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ FIRST = 1e-3
 SMALLEST = 1e-9
 """Displacement, over the body's size, that counts as none."""
 SIZINGS = 8
-"""Tries to find a change of a command that moves the body by about ``REACH``."""
+"""Number of attempts to find a change of a command that moves the body by about ``REACH``."""
 KINK = 0.05
 """Difference of the slopes on both sides, over the larger one, above which a kink is suspected and a smaller step is
 tried."""
 NEARER, REFINEMENTS = 0.1, 2
-"""Factor by which the step is reduced at a suspected kink, and how often. For a smooth response the slopes' difference
-shrinks by this factor; at a kink it stays."""
+"""Factor by which the step is reduced at a suspected kink, and number of reductions. For a smooth response the
+difference of the slopes shrinks by this factor; at a kink it stays."""
 
 
 def jacobian(
@@ -69,7 +69,7 @@ def jacobian(
 
 
 class _Differences:
-    """Equilibria next to the present one along one command."""
+    """Equilibria near the present one along one command."""
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class _Differences:
         motion = self._one_sided(self._acting, step) if slack else self._central(step)
         if motion is None:
             raise GdfeError(
-                f"actuator {self._actuator.name!r}: no equilibrium was found beside its command {self._command!r}; "
+                f"actuator {self._actuator.name!r}: no equilibrium was found near its command {self._command!r}; "
                 "the body loses its stability there; remedy: step back from it"
             )
         return np.concatenate([point.at(motion) for point in points]) if points else np.zeros((0, 3))
@@ -131,7 +131,7 @@ class _Differences:
         return march.state.positions if march.reached and not march.inverted else None
 
     def _sized(self, side: float) -> float:
-        """Return the change of a command that moves the body by about ``REACH``; a geometric one never grows."""
+        """Return the change of a command that moves the body by about ``REACH``; only that of a force may grow."""
         actuator, width = self._actuator, self._actuator.high - self._actuator.low
         step = FIRST * (width if math.isfinite(width) else max(abs(self._command), self._scale()))
         most = 0.4 * width if math.isfinite(width) else math.inf

@@ -29,9 +29,9 @@ SNAPPED = "the body jumped to another equilibrium of less energy, as in buckling
 FINER = 1e-2
 """Factor of the tolerance for a body with freely rotating handles: the residual forces at the full tolerance are large
 compared with the handles' moments."""
-LET_GO = "let go of {} without following the load path, on which {}"
+LET_GO = "contact with {} was dropped without following the load path, on which {}"
 FARTHER_FOLDS = "on the way to the command elements are pressed flat, and would fold or turn inside out"
-UNFOLD = "remedy: go back to where it was sound, or reset; finer cells fold later"
+UNFOLD = "remedy: return to commands at which the elements were sound, or reset; finer cells fold later"
 
 
 class Stepper:
@@ -96,7 +96,7 @@ class Stepper:
         given_up = unfinished is None or max(march.iterations, unfinished.iterations) >= self.equilibrium.patience
         doubtful = crumpled(state) or crumpled(march.state) or not march.sound
         if given_up and state.anchor is not None and doubtful and not past(deadline):
-            # The state that a cut solve left fails, or is crumpled and leads to an equilibrium of more energy.
+            # The state that a cut solve left fails, or is crumpled and leads to an equilibrium of higher energy.
             # Try again from the last equilibrium.
             again = self._march(state.anchor, goal)
             lower = not march.sound or self._energy(again.state) < self._energy(march.state)
@@ -143,7 +143,7 @@ class Stepper:
         return {}
 
     def _displaced(self, state: State) -> bool:
-        """Return whether the load path from rest was not tried yet and may lead elsewhere than that from ``state``."""
+        """Return whether the load path from rest was not tried yet and may end elsewhere than that from ``state``."""
         return not (state.tried or np.array_equal(state.positions, self.body.rest))
 
     def _unreachable(self, state: State, goal: Goal) -> str:
@@ -154,7 +154,7 @@ class Stepper:
         return self.actuation.unreachable(base, goal.commands)
 
     def _march(self, state: State, goal: Goal) -> March:
-        """Follow a goal from ``state``, in smaller increments where attempts require it."""
+        """Follow a goal from ``state``, in smaller increments where attempts require it; return the outcome."""
         planned = planned_increments(goal.poses, state.poses, self.body.size)
         way, begin = Way.between(state, goal, planned, self._settings.max_iterations), state
         while True:
@@ -199,9 +199,9 @@ class Stepper:
         return self.actuation.unstable(solution.positions, since, commands, before)
 
     def _accepted(self, state: State, attempt: Attempt, begin: State) -> State:
-        """Return the state of an accepted attempt; if the load path fails, with the last equilibrium as its anchor.
+        """Return the state of an accepted attempt, with an anchor if the load path fails.
 
-        If that is crumpled, the anchor is rather the equilibrium with which the load path began.
+        The anchor is the last equilibrium or, if that is crumpled, the equilibrium at the beginning of the load path.
         """
         accepted = self.equilibrium.accept(attempt.solution, state)
         before = [each for each in (state, begin) if each.unfinished is None and each.sound]
@@ -269,7 +269,7 @@ class Stepper:
         gain = self._energy(march.state) - self._energy(again.state)
         if not again.is_better(march, NEAR * goal.tolerance * self.body.size, gain=gain):
             return _after(march, march, again)
-        message = f"restarted from rest: the other way ended in {march.flaw}; {again.message}".rstrip("; ")
+        message = f"restarted from rest: the first load path ended in {march.flaw}; {again.message}".rstrip("; ")
         return changed(_after(again, march, again), message=message, restarts=1)
 
     def _energy(self, state: State) -> float:

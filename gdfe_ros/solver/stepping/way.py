@@ -38,7 +38,7 @@ class Goal:
         poses: of every handle, relative to its rest pose.
         commands: of every actuator and load.
         tolerance: estimated largest distance to the equilibrium over the body's size.
-        deadline: when it has passed, the step ends where it is; None: never.
+        deadline: once it has passed, the step ends where it is; None for no deadline.
     """
 
     poses: Mapping[str, Pose]
@@ -61,7 +61,7 @@ class Way:
         jumped: whether the body has jumped on it.
         folded: whether an attempt ended in folded or inverted elements, or failed with corners pressed flat.
         leap: length of the first attempt from here that jumped to a sound equilibrium; 0 for none.
-        leaping: whether shorter attempts failed, and that jump is made.
+        leaping: whether shorter attempts failed, so that this jump is accepted.
     """
 
     poses: Mapping[str, Pose]

@@ -24,10 +24,10 @@ differences of rotations would do more harm than good."""
 
 @kernel
 def vertex_rotations(x, before, shape, free, held, sums, out):
-    """Write the rotations (f, 9) of the ``free`` vertices from ``before`` to ``x`` (n, 3) [m]: means of the elements'.
+    """Write the rotations (f, 9) of the ``free`` vertices from ``before`` to ``x`` (n, 3) [m].
 
-    A body that is not ``held`` has one rotation: with several, R K0 R^T would not keep its momentum. ``sums`` (n, 9) is
-    scratch.
+    They are means of the elements' rotations. A body that is not ``held`` has one rotation: with several, R K0 R^T
+    would not keep its momentum. ``sums`` (n, 9) is scratch.
     """
     sums[...] = 0.0
     for e in range(len(shape.cells)):

@@ -7,7 +7,6 @@ Handles with a free axis are eliminated by their Schur complement, as with the c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sparse
@@ -23,39 +22,15 @@ from gdfe_ros.solver.tangent.frames import unrotated, vertex_rotations
 from gdfe_ros.solver.tangent.fronts import Fronts, solutions
 from gdfe_ros.solver.tangent.springs import Springs, spring_rows
 from gdfe_ros.solver.tangent.substitution import Kept, solve_kept
+from gdfe_ros.solver.tangent.tangent import Tangent
 from gdfe_ros.solver.terms.term import Term
 
 FIRST_SHIFT, SHIFT_GROWTH = 1e-8, 10.0
-"""First multiple of the constant matrix added to a tangent that has no factorization, and its growth per attempt."""
+"""First multiple of the constant matrix that is added to a tangent without a factor, and its growth per attempt."""
 MOST_SHIFT = 1e12
 """Largest such multiple; if it is not enough, the constant matrix replaces the tangent."""
 TURN = 1e-6
 """Change of a rigid row, over the body's size, in differences of the handles' motion."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Tangent:
-    """A kept tangent stiffness; an immutable value.
-
-    Attributes:
-        blocks: (k, 3, 3) of pairs of vertices [N/m], positive definite over the free ones.
-        motion: (3 b, 3 q) derivative of the vertices of handles with a free axis by the rigid rows.
-        positions: (n, 3) [m] where it was taken; None for the constant matrix, which does not follow rotations.
-        shift: share of the constant matrix that was added for definiteness.
-        softest: upper bound of the least stiffness of a mode over that by this tangent: 1 if nothing was added and no
-            softer mode has been found yet, 0 if it is unknown.
-        ends, ways: of the springs between touching parts, as in `Springs`.
-        spent: iterations and products since it was evaluated, beyond the free ones of each solve.
-    """
-
-    blocks: NDArray[np.float64]
-    motion: NDArray[np.float64]
-    positions: NDArray[np.float64] | None = None
-    shift: float = 0.0
-    ends: NDArray[np.int32] = field(default_factory=lambda: Springs.none().ends)
-    ways: NDArray[np.float64] = field(default_factory=lambda: Springs.none().ways)
-    spent: int = 0
-    softest: float = 0.0
 
 
 class TangentLevel:

@@ -15,8 +15,8 @@ DEGREE = 3
 def smooth_field(points: NDArray[np.float64], pieces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return a field (n, 3) over ``points`` (n, 3) [m] with a share of every polynomial up to `DEGREE`.
 
-    Each of the ``pieces`` (n,), numbered from 0, has its own polynomials: over two distant pieces, common ones hardly
-    bend either.
+    Each of the ``pieces`` (n,), numbered from 0, has its own polynomials: polynomials over two distant pieces would
+    hardly bend either of them.
     """
     field = np.empty_like(points)
     for piece in range(int(pieces.max(initial=-1)) + 1):

@@ -46,7 +46,7 @@ def spring_rows(springs: Springs, unknowns: Unknowns, motion: NDArray[np.float64
     Args:
         springs: the springs.
         unknowns: the numbering.
-        motion: (3 b, 3 q) derivative of the vertices of handles with a free axis by the rigid rows.
+        motion: (3 b, 3 q) d(vertices of handles with a free axis)/d(rigid rows).
     """
     count, free, members = len(springs.ends), len(unknowns.free), len(unknowns.members)
     row = np.full(max(int(part.max(initial=0)) for part in (springs.ends, unknowns.free, unknowns.members)) + 1, -1)

@@ -15,12 +15,12 @@ from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.contact.pairs import contacts_of
 from gdfe_ros.solver.elements.operators import Operators
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.state import Balance, State
+from gdfe_ros.solver.state import Balance, Saved, State
 from gdfe_ros.solver.terms.cable import CableTerm
 from gdfe_ros.solver.terms.chamber import ChamberTerm
 from gdfe_ros.solver.terms.dead_load import DeadLoadTerm
 from gdfe_ros.solver.terms.growth import Growths
-from gdfe_ros.solver.terms.term import Saved, Term, TermTable
+from gdfe_ros.solver.terms.term import Term, TermTable
 
 LOAD_FACTOR = 1.0
 """Default command of a load."""
@@ -31,7 +31,7 @@ ROUNDING = 1e-9
 
 
 class Actuation:
-    """The terms of a body beside its elements.
+    """The terms of a body other than its elements.
 
     Args:
         body: the discretised body.
@@ -73,7 +73,7 @@ class Actuation:
 
     @property
     def drives(self) -> bool:
-        """Whether anything beside handles and contact acts on the body."""
+        """Whether anything other than handles and contact acts on the body."""
         return len(self.terms) > len(self.contacts) or bool(self.growths)
 
     @property
@@ -150,11 +150,11 @@ class Actuation:
 
     @property
     def hopeless(self) -> bool:
-        """Whether a solve cannot separate parts any more that were apart before it."""
+        """Whether a solve cannot separate parts that were apart before it."""
         return any(term.hopeless for term in self.contacts)
 
     def reached(self, positions: NDArray[np.float64]) -> bool:
-        """Return whether a minimisation has made contacts that were left out."""
+        """Include contacts that a minimisation has made and that were left out; return whether there were any."""
         return any([term.reached(positions) for term in self.contacts])
 
     def finish(self, saved: Mapping[str, Saved], positions: NDArray[np.float64]) -> dict[str, Saved]:
@@ -170,8 +170,8 @@ class Actuation:
     ) -> str:
         """Return the name of the chamber that inflated without bound since an equilibrium; empty if none did.
 
-        Both positions (n, 3) are in m; the solves in between failed. If the body ran away at the first step, no volume
-        tells: then it is the chamber whose pressure has risen since the commands ``before``.
+        Both positions (n, 3) are in m; the solves in between failed. If the body ran away, its volumes carry no
+        information: a chamber whose pressure has risen since the commands ``before`` is returned.
         """
         for term in self._chambers:
             pressed = term.actuator.mode is Mode.PRESSURE
@@ -184,7 +184,7 @@ class Actuation:
     def unreachable(self, base: NDArray[np.float64], commands: Mapping[str, float]) -> str:
         """Return a message about a cable commanded shorter than the distance of its handles at ``base`` (n, 3) [m].
 
-        It is empty if there is none.
+        It is empty if there is no such cable.
         """
         for term in self.strung:
             least, wanted = term.shortest(base), term.wanted(commands[term.name])
@@ -235,7 +235,7 @@ def inflated(name: str, last: Mapping[str, float], commands: Mapping[str, float]
 
 
 def past_limit(actuators: Sequence[Actuator], last: Mapping[str, float], commands: Mapping[str, float]) -> str:
-    """Return what to command instead of the forces that have changed when a body jumped; empty if none has changed."""
+    """Return the remedy for a jump: command lengths and volumes instead of changed forces; empty if none changed."""
     other = {Mode.TENSION: Mode.LENGTH, Mode.PRESSURE: Mode.VOLUME}
     found = [
         f"`command: {other[each.mode].value}` for {each.name!r}"

@@ -18,8 +18,9 @@ from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.materials.table import YOUNG
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
-from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 EFFORT, TARGET, STIFFNESS, CARRIERS, WEIGHTS = range(5)
 """Offsets in the term's reals of T [N], l [m], k [N/m], the number c of vertices that carry each point, and the weights
@@ -30,8 +31,8 @@ BALANCED = 1e-9
 NO_WEIGHT = 1e-9
 """Weight of a corner below which a cable's point does not follow it."""
 FAINT, NEARLY = 1e-12, 3e-6
-"""Small tension over modulus and squared body size, and small lengthening over the size of a cable with a commanded
-length. Both are negligible, but make a cable that is just not taut count as taut in differences."""
+"""Small tension over modulus and squared body size, and small lengthening over the body's size. In finite differences
+a cable that is just not taut gets the sum of both tensions, so that it counts as taut; both are negligible."""
 ROUNDING = 1e-9
 """Share of a cable's length that counts as zero."""
 
@@ -265,7 +266,7 @@ class CableTerm(Term):
         return ActuatorState(self.actuator.mode, self._command, extent, float(effort))
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] and its slope by the command; for a commanded length the slope is the multiplier."""
+        """Return the potential [J] and its slope along the command, which for a commanded length is the multiplier."""
         state = self.state(positions)
         stored = 0.5 * state.effort**2 / self.actuator.stiffness if self._elastic else 0.0
         if self.actuator.mode is Mode.TENSION:

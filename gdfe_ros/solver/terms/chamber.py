@@ -19,8 +19,9 @@ from gdfe_ros.materials.tensor import cross, dot
 from gdfe_ros.mesh.tetrahedra import face_slopes, face_weights, triangle_rule
 from gdfe_ros.solver.body import Body
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
+from gdfe_ros.solver.state import Saved
 from gdfe_ros.solver.terms.multiplier import fitted_penalty, followed, remembered
-from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 EFFORT, TARGET, STIFFNESS, LIMIT = range(4)
 """Offsets in the term's reals of p [Pa], v [m^3], k [Pa/m^3] and the volume [m^3] beyond which it counts as
@@ -29,7 +30,7 @@ LARGEST_INFLATION = 8.0
 """Largest ratio by which one solve may inflate a chamber of given pressure; beyond it the chamber counts as
 unstable."""
 RUNNING_AWAY = 0.25
-"""Share of that limit at which a failed solve counts as running away."""
+"""Share of the volume limit at which a failed solve counts as running away."""
 _PLACES, FACE_SHARES = triangle_rule(3)
 FACE_SHAPES, FACE_SLOPES = face_weights(_PLACES), face_slopes(_PLACES)
 """Shape functions (9, 6) and their slopes (9, 6, 2) at the integration points of a six-node face; the points of weights
@@ -306,7 +307,7 @@ class ChamberTerm(Term):
         return ActuatorState(self.actuator.mode, self._command, extent, float(self.reals[EFFORT]))
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] and its slope by the command; for a commanded volume the slope is the multiplier."""
+        """Return the potential [J] and its slope along the command, which for a commanded volume is the multiplier."""
         if self.updates:
             return 0.0, float(self.reals[EFFORT])
         slope = self._rest_volume - self._volume(positions)

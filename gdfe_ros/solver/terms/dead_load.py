@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from gdfe_ros.actuators.load import Load
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.terms.term import Saved, Term, as_arrays, term_kernel
+from gdfe_ros.solver.state import Saved
+from gdfe_ros.solver.terms.term import Term, as_arrays, term_kernel
 
 FACTOR, FORCES = 0, 1
 """Offsets in the term's reals of the factor s and of the forces f_v [N], each followed by X_v [m]."""
@@ -60,6 +61,6 @@ class DeadLoadTerm(Term):
         self.reals[FACTOR] = commands[self.name]
 
     def potential(self, positions: NDArray[np.float64], command: float) -> tuple[float, float]:
-        """Return the potential [J] at ``positions`` (n, 3) [m] and its slope by the factor."""
+        """Return the potential [J] at ``positions`` (n, 3) [m] and its slope along the factor."""
         slope = -float(np.vdot(self._forces, positions - self._rest))
         return command * slope, slope

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-from gdfe_ros.solver.terms.term import Saved
+from gdfe_ros.solver.state import Saved
 
 PENALTY = 10.0
 """Penalty stiffness of a commanded length or volume over the body's own, by the constant matrix: large enough for few
@@ -22,7 +22,7 @@ def fitted_penalty(matrix: ConstantMatrix, force: NDArray[np.float64], name: str
     """
     compliance = matrix.compliance(force)
     if not compliance > 0.0:
-        raise ValueError(f"actuator {name!r} moves nothing: all that it acts on is held by handles")
+        raise ValueError(f"actuator {name!r} moves nothing: everything that it acts on is held by handles")
     return PENALTY / compliance
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -23,12 +23,7 @@ from scipy import sparse
 from gdfe_ros.compiled import inlined, kernel
 from gdfe_ros.constraints import Pose
 from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
-
-if TYPE_CHECKING:
-    from gdfe_ros.solver.state import State
-
-Saved = Mapping[str, NDArray[np.float64]]
-"""State that a term stores from one accepted step to the next, arrays by name; an immutable value."""
+from gdfe_ros.solver.state import Saved, State
 
 _REALS, _INTEGERS = types.CPointer(types.float64), types.CPointer(types.int32)
 _ENTRY = types.float64(_REALS, types.intp, _REALS, types.intp, _INTEGERS, types.intp, _REALS, _REALS)
@@ -117,8 +112,11 @@ class Term:
     def springs(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """Return springs at ``positions`` (n, 3) [m] between vertices that nothing else couples.
 
-        They have the purpose of `tangents`, but are few, and change from solve to solve: vertices (m, c), and for each
-        spring the root of its stiffness times d(length)/d(position of each end) (m, c, 3) [(N/m)^(1/2)].
+        They serve the same purpose as `tangents`, but are few, and change from solve to solve.
+
+        Returns:
+            Vertices (m, c), and for each spring the root of its stiffness times d(length)/d(position of each end)
+            (m, c, 3) [(N/m)^(1/2)].
         """
         return np.zeros((0, 1), dtype=np.int32), np.zeros((0, 1, 3))
 
@@ -167,7 +165,7 @@ class Term:
 
     @property
     def multipliers(self) -> NDArray[np.float64]:
-        """The multipliers (k,) that `update` changes, a copy; in a converged solve an update changes them no more."""
+        """The multipliers (k,) that `update` changes, a copy; in a converged solve an update no longer changes them."""
         return np.zeros(0)
 
     @property

@@ -11,7 +11,7 @@ import pytest
 from gdfe_ros import Command, Pose
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.errors import CommandError
-from gdfe_ros.mesh.operators import CORNERS
+from gdfe_ros.mesh.trilinear import CORNERS
 from gdfe_ros.solver.motion.mass import mass_matrix
 
 HELD = {"base": {"where": {"face": "x-"}, "fixed": True}}

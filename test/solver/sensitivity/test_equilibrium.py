@@ -314,6 +314,6 @@ probes: {corner: {mesh: lower, at: [0, 0, 0.005]}}
     assert np.isfinite(apart.sensitivities(None, ["handles.lid.z"]).matrix).all()
     simulation = solved(text, Command(handles={"lid": Pose((0.0, 0.0, -1e-3))}))
     before = simulation.positions.copy()
-    with pytest.raises(GdfeError, match="no derivative: the body touches itself, which derivatives do not take in"):
+    with pytest.raises(GdfeError, match="no derivative: the body touches itself, which derivatives do not support"):
         simulation.sensitivities(None, ["handles.lid.z"])
     np.testing.assert_array_equal(simulation.positions, before)

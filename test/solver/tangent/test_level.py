@@ -13,7 +13,8 @@ from gdfe_ros import Command, Simulation
 from gdfe_ros.scene import scene_from_text
 from gdfe_ros.solver.descent.products import TangentProducts
 from gdfe_ros.solver.equilibrium.solve import Solve
-from gdfe_ros.solver.tangent.level import Tangent, TangentLevel
+from gdfe_ros.solver.tangent.level import TangentLevel
+from gdfe_ros.solver.tangent.tangent import Tangent
 
 SCENE = """
 name: strip

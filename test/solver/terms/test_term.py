@@ -14,7 +14,8 @@ from gdfe_ros import Command, Pose, Simulation, load_scene
 from gdfe_ros.checkpoint import load_state, save_state
 from gdfe_ros.compiled import kernel
 from gdfe_ros.solver.body import Body
-from gdfe_ros.solver.terms.term import Saved, Term, TermTable, as_arrays, term_kernel, terms_energy
+from gdfe_ros.solver.state import Saved
+from gdfe_ros.solver.terms.term import Term, TermTable, as_arrays, term_kernel, terms_energy
 
 LIFT = Command(handles={"tip": Pose((0.0, 0.0, 0.05))})
 

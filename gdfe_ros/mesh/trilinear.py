@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trilinear shape functions of a hexahedron: corners, hourglass modes, weights, reference coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+CORNERS = np.array(
+    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]],
+    dtype=np.float64,
+)
+"""Reference coordinates (xi, eta, zeta) of the corners in VTK order."""
+
+
+MODES = np.stack(
+    [
+        CORNERS[:, 1] * CORNERS[:, 2],
+        CORNERS[:, 0] * CORNERS[:, 2],
+        CORNERS[:, 0] * CORNERS[:, 1],
+        CORNERS.prod(axis=1),
+    ]
+)
+"""Corner values (4, 8) of the fields eta zeta, xi zeta, xi eta and xi eta zeta: mode i < 3 lacks axis i."""
+
+
+NEWTON_STEPS = 25
+"""Limit of Newton steps for a point's reference coordinates; on a parallelepiped the first step is exact."""
+
+
+SETTLED = 1e-8
+"""Change of a point's reference coordinates at which Newton's method ends. The remaining error is of the order of its
+square, below double precision."""
+
+
+def trilinear_weights(reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the weights (..., 8) of a cell's corners at reference coordinates (..., 3)."""
+    return 0.125 * np.prod(1.0 + reference[..., None, :] * CORNERS, axis=-1)
+
+
+def reference_coordinates(
+    points: NDArray[np.float64], corners: NDArray[np.float64], *, within: float = SETTLED
+) -> NDArray[np.float64]:
+    """Invert the trilinear map of cells (k, 8, 3) at points (k, 3), or at one (3,), by Newton's method.
+
+    The iteration ends for a point when none of its coordinates changes by more than ``within``.
+
+    Returns:
+        Reference coordinates (k, 3), within -3 .. 3.
+    """
+    reference, sought = np.zeros((len(corners), 3)), np.arange(len(corners))
+    points = np.broadcast_to(points, reference.shape)
+    for _ in range(NEWTON_STEPS):
+        last, nodes = reference[sought], corners[sought]
+        xi, eta, zeta = np.moveaxis(1.0 + last[:, None, :] * CORNERS, 2, 0)
+        slopes = CORNERS * np.stack([eta * zeta, xi * zeta, xi * eta], axis=2)
+        gap = points[sought] - np.einsum("ka,kai->ki", 0.125 * xi * eta * zeta, nodes)
+        jacobian = nodes.transpose(0, 2, 1) @ (0.125 * slopes)
+        moved = last + np.clip(np.linalg.solve(jacobian, gap[..., None])[..., 0], -1.0, 1.0)
+        reference[sought] = np.clip(moved, -3.0, 3.0)
+        sought = sought[np.abs(reference[sought] - last).max(axis=1) > within]
+        if len(sought) == 0:
+            break
+    return reference
