@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from threadpoolctl import threadpool_limits
 
 # How long an example takes says nothing on a machine that others use, too.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -110,6 +111,8 @@ os.environ.update(
     OPENBLAS_NUM_THREADS="1",
     MPLBACKEND="Agg",
 )
+
+threadpool_limits(1)  # NumPy is loaded already; the bits of replays depend on the number of threads of BLAS
 
 
 # A shell that starts the tests in the background has them ignore SIGINT, and every process that they start.

@@ -22,6 +22,7 @@ class Circle:
         targets: what is led.
         first, second: coordinates of the circle, each as target and axis.
         radius: [m].
+        tolerance: of a robot whose modulus differs from the model's; small against the radius over the body's size.
     """
 
     scene: str
@@ -30,6 +31,7 @@ class Circle:
     first: tuple[int, int]
     second: tuple[int, int]
     radius: float
+    tolerance: float = 1e-4
 
     def goals(self, middle: np.ndarray, turn: float) -> np.ndarray:
         """Return goals (t, 3) [m] after a share of a ``turn``, around ``middle`` (t, 3) [m]."""
@@ -54,6 +56,7 @@ CIRCLES = (
         first=(0, 0),
         second=(0, 2),
         radius=5e-4,
+        tolerance=1e-5,
     ),
     Circle(
         scene="three_chamber_arm",
@@ -78,8 +81,9 @@ CIRCLES = (
 def robot(circle: Circle, modulus: float = 1.0) -> Simulation:
     """Return the robot of a circle at the middle's commands, with moduli over those of the scene."""
     materials = load_scene(circle.scene).materials
-    moduli = {f"materials.{name}.young": modulus * material.young for name, material in materials.items()}
-    simulation = Simulation(load_scene(circle.scene, overrides={} if modulus == 1.0 else moduli))
+    changes = {f"materials.{name}.young": modulus * material.young for name, material in materials.items()}
+    changes["solver.tolerance"] = circle.tolerance
+    simulation = Simulation(load_scene(circle.scene, overrides={} if modulus == 1.0 else changes))
     simulation.step(Command(actuators=circle.middle))
     return simulation
 

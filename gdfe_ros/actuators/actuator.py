@@ -79,8 +79,8 @@ class Chamber(Actuator):
     """A closed surface inside the body filled with a fluid: energy -p V, or a given volume V and an unknown pressure.
 
     Attributes:
-        quads: (q, 4), or (q, 6) of tetrahedra, int32 vertices, normals out of the chamber, into the material; with
-            ``points`` (q, 4) indices of these points, where a triangle repeats its last corner.
+        quads: int32 vertices of the faces, (q, 4), or (q, 6) for tetrahedra; normals point into the material. If
+            ``points`` are given, indices of these, (q, 4), where a triangle repeats its last corner.
         points: points carried by the body, if the surface does not lie between vertices.
     """
 

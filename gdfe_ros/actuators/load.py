@@ -99,12 +99,12 @@ class PointLoad:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceLoad:
-    """A traction on faces, over their area at rest.
+    """A traction on faces, over their undeformed area.
 
     Attributes:
         name: unique in the scene among actuators and loads.
-        quads: (q, 4), or (q, 6) of tetrahedra, int32 vertices of the faces; with ``points`` indices of these, as for a
-            chamber.
+        quads: int32 vertices of the faces, (q, 4), or (q, 6) for tetrahedra. If ``points`` are given, indices of these,
+            (q, 4), where a triangle repeats its last corner.
         traction: (3,) finite [Pa].
         points: points carried by the body, if the faces do not lie between vertices.
     """

@@ -20,7 +20,7 @@ TOUCHING = 1e-3
 
 
 def begins_inside(arm: Arm, handles: Sequence[Handle], mesh: HexMesh) -> Iterator[str]:
-    """Yield a sentence for each touching link that is inside of something at rest, with the remedy.
+    """Yield a message, with a remedy, for each link with contact that begins inside the soft body or an obstacle.
 
     Links that cannot move are mounted, perhaps in a table, and are compared with the soft body only.
     """

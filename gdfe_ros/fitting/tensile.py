@@ -104,7 +104,7 @@ def fit_tensile(
         raise GdfeError(f"{_refusal(fit)}; remedy: {other}")
     if not SOFTEST < fit.material.young0 < HARDEST:
         raise GdfeError(
-            f"the modulus at rest is {fit.material.young0:.4g} Pa; expected is {SOFTEST:g} to {HARDEST:g} Pa; remedy: "
+            f"the initial modulus is {fit.material.young0:.4g} Pa; expected is {SOFTEST:g} to {HARDEST:g} Pa; remedy: "
             "give stress in Pa (1 kPa is 1000) and strain without percent"
         )
     return fit

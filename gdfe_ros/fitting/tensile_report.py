@@ -24,7 +24,7 @@ def tensile_rows(fit: TensileFit) -> list[tuple[str, str]]:
         rows.append((name, "  ".join(f"{number:.7g}" for number in values)))
     return [
         *rows,
-        ("modulus at rest [Pa]", f"{fit.material.young0:.5g}"),
+        ("initial modulus [Pa]", f"{fit.material.young0:.5g}"),
         ("misfit, root mean square", f"{100.0 * float(np.sqrt(np.mean(fit.misfit**2))):.3g} % of the stress"),
         ("misfit, largest", f"{100.0 * fit.largest:.3g} % at strain {fit.strain[np.abs(fit.misfit).argmax()]:g}"),
         ("valid", f"strain {min(0.0, fit.strain.min()):g} to {max(0.0, fit.strain.max()):g}, of tension alone"),

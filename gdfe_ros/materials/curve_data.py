@@ -43,7 +43,7 @@ class CurveData:
         """
         values = tuple(float(value) for value in np.atleast_1d(np.asarray(coefficients, dtype=np.float64)))
         if not values or not np.isfinite(values).all() or values[0] <= 0.0:
-            raise ValueError(f"coefficients must be finite and the first, the modulus at rest, positive: {values!r}")
+            raise ValueError(f"coefficients must be finite and the first, the initial modulus, positive: {values!r}")
         if strain_max is not None and not 0.0 < strain_max <= _SEARCH_TO:
             raise ValueError(f"strain_max must lie in 0 < strain_max <= {_SEARCH_TO:g}, got {strain_max!r}")
         curve = cls(values, (), (), strain_max or _SEARCH_TO)
@@ -70,12 +70,12 @@ class CurveData:
             raise ValueError("strain must ascend strictly from 0, where the stress is 0, with at least two points")
         curve = cls((), tuple(e.tolist()), tuple(s.tolist()), float(e[-1]))
         if curve.initial_modulus <= 0.0:
-            raise ValueError(f"the slope at rest must be positive, got {curve.initial_modulus:g} Pa")
+            raise ValueError(f"the initial slope must be positive, got {curve.initial_modulus:g} Pa")
         return curve
 
     @property
     def initial_modulus(self) -> float:
-        """Young's modulus at rest [Pa]."""
+        """Initial Young's modulus [Pa]."""
         return float(self._data_tangent(np.zeros(1))[0])
 
     def stress_at(self, strain: ArrayLike) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ class Material:
     """Base class of all laws.
 
     Attributes:
-        poisson: Poisson's ratio at rest, -1 < nu <= 0.5; 0.5 is incompressible.
+        poisson: initial Poisson's ratio, -1 < nu <= 0.5; 0.5 is incompressible.
         density: mass density [kg/m^3], needed by gravity and dynamics only.
         omega: shape factor for the ``relative`` policy, 0 < omega <= 1; None: the law's own.
         caveat: limitation of the parameters' source; empty for none.
@@ -54,7 +54,7 @@ class Material:
 
     @property
     def shear0(self) -> float:
-        """Shear modulus at rest [Pa]."""
+        """Initial shear modulus [Pa]."""
         return self.young0 / (2.0 * (1.0 + self.poisson))
 
     @property
@@ -66,7 +66,7 @@ class Material:
 
     @property
     def young0(self) -> float:
-        """Young's modulus at rest [Pa], E = 2 mu0 (1 + nu)."""
+        """Initial Young's modulus [Pa], E = 2 mu0 (1 + nu)."""
         return 2.0 * self.shear0 * (1.0 + self.poisson)
 
     def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -99,7 +99,7 @@ class Linear(Material):
 
     @property
     def young0(self) -> float:
-        """Young's modulus at rest [Pa]."""
+        """Initial Young's modulus [Pa]."""
         return self.young
 
     def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -116,7 +116,7 @@ class NeoHookean(Linear):
     """Compressible neo-Hookean law, W = mu/2 (I1 - 3) - mu ln J + lambda/2 (ln J)^2.
 
     Attributes:
-        young: Young's modulus at rest [Pa].
+        young: initial Young's modulus [Pa].
     """
 
     law = Law.NEO_HOOKEAN
@@ -156,11 +156,11 @@ class Ogden(Material):
             raise ValueError("mu and alpha must be finite and no alpha zero")
         if max(abs(alpha) for alpha in self.alpha) > 20.0:
             raise ValueError(f"alpha must lie in -20 .. 20, got {self.alpha!r}")
-        _within("sum of mu (the shear modulus at rest)", sum(self.mu), 0.0, 1e13, "check units and signs of mu")
+        _within("sum of mu (the initial shear modulus)", sum(self.mu), 0.0, 1e13, "check units and signs of mu")
 
     @property
     def shear0(self) -> float:
-        """Shear modulus at rest [Pa]."""
+        """Initial shear modulus [Pa]."""
         return float(sum(self.mu))
 
     def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -210,7 +210,7 @@ class Curve(Material):
 
     @property
     def shear0(self) -> float:
-        """Shear modulus at rest [Pa], E0 / 3, because the deviatoric part uses nu = 0.5 in Eq. 5."""
+        """Initial shear modulus [Pa], E0 / 3, because the deviatoric part uses nu = 0.5 in Eq. 5."""
         return self.data.initial_modulus / 3.0
 
     def stress_at(self, strain: NDArray[np.float64]) -> NDArray[np.float64]:

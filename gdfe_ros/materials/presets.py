@@ -47,7 +47,7 @@ def preset(
     Args:
         name: one of ``PRESETS``.
         law: ``Law.OGDEN``, or ``Law.CURVE`` for the measured curve.
-        poisson: Poisson's ratio at rest; None: the preset's. Presets of filaments have none.
+        poisson: initial Poisson's ratio; None: the preset's. Presets of filaments have none.
         density: mass density [kg/m^3]; None: the preset's, if it is known.
         omega: shape factor for the ``relative`` policy; None: the law's own.
         scale: factor on every stress, for a batch that is stiffer or softer than the measured one.

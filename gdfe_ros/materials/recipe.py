@@ -17,7 +17,7 @@ class Recipe:
         alpha: exponents of Ogden's law.
         curve: nominal stress over engineering strain, up to the largest measured strain.
         source: authors and method of the measurement.
-        poisson: Poisson's ratio at rest; None if the source does not give it.
+        poisson: initial Poisson's ratio; None if the source does not give it.
         density: mass density [kg/m^3]; None if the source does not give it.
         misfit: largest relative deviation of Ogden's law from the data.
         caveat: limitation that a user must know; empty for none.

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from gdfe_ros.materials.material import Law, Material, Ogden
 
 INTERVALS = 1024
-"""Intervals of a tabulated curve; their cubic Hermite error is below 1e-9 of the modulus at rest."""
+"""Intervals of a tabulated curve; their cubic Hermite error is below 1e-9 of the initial modulus."""
 LARGEST_STRETCH = 11.0
 """End of the tabulated curves; beyond it Phi' continues as a straight line in eps_eq."""
 MODERATE_POISSON = 0.45
 """Largest Poisson's ratio with the bulk modulus in the energy; above it a pressure per element keeps the volume."""
 SOFTENING_POISSON = 0.475
 """Poisson's ratio from which the bulk modulus in the energy follows if pressures keep the volume of a measured curve.
-The curve's tangent may fall far below the modulus at rest, and pressures converge only while this bulk modulus is
+The curve's tangent may fall far below the initial modulus, and pressures converge only while this bulk modulus is
 larger than the loss by softening. For other laws the ratio is 0.45."""
 
 SHEAR, YOUNG, POISSON, BULK, PENALTY, LAME, CARRIED, TERMS, OGDEN = range(9)

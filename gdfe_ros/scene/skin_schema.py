@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The key `skin` of a scene file: a surface carried by the cells, drawn and perhaps touching instead of their faces."""
+"""The key `skin` of a scene file: a surface on the cells that is drawn, and optionally touches, instead of faces."""
 
 from __future__ import annotations
 

@@ -23,8 +23,8 @@ TIP = Target(probe="tip", axes=(0, 2))
 def test_a_wrong_modulus_is_made_up_for(circle: object, modulus: float) -> None:
     """Follow a circle with a plant of 70 and 130 % of the modulus: the mean error is below 2 % of the radius.
 
-    The finger makes two rounds, as in docs/control.md: of ten roundings, the mean over both is from 1.47 to 1.61 %,
-    and that over the first alone from 1.4 to 2.3 %, because the approach teaches each another Jacobian.
+    The finger makes two rounds, as in docs/control.md: of eleven roundings, the mean over both is from 1.29 to
+    1.42 %, because the approach teaches each another Jacobian.
     """
     rounds = 2.0 if circle is FINGER else 0.25  # a step of the others takes much longer
     assert closed_loop(circle, modulus, moves=100, rounds=rounds).error < 0.02

@@ -97,7 +97,7 @@ def test_remarks_name_where_a_curve_softens() -> None:
 )
 def test_coefficients_are_checked(coefficients: list[float]) -> None:
     """Refuse coefficients that are missing, not finite or without stiffness at rest."""
-    with pytest.raises(ValueError, match="coefficients must be finite and the first, the modulus at rest, positive"):
+    with pytest.raises(ValueError, match="coefficients must be finite and the first, the initial modulus, positive"):
         CurveData.polynomial(coefficients)
 
 
@@ -120,7 +120,7 @@ def test_end_of_the_data_is_checked(strain_max: float) -> None:
         ([0.0, 1.0], [0.5, 1.0], "where the stress is 0"),
         ([0.0], [0.0], "at least two points"),
         ([], [], "at least two points"),
-        ([0.0, 0.5, 1.0], [0.0, -1.0, 1.0], "slope at rest must be positive"),
+        ([0.0, 0.5, 1.0], [0.0, -1.0, 1.0], "initial slope must be positive"),
     ],
 )
 def test_tables_are_checked(strain: list[float], stress: list[float], message: str) -> None:

@@ -39,7 +39,7 @@ def test_up_to_six_ogden_terms_count(cube: MakeCube, terms: int) -> None:
 
 
 def test_polynomials_are_tabulated_without_loss(cube: MakeCube) -> None:
-    """Pull to 600 strains: the kernel's stress is the polynomial's within 1e-8 of the modulus at rest."""
+    """Pull to 600 strains: the kernel's stress is the polynomial's within 1e-8 of the initial modulus."""
     curve = CurveData.polynomial([8.67e6, -15.7e6, 15.02e6, -6.91e6, 1.53e6, -0.13e6], strain_max=2.0)
     body = cube(Curve(data=curve, poisson=0.4))
     for stretch in np.concatenate([np.linspace(1.0, 1.05, 100), np.linspace(1.05, 2.9, 500)]):

@@ -329,10 +329,11 @@ class Contact(ContactTerm):
         return longest * max(TURNED if isinstance(self._touched, RigidBody) else 1.0, self._points.reach)
 
     def _shifted(self, positions: NDArray[np.float64]) -> float:
-        """Return an upper bound of the displacement [m] of any point by the obstacle's own motion, in its frame.
+        """Return an upper bound of the displacement [m] of any point relative to the obstacle by the obstacle's motion.
 
-        Obstacles that are not links of an arm have no such bound: their distances are recomputed whenever they move. An
-        arm has many links, most of them far away.
+        The motion counts from the last computation of the distances. Only links of arms have such a bound, because an
+        arm has many links and most of them are far from any contact. For other obstacles that moved it is infinite, so
+        that their distances are computed again.
         """
         if self._pose == self._seen_at:
             return 0.0

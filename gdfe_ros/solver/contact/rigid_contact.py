@@ -17,7 +17,8 @@ from gdfe_ros.solver.matrix.constant_matrix import ConstantMatrix
 from gdfe_ros.solver.state import State
 
 SUPPORTED = 0.1
-"""Lower bound of a point's displacement by all contacts, over that by its own contact, in its share of an impact."""
+"""When a point's share of an impact is computed, its displacement by all contacts counts as at least this fraction of
+its displacement by this contact alone."""
 
 
 class RigidContact(Contact):

@@ -33,12 +33,12 @@ class Movable:
 
     Attributes:
         unknowns: numbering of the unknowns.
-        held: int32 free vertices that are frozen.
+        frozen: int32 vertices that no handle prescribes, but that the solve leaves where they are.
         matrix: the constant matrix of the unknowns.
     """
 
     unknowns: Unknowns
-    held: NDArray[np.int32]
+    frozen: NDArray[np.int32]
     matrix: ConstantMatrix
 
     @classmethod

@@ -30,7 +30,8 @@ limit. The number is doubled after each part that was too small."""
 WORTH = 0.75
 """Share of the free vertices above which solving only a part does not pay."""
 MOST_REST = 32
-"""Limit of the number of steps without examination. They follow if the awake part would have been too large."""
+"""Largest number of steps for which the search for vertices to freeze pauses. It pauses after an awake part that would
+have been too large (`WORTH`), each time twice as long."""
 LEAST_VERTICES = 1500
 """Number of free vertices below which a separate factor does not pay."""
 LAYERS = 2
@@ -178,7 +179,7 @@ class Dormancy:
     def _widened(self, sleep: DormancyState, moved: NDArray[np.float64]) -> DormancyState:
         """Keep the part after the whole body was solved; enlarge it if it lasted for fewer than `SHORT` steps."""
         if sleep.lasted < SHORT:
-            held = self._made(sleep.awake).active.held
+            held = self._made(sleep.awake).active.frozen
             stirred = np.zeros(len(moved), dtype=bool)
             stirred[held] = moved[held] > STIRRED * moved[held].max()
             patience = min(2 * sleep.patience, MOST_PATIENCE)
@@ -211,7 +212,7 @@ class Dormancy:
             asleep[self._body.cells[np.setdiff1d(whole.elements, active.elements)]] = True
             beside[self._body.cells[active.elements]] = True
             prescribed = whole.unknowns.prescribed
-            watched = active.held if self._pushed else active.held[beside[active.held]]
+            watched = active.frozen if self._pushed else active.frozen[beside[active.frozen]]
             rows = np.searchsorted(whole.unknowns.free, watched).astype(np.int64)
             self._part = AwakePart(awake, active, watched, rows, prescribed[asleep[prescribed]])
         return self._part

@@ -66,7 +66,7 @@ class Predictor:
         if last is not None and ratio != 0.0:
             rest = motion - ratio * last.base
             slides, turns = slides + ratio * last.slides, turns + ratio * last.turns
-            for rows in (slice(None),) if not len(movable.held) else (movable.unknowns.free, held):
+            for rows in (slice(None),) if not len(movable.frozen) else (movable.unknowns.free, held):
                 start[rows] += ratio * last.move[rows]
         if self._handles.turn:
             target = self._handles.placed(base, slides, turns)[held]

@@ -120,8 +120,8 @@ def pair_of(
 ) -> Pair:
     """Return the inputs of two solves with a parameter varied up and down.
 
-    In motion, steps have the length ``h`` [s] and use ``scheme``. A command or pose that changes linearly over a step
-    has completed the fraction ``share`` of its change.
+    In motion, steps have the length ``h`` [s] and use ``scheme``. Commands and poses change linearly over a step, so
+    that only the fraction ``share`` of their variation is reached at this solve.
     """
     sides, step = [], parameter.step(own.commands)
     for change in (step, -step):
