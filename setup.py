@@ -64,6 +64,7 @@ EXTRAS = {
         "gmsh>=4.13",
         "pytetwild>=0.4",
         "pyvista>=0.45",
+        "threadpoolctl>=3.2",
     ],
 }
 

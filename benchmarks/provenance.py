@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
+import ast
+import hashlib
+import io
 import os
 import platform
 import subprocess
+import tarfile
 from dataclasses import dataclass
 from datetime import date
 from functools import cache
@@ -48,8 +52,11 @@ class Provenance:
 
     @property
     def is_current(self) -> bool:
-        """Whether this very solver made the table; a tree with changes is like no other."""
-        return self.commit == solver_commit() and not self.commit.endswith(DIRTY)
+        """Whether this code made the table, apart from docstrings and comments; a changed tree is like no other."""
+        now = solver_commit()
+        if DIRTY in (self.commit[-1], now[-1]) or self.commit == UNKNOWN:
+            return False
+        return self.commit == now or code_digest(self.commit) == code_digest(now)
 
 
 def stamp() -> Provenance:
@@ -71,6 +78,36 @@ def solver_commit() -> str:
     commit = _git("log", "-1", "--format=%h", "--abbrev=7", "--", *SOLVER)
     changed = _git("status", "--porcelain", "--", *SOLVER)
     return commit + DIRTY if changed else commit
+
+
+@cache
+def code_digest(commit: str) -> str:
+    """Return a digest of `SOLVER` at a commit, without docstrings and comments; empty if there is no such commit."""
+    try:
+        archive = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True, check=True).stdout
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    digest = hashlib.sha256()
+    with tarfile.open(fileobj=io.BytesIO(archive)) as tree:
+        for item in sorted(tree.getmembers(), key=lambda item: item.name):
+            if item.isfile() and item.name.startswith(tuple(f"{folder}/" for folder in SOLVER)):
+                content = tree.extractfile(item).read()
+                digest.update(f"{item.name}\n".encode() + (_code(content) if item.name.endswith(".py") else content))
+    return digest.hexdigest()
+
+
+def _code(content: bytes) -> bytes:
+    """Return the syntax tree of a module without strings that are statements."""
+    tree = ast.parse(content)
+    for node in ast.walk(tree):
+        for body in (getattr(node, name, None) for name in ("body", "orelse", "finalbody")):
+            if isinstance(body, list):
+                body[:] = [each for each in body if not _is_text(each)]
+    return ast.dump(tree).encode()
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
 def machine() -> str:

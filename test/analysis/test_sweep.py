@@ -101,7 +101,7 @@ def test_cases_that_did_not_converge_are_drawn_as_failed() -> None:
     (axes,) = results_figure(rows, title="four", shown=["energy"]).axes
     line, crosses = axes.lines
     assert line.get_xydata().tolist() == [[1, 3], [3, 5]]
-    assert crosses.get_label() == "failed"
+    assert crosses.get_label() == "failed or not converged"
     assert crosses.get_xdata().tolist() == [2, 4]
     assert crosses.get_ydata()[0] == 9.0
 

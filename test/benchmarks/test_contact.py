@@ -34,7 +34,16 @@ def test_the_kept_report_is_what_was_asked_for(report: dict[str, Any]) -> None:
         assert (row["drift"] is None) == (row["wanted"] > 0.0)
         assert row["drift"] is None or row["drift"] < 1e-9
     assert sum(row["seconds"] for row in report["grasp"]) < sum(row["lasts"] for row in report["grasp"])
-    assert set(all_tables(report)) == {"grip", "grasp", "pressing", "blocks", "notches", "plates", "slope"}
+    assert set(all_tables(report)) == {
+        "grip",
+        "force_grip",
+        "grasp",
+        "pressing",
+        "blocks",
+        "notches",
+        "plates",
+        "slope",
+    }
 
 
 def test_the_kept_forces_are_those_of_calculix(report: dict[str, Any]) -> None:

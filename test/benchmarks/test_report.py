@@ -49,6 +49,22 @@ def test_the_commit_is_that_of_the_solver(checkout: Path) -> None:
     assert not Provenance(first + "+").is_current
 
 
+def test_words_do_not_make_another_solver(checkout: Path) -> None:
+    """Commit code, then another docstring, then other code: the docstring alone leaves a table current."""
+    codes = ['"""Old."""\nX = 1\n', '"""New."""\nX = 1  # one\n', '"""New."""\nX = 2\n']
+    made = []
+    for code in codes:
+        (checkout / "gdfe_ros" / "file.py").write_text(code)
+        git(checkout, "add", ".")
+        git(checkout, "-c", "user.name=n", "-c", "user.email=e", "commit", "-qm", "code")
+        made.append(Provenance(provenance.solver_commit()))
+        assert made[-1].is_current
+        if len(made) == 2:
+            assert made[0].is_current
+    assert not made[0].is_current
+    assert not Provenance("0000000").is_current
+
+
 def test_no_checkout_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Ask for the commit where there is none: an error says where, why, and what to do."""
     monkeypatch.setattr(provenance, "ROOT", tmp_path)
